@@ -1,6 +1,9 @@
 //! Logs of decisions: which actions, rewards and episodes calib reads in them.
 
-use crate::control::{place, pump};
+use crate::{
+    control::{place, pump},
+    harness::Place,
+};
 
 /// An action whose name would be a pattern of the only channel of the states.
 #[test]
@@ -147,6 +150,89 @@ fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
     let weight = "--set=control.reward=[{ column = \"gain\", weight = 1e39 }]";
     let told = place.calib(&["inspect", "study.toml", weight]).stderr();
     assert!(told.contains("rewards are infinite or too large for single precision"), "{told}");
+}
+
+#[test]
+fn actions_that_are_recorded_when_they_change_are_told_and_held() {
+    let place = pump(|row| {
+        let pump = if row % 4 == 0 { (row / 4 % 2).to_string() } else { String::new() };
+        format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row * row % 7)
+    });
+    let inspected = place.calib(&["inspect", "study.toml"]);
+    let told = inspected.stderr();
+    let part = "29 rows have no action: an episode ends at each, the first at 2024-03-01 00:01:00. If the action is recorded only when it \
+                changes, set data.resample = \"last\" with data.period_secs, and data.max_age_secs";
+    assert!(told.contains(part), "{told}");
+    inspected.succeeds_with(&["10 transitions in 10 episodes"]);
+    let held = |secs: &str| {
+        let keys = ["data.resample=last", "data.period_secs=60", secs];
+        let sets = keys.into_iter().flat_map(|key| ["--set", key]);
+        let args: Vec<&str> = ["inspect", "study.toml"].into_iter().chain(sets).collect();
+        place.calib(&args)
+    };
+    let long = held("data.max_age_secs=300");
+    assert!(!long.stderr().contains("no action"), "{}", long.stderr());
+    long.succeeds_with(&["39 transitions in 1 episode"]);
+    let short = held("data.max_age_secs=61").stderr();
+    assert!(short.contains("changes, raise data.max_age_secs to the longest time"), "{short}");
+}
+
+/// A log with terminals, whose study says what they are; `cells` are the reward and the terminal of each row.
+fn with_terminals(cells: impl Fn(usize) -> String) -> Place {
+    let place = pump(|row| {
+        let level = row * row % 7;
+        format!("2024-03-01 00:{row:02}:00,{level},{},{}\n", cells(row), row / 2 % 2)
+    });
+    place.edit("log.csv", "level,pump", "level,gain,end,pump");
+    place.edit_study("[{ column = \"pump\", weight = -1 }]", "\"gain\"");
+    place.extend_study("terminal = \"end\"\n");
+    place
+}
+
+#[test]
+fn terminals_without_a_reward_are_told() {
+    let place =
+        with_terminals(|row| if row % 10 == 9 { ",1".to_owned() } else { "2,0".to_owned() });
+    let told = place.calib(&["inspect", "study.toml"]).stderr();
+    assert!(told.contains("4 rows have no reward though an action leads there"), "{told}");
+    assert!(told.contains("4 of the 4 terminals are in rows without a reward"), "{told}");
+}
+
+#[test]
+fn gaps_among_terminals_are_told_and_drop_no_column() {
+    let place = with_terminals(|row| {
+        let end = if row % 5 == 2 { "" } else { ["0", "1"][usize::from(row % 10 == 9)] };
+        format!("{},{end}", row % 3)
+    });
+    let inspected = place.calib(&["inspect", "study.toml"]);
+    let told = inspected.stderr();
+    let part = "end (control.terminal) has 0 in some rows and no number in 8 of 40 rows, the first at 2024-03-01 00:02:00";
+    assert!(told.contains(part), "{told}");
+    let shown = inspected.succeeds();
+    assert!(!shown.contains("preprocess.max_missing"), "the column is read: {shown}");
+    let of_log = place.calib(&["inspect", "log.csv"]).succeeds();
+    assert!(of_log.contains("preprocess.max_missing"), "it would be no state: {of_log}");
+}
+
+#[test]
+fn terminals_in_most_rows_are_told() {
+    let place = with_terminals(|row| format!("{},{}", row % 3, usize::from(row % 10 != 9)));
+    let told = place.calib(&["inspect", "study.toml"]).stderr();
+    let part = "end (control.terminal) is another number than 0 in 36 of 40 rows, and an episode ends in each";
+    assert!(told.contains(part), "{told}");
+    let place = with_terminals(|row| format!("{},7", row % 3));
+    let told = place.calib(&["inspect", "study.toml"]).fails(2);
+    assert!(told.contains("the terminal is another number than 0 in every row"), "{told}");
+}
+
+#[test]
+fn a_lag_longer_than_episodes_is_told() {
+    let place = with_terminals(|row| format!("{},{}", row % 3, usize::from(row % 10 == 9)));
+    let told = place.calib(&["inspect", "study.toml", "--set=control.lag=20"]).stderr();
+    let part = "with control.lag = 20 the action of 100 % of the decisions (36 of 36) would be shown after the terminal";
+    assert!(told.contains(part), "{told}");
+    let told = place.calib(&["inspect", "study.toml", "--set=control.lag=1"]).stderr();
+    assert!(!told.contains("control.lag"), "{told}");
 }
 
 /// A controller that was switched to automatic mode for two rows.

@@ -43,6 +43,10 @@ pub struct RowsWithoutReward {
     pub missing: Vec<usize>,
     /// Those whose reward is infinite in single precision.
     pub infinite: Vec<usize>,
+    /// How many of `missing` are terminals, which are lost.
+    pub missing_terminals: usize,
+    /// Terminals of the log to which an action leads, lost or not.
+    pub terminals: usize,
 }
 
 /// Decisions after which another action was set before the next one.
@@ -73,6 +77,12 @@ impl LogRows {
     fn has_reward(&self, row: usize) -> bool {
         self.rewards[row].is_finite()
     }
+
+    /// How many terminals an action leads to.
+    fn terminals(&self, segments: &Segments) -> usize {
+        let later = segments.iter().flat_map(|segment| segment.rows().skip(1));
+        later.filter(|&row| self.endings[row] == Ending::Terminal && self.leads_on(row - 1)).count()
+    }
 }
 
 fn leads_on(acted: &[Vec<f64>], endings: &[Ending], row: usize) -> bool {
@@ -95,10 +105,8 @@ impl DecisionRows {
     ) -> Result<Self, ControlError> {
         let names = config.columns();
         let place = |name: &String| names.iter().position(|other| other == name);
-        let endings: Vec<Ending> = match config.terminal.as_ref().and_then(place) {
-            Some(terminal) => recorded[terminal].iter().copied().map(ending).collect(),
-            None => vec![Ending::Continues; segments.rows()],
-        };
+        let terminal = config.terminal.as_ref().and_then(place);
+        let endings = endings(terminal.map(|place| &recorded[place][..]), segments.rows());
         let actions = config.actions.len();
         let probability = config.probability.as_ref().and_then(place);
         for column in (0..actions).chain(probability) {
@@ -112,9 +120,15 @@ impl DecisionRows {
         let log = LogRows { acted, rewards, endings, probabilities };
         let without_reward =
             rows_without_reward(segments, |row| log.leads_on(row), |row| log.has_reward(row));
-        let (infinite, missing) =
+        let (infinite, missing): (Vec<usize>, Vec<usize>) =
             without_reward.into_iter().partition(|&row| log.rewards[row].is_infinite());
-        let without_reward = RowsWithoutReward { missing, infinite };
+        let lost = missing.iter().filter(|&&row| log.endings[row] == Ending::Terminal).count();
+        let without_reward = RowsWithoutReward {
+            missing,
+            infinite,
+            missing_terminals: lost,
+            terminals: log.terminals(segments),
+        };
         if config.every > 1 {
             return Self::thinned(&log, config, segments, without_reward);
         }
@@ -162,7 +176,12 @@ impl DecisionRows {
             lengths.push(decisions.len() + 1);
         }
         if lengths.is_empty() {
-            return Err(ControlError::NoDecisions { every });
+            let are_terminals = log.endings.iter().all(|&ending| ending == Ending::Terminal);
+            return Err(if are_terminals {
+                ControlError::OnlyTerminals
+            } else {
+                ControlError::NoDecisions { every }
+            });
         }
         let mut acted: Vec<Vec<f64>> = log.acted.iter().map(|column| at(column, &rows)).collect();
         for column in &mut acted {
@@ -195,30 +214,41 @@ impl DecisionRows {
     }
 }
 
-/// What was decided in each row, if the log shows it `lag` rows later. What was decided before a gap is not shown after it: nobody knows it.
-/// What was decided before a terminal counts as what the row of the terminal shows, for the rows after it are of another episode, and
-/// without an action there would be no step to the terminal.
+/// What was decided in each row, if the log shows it `lag` rows later.
 fn decided(recorded: &[f64], segments: &Segments, endings: &[Ending], lag: usize) -> Vec<f64> {
     let mut decided = vec![f64::NAN; recorded.len()];
     for segment in segments.iter() {
-        let rows = segment.rows();
-        let mut terminal = None;
-        for row in rows.clone().rev() {
-            if endings[row] == Ending::Terminal {
-                terminal = Some(row);
-            }
-            let shown = terminal.map_or(row + lag, |terminal: usize| terminal.min(row + lag));
-            if shown < rows.end {
-                decided[row] = recorded[shown];
-            }
-        }
+        each_shown(segment.rows(), endings, lag, |row, shown| decided[row] = recorded[shown]);
     }
     decided
 }
 
-/// How a step ends where the column of terminals has this value.
-fn ending(terminal: f64) -> Ending {
-    Ending::terminal_if(terminal != 0.0 && !terminal.is_nan())
+/// Give `take` each of the `rows` of a segment, the last one first, with the row that shows what was decided in it, `lag` rows later. What was
+/// decided before a gap is not shown after it: nobody knows it. What was decided before a terminal counts as what the row of the terminal
+/// shows, for the rows after it are of another episode, and without an action there would be no step to the terminal.
+pub(crate) fn each_shown(
+    rows: Range<usize>,
+    endings: &[Ending],
+    lag: usize,
+    mut take: impl FnMut(usize, usize),
+) {
+    let mut terminal = None;
+    for row in rows.clone().rev() {
+        if endings[row] == Ending::Terminal {
+            terminal = Some(row);
+        }
+        let shown = terminal.map_or(row + lag, |terminal: usize| terminal.min(row + lag));
+        if shown < rows.end {
+            take(row, shown);
+        }
+    }
+}
+
+/// How the step to each of `rows` rows ends, by the column of terminals; every step goes on where there is none.
+pub(crate) fn endings(terminal: Option<&[f64]>, rows: usize) -> Vec<Ending> {
+    let Some(terminal) = terminal else { return vec![Ending::Continues; rows] };
+    let values = terminal.iter();
+    values.map(|&value| Ending::terminal_if(value != 0.0 && !value.is_nan())).collect()
 }
 
 fn at<T: Copy>(column: &[T], rows: &[usize]) -> Vec<T> {
@@ -330,6 +360,8 @@ mod tests {
         assert_eq!(thinned.rows, [2, 4, 6]);
         let told = rows("every = 7", [1.0; 7], ON, &[7]).expect_err("too few rows").to_string();
         assert!(told.contains("control.every = 7"), "{told}");
+        let told = rows("every = 2", [1.0; 7], [1.0; 7], &[7]).expect_err("no row leads on");
+        assert!(matches!(told, ControlError::OnlyTerminals), "{told}");
     }
 
     #[test]
@@ -386,8 +418,30 @@ mod tests {
         let gain = vec![0.0, 1.0, 1e39, NONE, -f64::INFINITY, 3e38];
         let segments = Segments::from_lengths([6]).expect("rows");
         let log = DecisionRows::new(&config, vec![vec![1.0; 6], gain], &segments).expect("rows");
-        let expected = RowsWithoutReward { missing: vec![3], infinite: vec![2, 4] };
+        let expected = RowsWithoutReward {
+            missing: vec![3],
+            infinite: vec![2, 4],
+            ..RowsWithoutReward::default()
+        };
         assert_eq!(log.without_reward, expected);
+    }
+
+    #[test]
+    fn terminals_without_a_reward_are_counted() {
+        let text = "actions = ['valve']\nreward = 'gain'\nterminal = 'end'";
+        let config: ControlConfig = toml::from_str(text).expect("valid");
+        let gain = vec![0.0, 1.0, NONE, NONE, 1.0, NONE, 2.0];
+        // A plant that stays at its terminal has one, and no action leads to the next row.
+        let end = vec![0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0];
+        let segments = Segments::from_lengths([7]).expect("rows");
+        let log = DecisionRows::new(&config, vec![vec![1.0; 7], gain, end], &segments);
+        let expected = RowsWithoutReward {
+            missing: vec![2, 5],
+            infinite: Vec::new(),
+            missing_terminals: 1,
+            terminals: 2,
+        };
+        assert_eq!(log.expect("rows").without_reward, expected);
     }
 
     #[test]

@@ -161,6 +161,12 @@ pub enum ControlError {
         "the log has no transition: no row with an action is followed by a row of the same episode that has a reward"
     )]
     NoTransitions,
+    /// Every row is a terminal.
+    #[error(
+        "the log has no transition: the terminal is another number than 0 in every row, so that every row ends an episode and no action leads \
+         anywhere; name a column that is 0 where an episode goes on"
+    )]
+    OnlyTerminals,
     /// Fewer transitions than ensemble members.
     #[error(
         "{transitions} transitions cannot be split into {members} blocks; record more, or lower control.model.members"

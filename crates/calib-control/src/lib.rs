@@ -8,6 +8,7 @@
 mod agent;
 mod agent_run;
 mod behaviour;
+mod column_findings;
 mod config;
 mod constant;
 mod decision_rows;
@@ -37,6 +38,7 @@ mod walkers;
 pub use agent::{Agent, AgentConfig, Algorithm};
 pub use agent_run::{Actor, AgentRun, RunLength, live};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
+pub use column_findings::{ColumnFindings, LaggedDecisions, TerminalCells};
 pub use config::{ControlConfig, LEAST_LEVELS, StartRows};
 pub use constant::{ConstantReturns, FixedPolicy, constant_returns};
 pub use decision_rows::{ChangedDecisions, DecisionRows, RowsWithoutReward};

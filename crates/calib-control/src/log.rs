@@ -82,7 +82,12 @@ impl Decisions {
             endings.push(columns.endings[next]);
         }
         if actions.is_empty() {
-            return Err(ControlError::NoTransitions);
+            let are_terminals = columns.endings.iter().all(|&ending| ending == Ending::Terminal);
+            return Err(if are_terminals {
+                ControlError::OnlyTerminals
+            } else {
+                ControlError::NoTransitions
+            });
         }
         let probabilities = None;
         let settings = None;
@@ -412,6 +417,8 @@ mod tests {
         assert!(matches!(told, ControlError::NoTransitions), "{told}");
         let told = log(&[None; 5], &[0.0; 5], &[ON; 5]).expect_err("no action");
         assert!(matches!(told, ControlError::NoTransitions), "{told}");
+        let told = log(&five, &[0.0; 5], &[END; 5]).expect_err("no row leads on");
+        assert!(matches!(told, ControlError::OnlyTerminals), "{told}");
         let told = log(&five[..4], &[0.0; 5], &[ON; 5]).expect_err("a short column");
         assert!(told.to_string().contains("actions: 4 rows, expected 5"), "{told}");
         assert!(log(&[Some(2); 5], &[0.0; 5], &[ON; 5]).is_err(), "two levels");

@@ -2,11 +2,11 @@ use calib_base::{
     Context as _, StepError, ensure,
     log::plant_of_study::data_of,
     memory::{self, NoRoom},
-    output::{Printer, count, counted, percent, significant, span},
+    output::{Printer, count, counted, significant},
 };
 use calib_control::{
-    ActionModel, ChangedDecisions, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
-    Ending, Levels, OutlyingActions, RowsWithoutReward, Settings, StartRows, Starts,
+    ActionModel, ColumnFindings, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
+    Ending, Levels, OutlyingActions, Settings, StartRows, Starts,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
@@ -15,7 +15,10 @@ use calib_model_steps::represent::Material;
 use calib_stats::quantile;
 use calib_study::Job;
 
-use super::described::SettingTold;
+use super::{
+    described::SettingTold,
+    log_warnings::{tell_columns, tell_decisions, tell_missing_rewards},
+};
 
 /// A log of decisions, read from the files of a study.
 pub(crate) struct ActionLog {
@@ -79,6 +82,8 @@ pub(crate) fn read(
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let frames = &dataset.train;
     tell_texts(config, &recorded.texts, printer);
+    let found = ColumnFindings::new(config, &recorded.values, frames.segments());
+    tell_columns(config, data.resample, frames, &found, printer);
     let outlying = without_outlying(config, frames, &mut recorded.values);
     for told in &outlying {
         printer.warn(told);
@@ -220,62 +225,6 @@ fn outlying_told(name: &str, found: &OutlyingActions, at: &str) -> String {
          (control.levels) that reach as far would be actions that were never taken. If it is a mistake of the log, correct it there{remedy}; if not, \
          round the column to the values that agents are to choose among, and leave control.levels out"
     )
-}
-
-/// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows.
-fn tell_missing_rewards(frames: &Frames, rows: &DecisionRows, printer: &Printer) {
-    let RowsWithoutReward { missing, infinite } = &rows.without_reward;
-    if let Some(&first) = missing.first() {
-        let counted = match missing.len() {
-            1 => "1 row has".to_owned(),
-            many => format!("{} rows have", count(many)),
-        };
-        printer.warn(&format!(
-            "{counted} no reward though an action leads there, the first at {}: an episode ends before each. Rewards are never filled in",
-            format_time(frames.timestamps()[first])
-        ));
-    }
-    if let Some(&first) = infinite.first() {
-        let counted = match infinite.len() {
-            1 => "1 reward is".to_owned(),
-            many => format!("{} rewards are", count(many)),
-        };
-        printer.warn(&format!(
-            "{counted} infinite or too large for single precision (beyond 3.4e38), the first at {}: an episode ends before each. Correct the \
-             log, or give the column a smaller weight in control.reward",
-            format_time(frames.timestamps()[first])
-        ));
-    }
-}
-
-/// Say how often agents decide, where that is not in every row, and whether the plant was operated like that.
-fn tell_decisions(
-    config: &ControlConfig,
-    frames: &Frames,
-    rows: &DecisionRows,
-    period: Period,
-    printer: &Printer,
-) {
-    if config.every == 1 {
-        return;
-    }
-    let ChangedDecisions { count: changed, decisions, first } = rows.changed;
-    printer.say(&format!(
-        "{} of {} rows ({}): steps and timeouts count decisions",
-        counted(decisions, "decision"),
-        count(config.every),
-        span(period.as_secs())
-    ));
-    if let Some(first) = first {
-        printer.warn(&format!(
-            "in {} of the decisions ({} of {}) another action was set before the next one, first at {}: the action of the first row counts. Set \
-             control.every to the number of rows for which actions are held, or to 1",
-            percent(changed as f64 / decisions as f64),
-            count(changed),
-            count(decisions),
-            format_time(frames.timestamps()[first])
-        ));
-    }
 }
 
 /// Least and largest of what was set; zeros of nothing.

@@ -10,6 +10,7 @@ mod figures;
 mod files;
 mod inspect;
 mod log;
+mod log_warnings;
 mod model;
 mod page;
 mod plan;

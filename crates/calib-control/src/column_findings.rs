@@ -1,0 +1,174 @@
+//! What in the columns of a log costs transitions, or may mean something else than calib takes it for.
+
+use calib_core::Segments;
+
+use crate::{
+    ControlConfig, Ending,
+    decision_rows::{each_shown, endings},
+};
+
+/// What the columns of actions and terminals of a log hold.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ColumnFindings {
+    /// Rows without an action, ascending, in which an episode ends though the log goes on without a terminal.
+    pub without_action: Vec<usize>,
+    /// What the column of terminals holds; zeros where there is none.
+    pub terminal: TerminalCells,
+    /// Decisions whose action a log with `control.lag` does not show.
+    pub lagged: LaggedDecisions,
+}
+
+/// What the column of terminals holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TerminalCells {
+    /// Rows of the log.
+    pub rows: usize,
+    /// Rows with another number than 0: an episode ends there.
+    pub terminals: usize,
+    /// Rows with 0: an episode goes on.
+    pub zeros: usize,
+    /// Rows without a number, which count as 0.
+    pub empty: usize,
+    /// The first of them.
+    pub first_empty: Option<usize>,
+}
+
+/// Decisions that count as what the row of the next terminal shows, because the log shows their own action `control.lag` rows later, in another
+/// episode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LaggedDecisions {
+    /// How many.
+    pub count: usize,
+    /// Of so many decisions.
+    pub decisions: usize,
+}
+
+impl ColumnFindings {
+    /// What was found in the columns [`ControlConfig::columns`], recorded as `recorded`, `[columns][rows]`, NaN being missing, in rows of `segments`.
+    ///
+    /// # Panics
+    /// If there is not one list a column, and one value a row.
+    pub fn new(config: &ControlConfig, recorded: &[Vec<f64>], segments: &Segments) -> Self {
+        let terminal = config.terminal.as_ref().map(|terminal| {
+            let names = config.columns();
+            let place = names.iter().position(|name| name == terminal);
+            let place = place.unwrap_or_else(|| unreachable!("the terminal is one of the columns"));
+            &recorded[place][..]
+        });
+        let endings = endings(terminal, segments.rows());
+        let mut found = Self {
+            terminal: terminal.map(TerminalCells::of_column).unwrap_or_default(),
+            ..Self::default()
+        };
+        let acted = &recorded[..config.actions.len()];
+        for segment in segments.iter() {
+            let rows = segment.rows();
+            each_shown(rows.clone(), &endings, config.lag, |row, shown| {
+                let is_last = endings[row] == Ending::Terminal || row + 1 == rows.end;
+                if is_last {
+                    // Nothing is decided there.
+                } else if acted.iter().any(|column| column[shown].is_nan()) {
+                    found.without_action.push(row);
+                } else {
+                    found.lagged.decisions += 1;
+                    found.lagged.count += usize::from(shown < row + config.lag);
+                }
+            });
+        }
+        found.without_action.sort_unstable();
+        found
+    }
+}
+
+impl TerminalCells {
+    fn of_column(column: &[f64]) -> Self {
+        let mut cells = Self { rows: column.len(), ..Self::default() };
+        for (row, value) in column.iter().enumerate() {
+            if value.is_nan() {
+                cells.empty += 1;
+                cells.first_empty = cells.first_empty.or(Some(row));
+            } else if *value == 0.0 {
+                cells.zeros += 1;
+            } else {
+                cells.terminals += 1;
+            }
+        }
+        cells
+    }
+
+    /// Whether empty cells may hide terminals: in a column that writes 0 where an episode goes on, they do not say that it does.
+    pub fn are_unclear(&self) -> bool {
+        self.zeros > 0 && self.empty > 0
+    }
+
+    /// Whether more than half of the rows are terminals, as in a column that says that the plant runs.
+    pub fn are_mostly_terminals(&self) -> bool {
+        self.terminals > self.rows / 2
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: f64 = f64::NAN;
+
+    /// What is found in a log of a valve and terminals in one segment.
+    fn found(keys: &str, valve: &[f64], terminal: &[f64]) -> ColumnFindings {
+        let text = format!("actions = ['valve']\nreward = 'reward'\nterminal = 'end'\n{keys}");
+        let config: ControlConfig = toml::from_str(&text).expect("valid");
+        assert_eq!(config.columns(), ["valve", "reward", "end"]);
+        let recorded = [valve.to_vec(), vec![0.0; valve.len()], terminal.to_vec()];
+        let segments = Segments::from_lengths([valve.len()]).expect("rows");
+        ColumnFindings::new(&config, &recorded, &segments)
+    }
+
+    #[test]
+    fn rows_without_an_action_are_those_that_end_an_episode() {
+        let valve = [1.0, NONE, NONE, 2.0, NONE, 1.0, NONE];
+        let ends = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+        // A terminal ends its episode anyhow, and the log ends in its last row.
+        assert_eq!(found("", &valve, &ends).without_action, [1, 2]);
+        // The last rows have no action because the log shows it later.
+        let lagged = found("lag = 2", &[1.0, 1.0, NONE, 1.0, 1.0, 1.0, 1.0], &[0.0; 7]);
+        assert_eq!(lagged.without_action, [0]);
+    }
+
+    #[test]
+    fn empty_terminals_are_unclear_beside_zeros() {
+        let valve = [1.0; 6];
+        let cells = |ends: [f64; 6]| found("", &valve, &ends).terminal;
+        let mixed = cells([0.0, NONE, 1.0, 0.0, NONE, 0.0]);
+        let expected =
+            TerminalCells { rows: 6, terminals: 1, zeros: 3, empty: 2, first_empty: Some(1) };
+        assert_eq!(mixed, expected);
+        assert!(mixed.are_unclear() && !mixed.are_mostly_terminals());
+        assert!(!cells([NONE, NONE, 1.0, NONE, NONE, 1.0]).are_unclear(), "1 at the ends alone");
+        assert!(!cells([0.0, 0.0, 1.0, 0.0, 0.0, 1.0]).are_unclear());
+    }
+
+    #[test]
+    fn terminals_in_most_rows_are_noticed() {
+        let cells = |ends: [f64; 4]| found("", &[1.0; 4], &ends).terminal;
+        assert!(cells([1.0, 1.0, 0.0, 1.0]).are_mostly_terminals());
+        assert!(cells([2.0; 4]).are_mostly_terminals());
+        assert!(!cells([0.0, 1.0, 0.0, 1.0]).are_mostly_terminals());
+        let config =
+            ControlConfig { actions: vec!["valve".to_owned()], ..ControlConfig::default() };
+        let segments = Segments::from_lengths([2]).expect("rows");
+        let none = ColumnFindings::new(&config, &[vec![1.0; 2], vec![0.0; 2]], &segments);
+        assert_eq!(none.terminal, TerminalCells::default());
+    }
+
+    #[test]
+    fn decisions_that_a_lag_takes_beyond_the_terminal_are_counted() {
+        let mut ends = [0.0; 10];
+        ends[4] = 1.0;
+        ends[9] = 1.0;
+        let lagged = |lag: usize| found(&format!("lag = {lag}"), &[1.0; 10], &ends).lagged;
+        assert_eq!(lagged(1), LaggedDecisions { count: 0, decisions: 8 });
+        // Row 3 is one before the terminal in row 4, and row 8 one before that in row 9.
+        assert_eq!(lagged(2), LaggedDecisions { count: 2, decisions: 8 });
+        assert_eq!(lagged(500), LaggedDecisions { count: 8, decisions: 8 });
+    }
+}

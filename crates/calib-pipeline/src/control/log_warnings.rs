@@ -1,0 +1,222 @@
+//! What is said of a log of decisions that costs transitions, or may mean something else than it says.
+
+use calib_base::output::{Printer, count, counted, percent, span};
+use calib_control::{
+    ChangedDecisions, ColumnFindings, ControlConfig, DecisionRows, LaggedDecisions,
+    RowsWithoutReward, TerminalCells,
+};
+use calib_core::{Frames, Period};
+use calib_data::{Resample, format_time};
+
+/// One decision in so many may count as the action of a terminal's row without a word. Our choice: a lag of two rows does so to one decision
+/// of each episode.
+const LAGGED_TO_ONE: usize = 20;
+
+/// Say where actions are missing, what is odd about the column of terminals, and whether a lag is longer than many episodes.
+pub(super) fn tell_columns(
+    config: &ControlConfig,
+    resample: Option<Resample>,
+    frames: &Frames,
+    found: &ColumnFindings,
+    printer: &Printer,
+) {
+    let time = |row: usize| format_time(frames.timestamps()[row]);
+    if let Some(&first) = found.without_action.first() {
+        printer.warn(&missing_actions(found.without_action.len(), &time(first), resample));
+    }
+    if let Some(name) = &config.terminal {
+        let first_empty = found.terminal.first_empty.map(time);
+        let odd = odd_terminals(name, &found.terminal, first_empty.as_deref());
+        odd.iter().for_each(|told| printer.warn(told));
+    }
+    if let Some(told) = long_lag(config.lag, found.lagged) {
+        printer.warn(&told);
+    }
+}
+
+/// What is said of `rows` rows without an action, the first of them at the time `first`.
+fn missing_actions(rows: usize, first: &str, resample: Option<Resample>) -> String {
+    let remedy = if resample.is_some() {
+        "raise data.max_age_secs to the longest time that an action holds"
+    } else {
+        "set data.resample = \"last\" with data.period_secs, and data.max_age_secs to the longest time that an action holds"
+    };
+    format!(
+        "{} no action: an episode ends at each, the first at {first}. If the action is recorded only when it changes, {remedy}",
+        rows_have(rows)
+    )
+}
+
+/// What is odd about the column `name` of terminals, whose first empty cell is at the time `first_empty`.
+fn odd_terminals(name: &str, cells: &TerminalCells, first_empty: Option<&str>) -> Vec<String> {
+    let TerminalCells { rows, terminals, empty, .. } = *cells;
+    let mut odd = Vec::new();
+    if let Some(first) = first_empty.filter(|_| cells.are_unclear()) {
+        odd.push(format!(
+            "{name} (control.terminal) has 0 in some rows and no number in {} of {}, the first at {first}: these count as 0 too, so that ends of \
+             episodes may be missing. Write 0 or 1 in every row, or 1 at the ends and nothing elsewhere",
+            count(empty),
+            counted(rows, "row")
+        ));
+    }
+    if cells.are_mostly_terminals() {
+        odd.push(format!(
+            "{name} (control.terminal) is another number than 0 in {} of {}, and an episode ends in each: if it says that the plant runs, invert \
+             it, to 1 where an episode ends and 0 elsewhere",
+            count(terminals),
+            counted(rows, "row")
+        ));
+    }
+    odd
+}
+
+/// What is said of a lag that many decisions do not have; nothing where they are few.
+fn long_lag(lag: usize, lagged: LaggedDecisions) -> Option<String> {
+    let LaggedDecisions { count: beyond, decisions } = lagged;
+    (beyond * LAGGED_TO_ONE >= decisions && beyond > 0).then(|| {
+        format!(
+            "with control.lag = {} the action of {} of the decisions ({} of {}) would be shown after the terminal of their episode: the one in the \
+             row of the terminal counts. Set control.lag to the number of rows after which the log shows an action",
+            count(lag),
+            percent(beyond as f64 / decisions as f64),
+            count(beyond),
+            count(decisions)
+        )
+    })
+}
+
+/// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows.
+pub(super) fn tell_missing_rewards(frames: &Frames, rows: &DecisionRows, printer: &Printer) {
+    let RowsWithoutReward { missing, infinite, missing_terminals, terminals } =
+        &rows.without_reward;
+    if let Some(&first) = missing.first() {
+        let lost = lost_terminals(*missing_terminals, *terminals);
+        printer.warn(&format!(
+            "{} no reward though an action leads there, the first at {}: an episode ends before each. Rewards are never filled in{lost}",
+            rows_have(missing.len()),
+            format_time(frames.timestamps()[first])
+        ));
+    }
+    if let Some(&first) = infinite.first() {
+        let counted = match infinite.len() {
+            1 => "1 reward is".to_owned(),
+            many => format!("{} rewards are", count(many)),
+        };
+        printer.warn(&format!(
+            "{counted} infinite or too large for single precision (beyond 3.4e38), the first at {}: an episode ends before each. Correct the \
+             log, or give the column a smaller weight in control.reward",
+            format_time(frames.timestamps()[first])
+        ));
+    }
+}
+
+/// What is said of terminals that are in rows without a reward; nothing where there are none.
+fn lost_terminals(lost: usize, terminals: usize) -> String {
+    let are = match lost {
+        0 => return String::new(),
+        1 => "is in a row",
+        _ => "are in rows",
+    };
+    format!(
+        ". {} of the {} {are} without a reward, and so no end of an episode: write the reward of the last step into the row of the terminal",
+        count(lost),
+        counted(terminals, "terminal")
+    )
+}
+
+/// "3 rows have".
+fn rows_have(rows: usize) -> String {
+    format!("{} {}", counted(rows, "row"), if rows == 1 { "has" } else { "have" })
+}
+
+/// Say how often agents decide, where that is not in every row, and whether the plant was operated like that.
+pub(super) fn tell_decisions(
+    config: &ControlConfig,
+    frames: &Frames,
+    rows: &DecisionRows,
+    period: Period,
+    printer: &Printer,
+) {
+    if config.every == 1 {
+        return;
+    }
+    let ChangedDecisions { count: changed, decisions, first } = rows.changed;
+    printer.say(&format!(
+        "{} of {} rows ({}): steps and timeouts count decisions",
+        counted(decisions, "decision"),
+        count(config.every),
+        span(period.as_secs())
+    ));
+    if let Some(first) = first {
+        printer.warn(&format!(
+            "in {} of the decisions ({} of {}) another action was set before the next one, first at {}: the action of the first row counts. Set \
+             control.every to the number of rows for which actions are held, or to 1",
+            percent(changed as f64 / decisions as f64),
+            count(changed),
+            count(decisions),
+            format_time(frames.timestamps()[first])
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn missing_actions_lead_to_what_holds_them() {
+        let told = missing_actions(2_388, "noon", None);
+        assert!(
+            told.starts_with(
+                "2,388 rows have no action: an episode ends at each, the first at noon. "
+            ),
+            "{told}"
+        );
+        assert!(told.contains("set data.resample = \"last\" with data.period_secs"), "{told}");
+        let held = missing_actions(1, "noon", Some(Resample::Last));
+        assert!(held.starts_with("1 row has no action"), "{held}");
+        assert!(
+            held.ends_with("raise data.max_age_secs to the longest time that an action holds"),
+            "{held}"
+        );
+    }
+
+    #[test]
+    fn terminals_in_most_rows_and_empty_ones_are_told() {
+        let plain =
+            TerminalCells { rows: 3_000, terminals: 56, zeros: 2_944, ..TerminalCells::default() };
+        assert!(odd_terminals("trip", &plain, None).is_empty());
+        let unclear = TerminalCells { zeros: 2_331, empty: 613, first_empty: Some(4), ..plain };
+        let told = odd_terminals("trip", &unclear, Some("noon"));
+        assert!(told[0].contains("no number in 613 of 3,000 rows, the first at noon"), "{told:?}");
+        assert_eq!(told.len(), 1);
+        let inverted = TerminalCells { terminals: 2_944, zeros: 56, ..plain };
+        let told = odd_terminals("trip", &inverted, None);
+        assert!(told[0].contains("another number than 0 in 2,944 of 3,000 rows"), "{told:?}");
+        assert_eq!(told.len(), 1);
+    }
+
+    #[test]
+    fn a_lag_of_two_rows_is_no_long_one() {
+        let told = |count: usize| long_lag(20, LaggedDecisions { count, decisions: 2_944 });
+        assert_eq!(told(0), None);
+        assert_eq!(told(56), None);
+        let long = told(1_037).expect("a third");
+        assert!(
+            long.starts_with(
+                "with control.lag = 20 the action of 35 % of the decisions (1,037 of 2,944) "
+            ),
+            "{long}"
+        );
+    }
+
+    #[test]
+    fn terminals_without_a_reward_are_told() {
+        assert_eq!(lost_terminals(0, 56), "");
+        assert!(
+            lost_terminals(56, 56)
+                .starts_with(". 56 of the 56 terminals are in rows without a reward")
+        );
+        assert!(lost_terminals(1, 2).starts_with(". 1 of the 2 terminals is in a row without"));
+    }
+}
