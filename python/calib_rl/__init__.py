@@ -9,6 +9,9 @@
 - `calib_rl.agents`: agents of your own in the environments of a study.
 """
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from ._acting import Action, ActionModel, Decisions, Recorded
 from ._calib import __version__
 from ._control_agent import AgentAction, ControlAgent, Training
@@ -19,6 +22,23 @@ from ._progress import Observer, Printed
 from ._study import Study
 from ._tune import Failure, Tuned, tune
 from ._verdict import Rollouts, Runs, Verdict
+
+if TYPE_CHECKING:
+    from . import agents as agents
+    from . import gym as gym
+else:
+
+    def __getattr__(name: str) -> Any:
+        """The modules ``agents`` and ``gym``, imported at their first use: Gymnasium takes its time, and need not be installed."""
+        if name not in ("agents", "gym"):
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        try:
+            return importlib.import_module(f"{__name__}.{name}")
+        except ModuleNotFoundError as missing:
+            if missing.name != "gymnasium":
+                raise
+            told = "calib_rl.gym needs the package gymnasium: pip install 'calib-rl[gym]', or pip install gymnasium"
+            raise ImportError(told) from missing
 
 __all__ = [
     "Action",

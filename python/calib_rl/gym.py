@@ -4,7 +4,8 @@ What an agent sees is recorded rows in an order that never was. In a model **wit
 nearest recorded transitions with that action went: agents that act are tuned in it. In a model without actions (`calib_rl.Model`) no action changes what follows: it stands for a
 plant as it was operated, and agents that predict are tuned in it. An action space is refused there.
 
-``gymnasium.make("calib/Model-v0", path=…)`` opens a model in a folder, of either kind, and takes the arguments of `make`.
+``gymnasium.make("calib_rl.gym:calib/Model-v0", path=…)`` opens a model in a folder, of either kind, and takes the arguments of `make`. Once this module is
+imported, ``"calib/Model-v0"`` is enough.
 
 Environments can be pickled, as ``SubprocVecEnv`` of Stable-Baselines3 needs it, and go on there where they were.
 """
@@ -29,7 +30,6 @@ from ._acting_env import ActingEnv, ActingVectorEnv, ActionKind, Pessimism
 from ._checks import LARGEST_SEED, position, whole
 from ._kinds import ModelKind
 from ._model import Model, Units
-from ._register import register
 from ._walks import (
     AUTORESET,
     Column,
@@ -42,6 +42,9 @@ from ._walks import (
     one_seed,
     seed_walkers,
 )
+
+# The name of a model in Gymnasium.
+_ID = "calib/Model-v0"
 
 # Steps after which an episode in a model without actions is truncated.
 _MAX_STEPS = 1000
@@ -481,7 +484,7 @@ def _opened(path: str | os.PathLike[str]) -> Model | ActionModel:
 
 
 def of_path(path: str | os.PathLike[str], **arguments: Any) -> CalibrationEnv | ActingEnv:
-    """The environment of a model in a folder: what ``gymnasium.make("calib/Model-v0", path=…)`` calls.
+    """The environment of a model in a folder: what ``gymnasium.make("calib_rl.gym:calib/Model-v0", path=…)`` calls.
 
     Args:
         path: The folder of a model, with actions or without.
@@ -501,7 +504,7 @@ def of_path(path: str | os.PathLike[str], **arguments: Any) -> CalibrationEnv | 
 
 
 def vector_of_path(path: str | os.PathLike[str], num_envs: int, **arguments: Any) -> CalibrationVectorEnv | ActingVectorEnv:
-    """The vector environment of a model in a folder: what ``gymnasium.make_vec("calib/Model-v0", path=…)`` calls.
+    """The vector environment of a model in a folder: what ``gymnasium.make_vec("calib_rl.gym:calib/Model-v0", path=…)`` calls.
 
     Args:
         path: The folder of a model, with actions or without.
@@ -521,4 +524,5 @@ def vector_of_path(path: str | os.PathLike[str], num_envs: int, **arguments: Any
     return made
 
 
-register()
+if _ID not in gymnasium.registry:
+    gymnasium.register(_ID, entry_point="calib_rl.gym:of_path", vector_entry_point="calib_rl.gym:vector_of_path")

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -257,6 +258,21 @@ def test_pessimism_ends_episodes(acting: calib_rl.ActionModel) -> None:
         if terminated:
             break
     assert terminated and reward == -77.0
+
+
+def _alone(lines: str) -> str:
+    """What a Python that imports nothing else prints."""
+    return subprocess.run([sys.executable, "-c", lines], check=True, capture_output=True, text=True).stdout.strip()
+
+
+def test_modules_are_imported_at_their_first_use(acting: calib_rl.ActionModel) -> None:
+    assert _alone("import sys, calib_rl; print('gymnasium' in sys.modules, calib_rl.gym.make.__name__, calib_rl.agents.Sweep.__name__)") == "False make Sweep"
+    made = f"import gymnasium; print(gymnasium.make('calib_rl.gym:calib/Model-v0', path={str(acting.path)!r}).action_space)"
+    assert _alone(made) == "Discrete(3)"
+    without = "import sys; sys.modules['gymnasium'] = None\nimport calib_rl\ntry: calib_rl.gym\nexcept ImportError as error: print(error)"
+    assert _alone(without).startswith("calib_rl.gym needs the package gymnasium: pip install 'calib-rl[gym]'")
+    with pytest.raises(AttributeError, match="module 'calib_rl' has no attribute 'gymm'"):
+        getattr(calib_rl, "gymm")
 
 
 def test_gymnasium_makes_it_by_name(acting: calib_rl.ActionModel) -> None:
