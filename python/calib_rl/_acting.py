@@ -295,6 +295,21 @@ class ActionModel:
         )
 
 
+def acting_model(value: Any) -> ActionModel:
+    """What is given as a model with actions.
+
+    Raises:
+        TypeError: It is none, such as its path.
+    """
+    if isinstance(value, ActionModel):
+        return value
+    shown = repr(value) if isinstance(value, (str, os.PathLike)) else type(value).__name__
+    raise TypeError(
+        f"model is {shown}, expected a calib_rl.ActionModel: build_model(..., actions=[...]) makes one, ActionModel.open(folder) opens the one in "
+        "a folder such as study-results/control-model, and ActionModel.of(study) that of a study"
+    )
+
+
 def _example_model() -> ActionModel:
     """A model with actions of `_example_log`, for examples."""
     from ._functions import build_model

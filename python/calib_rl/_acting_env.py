@@ -78,9 +78,9 @@ class _Actions:
     def of(self, actions: Any) -> ArrayLike:
         """What walkers are given for the actions of all of them."""
         if self.kind == "discrete":
-            return np.asarray(actions)
+            return _wholes(actions)
         if self.kind == "multi_discrete":
-            levels: NDArray[np.int64] = self.table[tuple(np.asarray(actions).T)]
+            levels: NDArray[np.int64] = self.table[tuple(_wholes(actions).T)]
             return levels
         values = np.asarray(actions, np.float64)
         if self.live:
@@ -90,6 +90,28 @@ class _Actions:
         shares = values[:, None, :] / self.range
         nearest: NDArray[np.int64] = np.square(shares - self.levels).sum(axis=2).argmin(axis=1)
         return nearest
+
+
+def _wholes(actions: Any) -> NDArray[np.int64]:
+    """Actions by their numbers.
+
+    Raises:
+        ValueError: One is no whole number, such as that of an agent that has diverged.
+    """
+    given = np.asarray(actions)
+    if given.dtype.kind not in "biu":
+        try:
+            numbers = given.astype(np.float64)
+        except (TypeError, ValueError):
+            numbers = np.full(given.shape, np.nan)
+        wrong = ~(np.isfinite(numbers) & (numbers == np.floor(numbers)))
+        if wrong.any():
+            raise ValueError(
+                f"an action is {given[wrong].flat[0]}, expected a whole number; take action_space='box' for an agent that sets values, and see "
+                "that the agent has not diverged"
+            )
+        given = numbers
+    return given.astype(np.int64)
 
 
 def _kind(wanted: AnySpace | None) -> str:
@@ -173,7 +195,7 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
             raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
         actions, walkers = self._settings.actions, self._settings.walkers
         if actions.kind == "discrete":
-            seen, reward, terminated, truncated, *info = walkers.step_one(int(action))
+            seen, reward, terminated, truncated, *info = walkers.step_one(action if type(action) is int else _wholes(action).item())
         else:
             all_seen, rewards, ends, cuts, rows, times, distances, covered, displaced = walkers.step(actions.of(np.asarray(action)[None]))
             seen, reward, terminated, truncated = all_seen[0], float(rewards[0]), bool(ends[0]), bool(cuts[0])

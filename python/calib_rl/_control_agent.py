@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _calib, _onnx
-from ._acting import ActionModel
+from ._acting import ActionModel, acting_model
 from ._checks import LARGEST_SEED, opened, position, whole
 
 if TYPE_CHECKING:
@@ -63,8 +63,9 @@ class ControlAgent:
 
         Raises:
             ValueError: There is no such setting, or it cannot be what it is.
+            TypeError: ``model`` is no `ActionModel`.
         """
-        self._native = _calib.ControlAgent(model._native, json.dumps(settings, default=_plain), whole(seed, "seed", 0, LARGEST_SEED))
+        self._native = _calib.ControlAgent(acting_model(model)._native, json.dumps(settings, default=_plain), whole(seed, "seed", 0, LARGEST_SEED))
 
     @staticmethod
     def of(study: Study | str | os.PathLike[str], *, seed: int = 0) -> ControlAgent:
@@ -264,6 +265,7 @@ class ControlAgent:
 
         Raises:
             ValueError: The model has other columns or actions.
+            TypeError: ``model`` is no `ActionModel`.
             IndexError: There is no such member.
             CalibError: The agent has diverged.
 
@@ -272,6 +274,7 @@ class ControlAgent:
             >>> ControlAgent(model).train(model, 100, timeout=50).episodes
             2
         """
+        model = acting_model(model)
         cut = model.timeout if timeout is None else whole(timeout, "timeout", 1)
         mean_return, episodes = self._native.train(
             model._native, position(member, "member"), whole(steps, "steps", 1), cut, whole(seed, "seed", 0, LARGEST_SEED)

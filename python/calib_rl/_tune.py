@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from . import _calib
-from ._acting import ActionModel
+from ._acting import ActionModel, acting_model
 from ._checks import LARGEST_SEED, position, whole
 from ._kinds import ModelKind
 
@@ -256,7 +256,7 @@ def tune(
 
     Raises:
         ValueError: There is no setting, or one that comes twice. An argument is outside its range.
-        TypeError: ``make_agent`` cannot be given to other processes.
+        TypeError: ``model`` is no `ActionModel`. ``make_agent`` cannot be given to other processes.
         KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call goes on.
 
     Examples:
@@ -278,6 +278,7 @@ def tune(
         >>> tuned.chosen, tuned.default
         ({}, {})
     """
+    model = acting_model(model)
     environment = dict(environment or {})
     settings = _settings(grid, default)
     each = [position(member, "members") for member in (range(model.members) if members is None else members)]

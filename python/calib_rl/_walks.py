@@ -62,7 +62,8 @@ def column_position(names: list[str], column: Column) -> int:
 
 
 def observed_columns(names: list[str], observe: Sequence[Column] | None) -> list[int]:
-    """Positions of the columns that are observed. All of them without ``observe``."""
+    """Positions of the columns that are observed. All of them without ``observe``, and one where it is a name."""
+    observe = [observe] if isinstance(observe, str) else observe
     columns = list(range(len(names))) if observe is None else [column_position(names, column) for column in observe]
     if not columns:
         raise ValueError("observe names no column")

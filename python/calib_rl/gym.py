@@ -184,7 +184,7 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         units: Units = "normalised",
         action_space: gymnasium.Space[Any] | None = None,
     ) -> None:
-        dealt = dealt_members(num_envs, members, len(model.columns) if observe is None else len(observe))
+        dealt = dealt_members(num_envs, members, len(observed_columns(model.columns, observe)))
         num_envs = len(dealt)
         settings = _Settings(model, dealt, observe, reward, max_steps, units, action_space)
         self.model, self.members, self.num_envs = model, dealt, num_envs
@@ -329,7 +329,7 @@ def make(
     Args:
         model: The model, with actions or without.
         member: Position of the member.
-        observe: Columns that are observed, by name or position. All, unless given.
+        observe: Columns that are observed, by name or position, or the name of one. All, unless given.
         reward: Without actions: the column whose value after a step is its reward. The first one, unless given.
         max_steps: Without actions: steps after which an episode is truncated. ``None`` for never.
         units: What observations are in, and the rewards of a model without actions.
@@ -356,7 +356,7 @@ def make(
     Raises:
         ValueError: There is no such column, an argument is for models of the other kind, or the model has no such action space.
         IndexError: There is no such member.
-        TypeError: A number that is to be whole is not.
+        TypeError: This is no model. A number that is to be whole is not.
 
     Examples:
         >>> import tempfile
@@ -388,6 +388,7 @@ def make(
     shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
     if isinstance(model, ActionModel):
         return ActingEnv(model, member, **_of_acting(reward, max_steps, action_space, **shared))
+    _require_model(model)
     return CalibrationEnv(model, member, **_of_plain(reward, max_steps, action_space, **shared))
 
 
@@ -474,7 +475,19 @@ def make_vec(
     shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
     if isinstance(model, ActionModel):
         return ActingVectorEnv(model, num_envs, members, **_of_acting(reward, max_steps, action_space, **shared))
+    _require_model(model)
     return CalibrationVectorEnv(model, num_envs, members, **_of_plain(reward, max_steps, action_space, **shared))
+
+
+def _require_model(model: Any) -> None:
+    """Refuse what is no model, such as its path.
+
+    Raises:
+        TypeError: It is none.
+    """
+    if not isinstance(model, Model):
+        shown = repr(model) if isinstance(model, (str, os.PathLike)) else type(model).__name__
+        raise TypeError(f"model is {shown}, expected a calib_rl.Model or a calib_rl.ActionModel; of_path(folder) takes the folder of one")
 
 
 def _opened(path: str | os.PathLike[str]) -> Model | ActionModel:

@@ -188,6 +188,7 @@ def test_walks_that_leave_recorded_rows(acting: calib_rl.ActionModel, kind: Any)
 def test_arguments_of_a_model_with_actions_are_named_as_in_python(tmp_path: Path) -> None:
     for given, told in {
         "neighbours": "did you mean control={'model': {'neighbors': ...}}?",
+        "members": "did you mean control={'model': {'members': ...}}?",
         "level": "did you mean levels=?",
         "every": "did you mean control={'every': ...}?",
         "preproces": "did you mean preprocess=?",
@@ -258,6 +259,48 @@ def test_pessimism_ends_episodes(acting: calib_rl.ActionModel) -> None:
         if terminated:
             break
     assert terminated and reward == -77.0
+
+
+def test_only_whole_numbers_are_actions_by_number(acting: calib_rl.ActionModel, continuous: calib_rl.ActionModel) -> None:
+    env = calib_rl.gym.make(acting)
+    env.reset(seed=1)
+    for action in (0.5, float("nan"), float("inf"), "up", None):
+        with pytest.raises(ValueError, match=f"an action is {action}, expected a whole number"):
+            env.step(action)
+    rows = set()
+    for action in (1, 1.0, np.int64(1), np.float32(1.0), np.array([1]), True):
+        env.reset(seed=1)
+        rows.add(env.step(action)[4]["row"])
+    assert len(rows) == 1, rows
+    many = calib_rl.gym.make_vec(acting, 3)
+    many.reset(seed=1)
+    with pytest.raises(ValueError, match="an action is 0.5, expected a whole number"):
+        many.step([0, 0.5, 1])
+    both = calib_rl.gym.make(continuous, action_space="multi_discrete")
+    both.reset(seed=1)
+    with pytest.raises(ValueError, match="an action is 1.5, expected a whole number"):
+        both.step([0, 1.5])
+
+
+def test_one_name_observes_one_column(acting: calib_rl.ActionModel) -> None:
+    assert calib_rl.gym.make(acting, observe="level").observation_space.shape == (1,)
+    assert calib_rl.gym.make_vec(acting, 2, observe="level").observation_space.shape == (2, 1)
+    with pytest.raises(ValueError, match="no column is called 'levle'; the model has level, flow"):
+        calib_rl.gym.make(acting, observe="levle")
+
+
+def test_what_is_no_model_is_refused_with_what_is(acting: calib_rl.ActionModel) -> None:
+    path: Any = str(acting.path)
+    for call in (
+        lambda: calib_rl.tune(Sarsa, GRID, path, total_timesteps=10),
+        lambda: calib_rl.ControlAgent(path),
+        lambda: calib_rl.ControlAgent(acting).train(path, 10),
+    ):
+        with pytest.raises(TypeError, match="^model is '.*control-model', expected a calib_rl.ActionModel: .*ActionModel.open"):
+            call()
+    for make in (lambda: calib_rl.gym.make(path), lambda: calib_rl.gym.make_vec(path, 2)):
+        with pytest.raises(TypeError, match="^model is '.*', expected a calib_rl.Model or a calib_rl.ActionModel"):
+            make()
 
 
 def _alone(lines: str) -> str:
