@@ -27,10 +27,12 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepE
         return Ok(Outcome::Done);
     };
     let path = path.trim().trim_matches(['[', ']']);
-    let Some(found) = path.split('.').try_fold(&schema, |at, part| inside(&schema, at, part))
-    else {
+    let Some(found) = found(&schema, path) else {
         let all = keys(&schema, &schema, "");
-        let near = near(path, &all);
+        let near = match value_above(&schema, path) {
+            Some(key) => vec![key],
+            None => near(path, &all),
+        };
         let hint = match near.as_slice() {
             [] => "`calib explain` lists all sections".to_owned(),
             near => format!("did you mean {}?", near.join(", ")),
@@ -43,6 +45,24 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepE
         printer.lines(&describe(&schema, found, path))?;
     }
     Ok(Outcome::Done)
+}
+
+/// The part of the schema that describes a key.
+fn found<'a>(schema: &'a Value, path: &str) -> Option<&'a Value> {
+    path.split('.').try_fold(schema, |at, part| inside(schema, at, part))
+}
+
+/// The key of a value in which `path` looks for further keys, as in `control.reward.column`.
+fn value_above<'a>(schema: &Value, path: &'a str) -> Option<&'a str> {
+    // Messages count terms of a list, as in `control.reward[0].column`.
+    let mut above = path.split('[').next().unwrap_or(path);
+    loop {
+        if let Some(node) = found(schema, above) {
+            let is_section = target(schema, node)["properties"].is_object();
+            return (!is_section).then_some(above);
+        }
+        (above, _) = above.rsplit_once('.')?;
+    }
 }
 
 /// What a reference stands for.
@@ -196,8 +216,7 @@ mod tests {
 
     fn explained(path: &str) -> String {
         let schema = calib_study::schema();
-        let found = path.split('.').try_fold(&schema, |at, part| inside(&schema, at, part));
-        describe(&schema, found.expect(path), path)
+        describe(&schema, found(&schema, path).expect(path), path)
     }
 
     #[test]
@@ -245,5 +264,14 @@ mod tests {
         assert_eq!(near("agent.gama", &all)[0], "agent.gamma");
         assert!(near("batch_size", &all).contains(&"agent.batch_size"));
         assert!(near("zz", &all).is_empty());
+        for (path, above) in [
+            ("control.reward.column", Some("control.reward")),
+            ("control.reward[0].column", Some("control.reward")),
+            ("control.steps.a.b", Some("control.steps")),
+            ("agent.gama", None),
+            ("zz.a", None),
+        ] {
+            assert_eq!(value_above(&schema, path), above, "{path}");
+        }
     }
 }

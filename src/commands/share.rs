@@ -21,9 +21,9 @@ pub(super) fn number(
     environment: impl Fn(&str) -> Option<String>,
 ) -> Result<usize, StepError> {
     if typed != "auto" {
-        return typed
-            .parse()
-            .with_context(|| format!("{option} must be a number or auto, got '{typed}'"));
+        return typed.parse().ok().with_context(|| {
+            format!("{option} must be a whole number from 0 on, or auto, got '{typed}'")
+        });
     }
     let found = NUMBERS.iter().find_map(|&(name, first)| Some((name, first, environment(name)?)));
     let (name, first, value) = found.with_context(|| {
@@ -48,7 +48,10 @@ pub(super) fn share(
     };
     let (own, count) = typed.split_once('/').with_context(form)?;
     let count: usize = count.parse().ok().filter(|count| *count > 0).with_context(form)?;
-    let number = number("--share", own, environment)?;
+    let number: usize = match own {
+        "auto" => number("--share", own, environment)?,
+        own => own.parse().ok().with_context(form)?,
+    };
     Share::new(number, count)
         .with_context(|| {
             format!("there is no share {number} of {count}: they are 0 to {}; of an array of tasks, ask for --array=0-{}", count - 1, count - 1)
@@ -104,6 +107,8 @@ mod tests {
         ] {
             assert!(refused.is_err());
         }
+        let told = number(key, "-1", nothing).expect_err("refused").to_string();
+        assert_eq!(told, "--shard must be a whole number from 0 on, or auto, got '-1'");
     }
 
     #[test]
@@ -113,6 +118,10 @@ mod tests {
         assert_eq!(found, Share::new(7, 8).expect("valid"));
         for refused in ["8/8", "3", "a/8", "3/0", "3/", "/8", "-1/8", "auto/8", "0/a"] {
             assert!(share(refused, nothing).is_err(), "{refused}");
+        }
+        for typed in ["-1/3", "a/3", "3"] {
+            let told = share(typed, nothing).expect_err("refused").to_string();
+            assert!(told.ends_with(&format!("such as 0/8 or auto/8, got '{typed}'")), "{told}");
         }
     }
 }
