@@ -236,15 +236,23 @@ pub fn require<M: Manifest>(directory: &Path, command: &str) -> Result<M, StepEr
         }
         manifest => manifest.with_context(|| format!("run `{command}` to make it again"))?,
     };
-    if manifest.format() != M::FORMAT {
-        return Err(StepError::Stale(format!(
-            "{} has format {}, this calib reads format {}; run `{command}`",
-            path.display(),
-            manifest.format(),
-            M::FORMAT
-        )));
+    if manifest.format() == M::FORMAT {
+        return Ok(manifest);
     }
-    Ok(manifest)
+    Err(other_format(&path, manifest.format(), M::FORMAT, command))
+}
+
+/// What to do about a manifest that has another `format` than the one that is `read` here.
+fn other_format(path: &Path, format: u32, read: u32, command: &str) -> StepError {
+    let path = path.display();
+    StepError::Stale(if format > read {
+        format!(
+            "{path} has format {format}, which a newer calib wrote, and this calib reads format {read}; update calib (in Python: pip install \
+             --upgrade calib-rl), or run `{command}` to make it again with this one"
+        )
+    } else {
+        format!("{path} has format {format}, this calib reads format {read}; run `{command}`")
+    })
 }
 
 /// A directory that this process writes, and no other one where the file system has locks. The claim ends with the
@@ -465,6 +473,25 @@ mod tests {
         assert!(error.to_string().contains("run `calib make`"), "{error}");
         fs::remove_file(&path).expect("removed");
         assert!(!are_whole(directory.path(), &files));
+    }
+
+    #[test]
+    fn results_of_another_calib_say_what_to_do() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let told = |format: u32| {
+            let claim = DirectoryLock::begun(directory.path()).expect("nobody has it");
+            claim.complete(&TestManifest { format }).expect("writable");
+            let refused = require::<TestManifest>(directory.path(), "calib make");
+            refused.err().expect("another format").to_string()
+        };
+        let newer = told(3);
+        let part = "has format 3, which a newer calib wrote, and this calib reads format 1; update calib (in Python: ";
+        assert!(newer.contains(part) && newer.contains("or run `calib make`"), "{newer}");
+        let older = told(0);
+        assert!(
+            older.ends_with("has format 0, this calib reads format 1; run `calib make`"),
+            "{older}"
+        );
     }
 
     #[test]
