@@ -168,8 +168,8 @@ impl ControlConfig {
             return Err(ControlError::RepeatedModel { kind: kind.name() });
         }
         self.reward.check()?;
-        self.model.check()?;
-        self.agent.check()?;
+        self.model.check().map_err(|error| error.in_section("model"))?;
+        self.agent.check().map_err(|error| error.in_section("agent"))?;
         self.grid.candidates(self.agent).map(|_| ())
     }
 

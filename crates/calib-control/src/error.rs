@@ -15,8 +15,20 @@ pub enum ControlError {
         /// What it may be.
         expected: &'static str,
     },
+    /// The same of a section below `[control]`, by the key of a study.
+    #[error("`control.{section}.{field}` is {got}, expected {expected}")]
+    SectionField {
+        /// The section.
+        section: &'static str,
+        /// The field.
+        field: &'static str,
+        /// What it is.
+        got: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
     /// A list of the grid is empty.
-    #[error("the grid has no value for `{field}`; leave the key out, or list at least one")]
+    #[error("control.grid.{field} has no value; leave the key out, or list at least one")]
     EmptyAxis {
         /// The field.
         field: &'static str,
@@ -236,6 +248,18 @@ pub enum ControlError {
     /// The observer asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl ControlError {
+    /// With a field named by its key in this section below `[control]`.
+    pub(crate) fn in_section(self, section: &'static str) -> Self {
+        match self {
+            Self::Field { field, got, expected } => {
+                Self::SectionField { section, field, got, expected }
+            }
+            other => other,
+        }
+    }
 }
 
 impl From<KnnError> for ControlError {

@@ -119,8 +119,16 @@ impl Grid {
         each(&mut all, "pairs", self.pairs.as_ref(), |agent, value| agent.pairs = value)?;
         each(&mut all, "gamma", self.gamma.as_ref(), |agent, value| agent.gamma = value)?;
         self.networks(&mut all)?;
-        all.iter().try_for_each(AgentConfig::check)?;
+        let checked = all.iter().try_for_each(AgentConfig::check);
+        checked.map_err(|error| self.with_key(error, &agent))?;
         Ok(all)
+    }
+
+    /// The error with the key of its field: that of the grid, or that of the agent where the field is not swept.
+    fn with_key(&self, error: ControlError, agent: &AgentConfig) -> ControlError {
+        let ControlError::Field { field, .. } = error else { return error };
+        let is_swept = self.told(agent).iter().any(|(swept, _)| *swept == field);
+        error.in_section(if is_swept { "grid" } else { "agent" })
     }
 
     /// The fields of networks.
@@ -211,8 +219,18 @@ mod tests {
         let empty = Grid { epsilon: Some(vec![]), ..Grid::default() };
         let told = empty.candidates(AgentConfig::default()).expect_err("empty").to_string();
         assert!(told.contains("epsilon"), "{told}");
-        let wrong = Grid { tiles: Some(vec![8, 0]), ..Grid::default() };
-        assert!(wrong.candidates(AgentConfig::default()).is_err());
+        let refused = |grid: Grid, agent| grid.candidates(agent).expect_err("wrong").to_string();
+        let tiles = Grid { tiles: Some(vec![8, 0]), ..Grid::default() };
+        let told = refused(tiles, AgentConfig::default());
+        assert_eq!(told, "`control.grid.tiles` is 0, expected from 1 to 64");
+        // The batches of the grid are larger than what the agent keeps.
+        let agent = AgentConfig {
+            algorithm: Algorithm::DeepQLearning,
+            replay: 100,
+            ..AgentConfig::default()
+        };
+        let told = refused(Grid { batch: Some(vec![32, 200]), ..Grid::default() }, agent);
+        assert!(told.starts_with("`control.agent.replay` is 100, expected from batch"), "{told}");
         assert_eq!(Grid::default().candidates(AgentConfig::default()).expect("one").len(), 1);
     }
 }

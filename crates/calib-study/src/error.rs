@@ -93,9 +93,16 @@ impl Problem {
 
     /// In a section, such as `profiles.tiny`.
     pub(crate) fn within(mut self, section: &str) -> Self {
-        self.message = format!("[{section}]: {}", self.message);
-        if let Some(key) = self.key.take().or_else(|| self.told_key()) {
-            self.key = Some(format!("{section}.{key}"));
+        let key = self.key.take().or_else(|| self.told_key());
+        // Some messages name their key with the section that it is in.
+        let is_told = key
+            .as_deref()
+            .is_some_and(|key| key.strip_prefix(section).is_some_and(|rest| rest.starts_with('.')));
+        if is_told {
+            self.key = key;
+        } else {
+            self.key = key.map(|key| format!("{section}.{key}"));
+            self.message = format!("[{section}]: {}", self.message);
         }
         self.sections.insert(0, section.to_owned());
         self
@@ -125,9 +132,23 @@ impl Problem {
             Some(section) => self.message.strip_prefix(&format!("[{section}]: ")),
             None => Some(self.message.as_str()),
         }?;
-        let quoted = text.split('`').nth(1).filter(|word| is_key(word));
-        let first = text.trim_start_matches('[').split([' ', ':', ']', ',']).next();
-        quoted.or(first).filter(|word| is_key(word)).map(str::to_owned)
+        let quoted = text.split('`').nth(1).map(without_entry).filter(|word| is_key(word));
+        let first = text.trim_start_matches('[').split([' ', ':', ',']).next().map(|word| {
+            let word = without_entry(word);
+            word.split(']').next().unwrap_or_default().to_owned()
+        });
+        quoted.or(first).filter(|word| is_key(word))
+    }
+}
+
+/// A key without the number of an entry of a list: `reward.power` of `reward[0].power`.
+fn without_entry(word: &str) -> String {
+    let parts = word.split_once('[').and_then(|(list, rest)| Some((list, rest.split_once(']')?)));
+    match parts {
+        Some((list, (number, below))) if number.parse::<usize>().is_ok() => {
+            format!("{list}{below}")
+        }
+        _ => word.to_owned(),
     }
 }
 
@@ -193,6 +214,17 @@ mod tests {
             "profiles.tiny.agent.gamma profiles.tiny.agent profiles.tiny profiles"
         );
         assert_eq!(keys(&Problem::of_key("a.b", "no")), "a.b a");
+        let term = Problem::new("`reward[0].power` is 3").within("control");
+        assert_eq!(keys(&term), "control.reward.power control.reward control");
+        assert_eq!(
+            keys(&Problem::new("reward[12] has both").within("control")),
+            "control.reward control"
+        );
+        let whole = Problem::new("control.models is empty").within("control");
+        assert_eq!(
+            (keys(&whole).as_str(), whole.to_string().as_str()),
+            ("control.models control", "control.models is empty")
+        );
         assert_eq!(keys(&Problem::new("[models.\"x y\"]: names")), "");
     }
 }

@@ -115,10 +115,12 @@ impl WrittenStudy {
         deployment: Option<&str>,
     ) -> StudyError {
         let message = problem.to_string();
-        let keys = problem.keys();
-        if !keys.first().is_some_and(|key| self.is_overridden(key)) {
-            let place = keys.iter().find_map(|key| self.place_of(key, model));
-            if let Some(place) = place {
+        for key in problem.keys() {
+            // What is wrong may be what was given, and not what stands in the section around it.
+            if self.is_overridden(&key) {
+                break;
+            }
+            if let Some(place) = self.place_of(&key, model) {
                 return StudyError::Written { place: Box::new(place), message };
             }
         }
@@ -131,7 +133,7 @@ impl WrittenStudy {
         StudyError::Given { study, message }
     }
 
-    /// Whether what the key says was given beside the file.
+    /// Whether what the key says was given beside the file, or a part of it.
     fn is_overridden(&self, key: &str) -> bool {
         let mut given = self.request.set.iter().map(|text| overrides::key(text));
         given.any(|given| overrides::is_inside(key, given) || overrides::is_inside(given, key))

@@ -159,6 +159,33 @@ fn values_that_types_cannot_refuse_have_a_place_too() {
     assert_eq!((types.0, types.1), (2, 9));
 }
 
+const CONTROL: &str = "[control]\nactions = [\"a\"]\n[control.grid]\nstep_size = [0.1]\n";
+
+#[test]
+fn what_was_given_beside_the_file_is_not_looked_for_in_it() {
+    for (set, told) in [
+        ("control.grid.gamma=[1.2]", "`control.grid.gamma` is 1.2, expected from 0 to 1"),
+        ("control.agent.gamma=1.2", "`control.agent.gamma` is 1.2, expected from 0 to 1"),
+        ("control.model.members=1", "`control.model.members` is 1, expected at least 2"),
+        ("control.grid.step_size=[]", "control.grid.step_size has no value; leave"),
+        ("control.models=[]", "control.models is empty; list"),
+        ("control.reward=[{column=\"a\",power=3}]", "[control]: `reward[0].power` is 3, expected"),
+        (
+            "control.reward=[{column=\"a\",set_point=\"a\"}]",
+            "[control]: the set-point of reward[0] is its own column",
+        ),
+    ] {
+        let refused = refused(CONTROL, &[set]);
+        assert!(refused.starts_with(&format!("study.toml with --set {set}: {told}")), "{refused}");
+        assert_eq!(place(CONTROL, &[set]), None, "{set}");
+    }
+    let gamma = CONTROL.replace("step_size = [0.1]", "gamma = [1.2]");
+    assert_eq!(place(&gamma, &["control.steps=9"]).map(|place| place.0), Some(4));
+    let reward = CONTROL
+        .replace("[control.grid]", "reward = [{ column = \"a\", power = 3 }]\n[control.grid]");
+    assert_eq!(place(&reward, &["control.steps=9"]).map(|place| place.0), Some(3));
+}
+
 /// What is said of a value of the agent.
 fn told(value: &str) -> String {
     refused(&format!("[agent]\n{value}\n"), &[])
