@@ -186,6 +186,34 @@ fn a_verdict_of_another_study_is_not_done() {
     assert!(status().contains(part), "{}", status());
 }
 
+#[test]
+fn a_verdict_of_another_log_is_not_done() {
+    let line = |row: usize| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2);
+    let place = pump(line);
+    let status = || place.calib(&["status", "study.toml"]).succeeds();
+    place.calib(&["control", "study.toml"]).ends(&[0, 1]);
+    assert!(status().contains("every step is done"), "{}", status());
+    place.write("log.csv", &format!("{}{}", place.read("log.csv"), line(40)));
+    let changed = status();
+    let part = "the log has changed since the verdict in study-results/control was made, by the size or the time of its files; \
+                run `calib control study.toml` again";
+    assert!(changed.contains("some steps are to do") && changed.contains(part), "{changed}");
+    place.calib(&["control", "study.toml"]).ends(&[0, 1]);
+    assert!(status().contains("every step is done"), "{}", status());
+    // Written anew with the same rows: calib control finds that the verdict holds.
+    let log = place.read("log.csv");
+    place.write("log.csv", &log);
+    assert!(status().contains(part), "{}", status());
+    let again = place.calib(&["control", "study.toml"]);
+    again.ends(&[0, 1]);
+    assert!(again.stderr().contains("is up to date"), "{}", again.stderr());
+    assert!(status().contains("every step is done"), "{}", status());
+    // What an earlier version left does not tell of the log.
+    fs::remove_file(place.path().join("study-results/control/sources.json")).expect("there");
+    place.write("log.csv", &log);
+    assert!(status().contains("every step is done"), "{}", status());
+}
+
 const TWO_STEP_SIZES: [&str; 7] = [
     "control",
     "study.toml",

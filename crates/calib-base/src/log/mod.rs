@@ -7,4 +7,5 @@ pub mod plant_of_study;
 pub mod prepared;
 pub mod profile_file;
 pub mod simulate;
+pub mod sources;
 pub mod stand_in;

@@ -8,18 +8,20 @@ use std::{
 
 use calib_core::{Frames, Normaliser, Period};
 use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed, without_times};
-use calib_files::{
-    FileStat, Fingerprint, ScratchPlace, read_sealed_json, remove_empty_folder, remove_file,
-    write_sealed_json,
-};
+use calib_files::{FileStat, Fingerprint, ScratchPlace, remove_empty_folder, remove_file};
 use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Context as _, StepError,
+    StepError,
     artefact::{self, Artefact, Below, DirectoryLock, Facts, MANIFEST, TOOL},
     bail, clock, frames,
-    log::{context::RunContext, plant_of_study, stand_in},
+    log::{
+        context::RunContext,
+        plant_of_study,
+        sources::{SOURCES, SourceFile, Sources},
+        stand_in,
+    },
     memory,
     output::{Printer, bytes, count, counted},
 };
@@ -52,9 +54,6 @@ impl Facts for LogFacts {
     }
 }
 
-/// What the file system said of the log when it was read. It differs from one preparation of the same log to the next,
-/// and so lies apart.
-const SOURCES: &str = "sources.json";
 const TRAIN: &str = "train";
 const HELD_OUT: &str = "held-out";
 /// Digits of a key that a folder is called by.
@@ -178,26 +177,12 @@ struct Place {
     sources: Sources,
 }
 
-/// The files of a log.
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
-struct Sources {
-    files: Vec<SourceFile>,
-}
-
-/// A file of a log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct SourceFile {
-    path: PathBuf,
-    #[serde(flatten)]
-    stamp: Option<FileStat>,
-}
-
 impl Place {
     fn of(job: &Job, data: &DataConfig) -> Result<Self, StepError> {
         let root = job.layout().dataset();
         let key = key(data, &job.study().preprocess)?;
         let directory = root.join(folder(&key));
-        Ok(Self { directory, root, key, sources: sources(data)? })
+        Ok(Self { directory, root, key, sources: Sources::of(data)? })
     }
 
     fn opened(&self, context: &RunContext) -> Option<Prepared> {
@@ -215,7 +200,7 @@ impl Place {
         }
         let directory = &self.directory;
         let manifest = LogManifest::find(directory, &self.key)?;
-        let sources: Sources = read_sealed_json(&directory.join(SOURCES)).ok()?;
+        let sources = Sources::noted_in(directory)?;
         let written = FileStat::of(&directory.join(MANIFEST)).ok()??;
         let is_same = sources == self.sources
             && sources.files.iter().all(|source| source.was_older_than(&written));
@@ -343,7 +328,7 @@ impl Place {
         };
         // A log that was written to while it was read is read again next time.
         if self.sources.files.iter().all(SourceFile::is_same) {
-            write_sealed_json(&directory.join(SOURCES), &self.sources)?;
+            self.sources.note_in(directory)?;
         }
         let kept = claim.finish(facts, written.iter().flatten().map(String::as_str))?;
         self.remove_others(job)?;
@@ -392,19 +377,6 @@ impl Place {
     }
 }
 
-impl SourceFile {
-    fn is_same(&self) -> bool {
-        self.stamp.is_some() && FileStat::of(&self.path).is_ok_and(|stamp| stamp == self.stamp)
-    }
-
-    /// Whether any later change must have given it another stamp.
-    fn was_older_than(&self, other: &FileStat) -> bool {
-        self.stamp.is_some_and(|stamp| {
-            stamp.changed_ns.saturating_add(stamp.tick_ns()) < other.changed_ns
-        })
-    }
-}
-
 /// Fingerprint of what a prepared log follows from, beside the content of its files.
 fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> Result<String, StepError> {
     let data = DataConfig { path: Paths::default(), ..data.clone() };
@@ -414,19 +386,6 @@ fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> Result<String, StepE
 /// The folder of a prepared log.
 fn folder(key: &str) -> &str {
     &key[..key.len().min(KEY_DIGITS)]
-}
-
-fn sources(data: &DataConfig) -> Result<Sources, StepError> {
-    let files = calib_data::log_files(data)?.into_iter();
-    Ok(Sources {
-        files: files
-            .map(|path| {
-                let path = fs::canonicalize(&path)
-                    .with_context(|| format!("cannot read {}", path.display()))?;
-                Ok(SourceFile { stamp: FileStat::of(&path)?, path })
-            })
-            .collect::<Result<_, StepError>>()?,
-    })
 }
 
 /// Remove the files of a prepared log, and its folder if nothing of anybody's is left in it.

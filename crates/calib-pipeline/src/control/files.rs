@@ -6,6 +6,7 @@ use calib_base::{
     StepError,
     artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
     bail, ensure,
+    log::{plant_of_study::data_of, sources::Sources},
     output::Printer,
     stale::StoredArtefact,
 };
@@ -230,12 +231,15 @@ pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bo
     Some((evaluation, artefact::are_whole(directory, &manifest.shown)))
 }
 
-/// Note the study as it is now beside a verdict that follows from it just as well, such as where another `data.shape` reads the same log.
+/// Note the study and the files of its log as they are now beside a verdict that follows from them just as well, such as where another
+/// `data.shape` reads the same log.
 pub(super) fn note_study(
     directory: &Path,
     study: &Study,
+    sources: &Sources,
     printer: &Printer,
 ) -> Result<(), StepError> {
+    note_sources(directory, sources, printer)?;
     let Some(manifest) = artefact::read::<ControlManifest>(directory) else { return Ok(()) };
     if study.differences(StepKind::Control, &manifest.study).is_empty() {
         return Ok(());
@@ -246,18 +250,37 @@ pub(super) fn note_study(
     artefact::or_read_only(written, directory, printer)
 }
 
+/// Note the files of the log that a verdict follows from, by which `calib status` sees that they have changed.
+pub(super) fn note_sources(
+    directory: &Path,
+    sources: &Sources,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    if Sources::noted_in(directory).as_ref() == Some(sources) {
+        return Ok(());
+    }
+    let claim = DirectoryLock::of_nobody(directory, Below::Ours);
+    let written = claim.and_then(|claim| match claim {
+        Some(_claim) => sources.note_in(directory),
+        // Another command writes there, and notes what it has read.
+        None => Ok(()),
+    });
+    artefact::or_read_only(written, directory, printer)
+}
+
 /// How the verdict that is there stands to the study as it is now.
 pub(crate) enum VerdictStanding {
     /// There is none, or it is not whole.
     Missing,
     /// It is that of the study.
     Current,
-    /// It is of another study: what differs, and what to run.
+    /// It is of another study or log: what differs, and what to run.
     Stale(String),
 }
 
 impl VerdictStanding {
-    /// Compare the verdict of a job with its study. The log is not read: another one is found by `calib control`.
+    /// Compare the verdict of a job with its study, and the files of the log with what they were. The log is not read: whether it says the
+    /// same is found by `calib control`.
     ///
     /// # Errors
     /// If a file of the study's program cannot be read, or the settings cannot be what they are.
@@ -276,7 +299,7 @@ impl VerdictStanding {
         }
         let agents = ComparedAgents::of_study(job, config)?;
         if manifest.key == key(job.study(), &manifest.log, agents.program_identity())? {
-            return Ok(Self::Current);
+            return Ok(log_change(job, directory).map_or(Self::Current, Self::Stale));
         }
         let other = match agents {
             _ if manifest.tool != TOOL => manifest.tool.as_str(),
@@ -290,6 +313,21 @@ impl VerdictStanding {
             job.command(StepKind::Control)
         )))
     }
+}
+
+/// That the log is not the one of the verdict in `directory`, by the size and the time of its files, and what to run. None of verdicts of
+/// earlier versions, which do not tell.
+fn log_change(job: &Job, directory: &Path) -> Option<String> {
+    let noted = Sources::noted_in(directory)?;
+    let now = data_of(job).and_then(|data| Sources::of(&data));
+    let is_same = now.is_ok_and(|now| !now.differ_from(&noted));
+    (!is_same).then(|| {
+        format!(
+            "the log has changed since the verdict in {} was made, by the size or the time of its files; run `{}` again",
+            directory.display(),
+            job.command(StepKind::Control)
+        )
+    })
 }
 
 /// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.

@@ -3,6 +3,7 @@ use std::collections::BTreeSet;
 use calib_base::{
     StepError, artefact,
     clock::Stopwatch,
+    log::{plant_of_study::data_of, sources::Sources},
     memory,
     outcome::{Outcome, StepResult},
     output::{Printer, count, counted, duration},
@@ -42,6 +43,7 @@ pub(crate) fn run(
     let study = job.study();
     let Some(config) = &study.control else { return Err(no_section(job)) };
     let agents = ComparedAgents::of_study(job, config)?;
+    let sources = Sources::of(&data_of(job)?)?;
     let log = log::read(job, config, printer)?;
     if let Some(told) = rare::hardly_taken(&log, config) {
         printer.warn(&told);
@@ -59,7 +61,7 @@ pub(crate) fn run(
             if !is_shown {
                 page::write(&directory, job, &evaluation)?;
             }
-            files::note_study(&directory, study, printer)?;
+            files::note_study(&directory, study, &sources, printer)?;
             if job.policy().share.is_none() {
                 let folder = job.layout().control_units();
                 artefact::or_read_only(units::remove_left(&folder, &key), &folder, printer)?;
@@ -102,6 +104,7 @@ pub(crate) fn run(
     files::write(&directory, (study, key), (&log, &evaluation), &runs, || {
         page::write(&directory, job, &evaluation)
     })?;
+    files::note_sources(&directory, &sources, printer)?;
     // Settings that failed are tried again by the next command, beside what there is of the others.
     if !evaluation.lacks_settings() {
         units.remove()?;

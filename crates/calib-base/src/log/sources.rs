@@ -1,0 +1,111 @@
+//! What the file system says of the files of a log, by which a change is seen without reading them.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use calib_data::DataConfig;
+use calib_files::{FileStat, read_sealed_json, write_sealed_json};
+use serde::{Deserialize, Serialize};
+
+use crate::{Context as _, StepError};
+
+/// File of what was said of the log when it was read. It differs from one reading of the same log to the next, and so
+/// lies apart.
+pub(super) const SOURCES: &str = "sources.json";
+
+/// The files of a log.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sources {
+    pub(super) files: Vec<SourceFile>,
+}
+
+/// A file of a log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct SourceFile {
+    path: PathBuf,
+    #[serde(flatten)]
+    pub(super) stamp: Option<FileStat>,
+}
+
+impl Sources {
+    /// Those of the log that `data` names, as they are now.
+    ///
+    /// # Errors
+    /// If there are none, or nothing is said of one.
+    pub fn of(data: &DataConfig) -> Result<Self, StepError> {
+        let files = calib_data::log_files(data)?.into_iter();
+        Ok(Self {
+            files: files
+                .map(|path| {
+                    let path = fs::canonicalize(&path)
+                        .with_context(|| format!("cannot read {}", path.display()))?;
+                    Ok(SourceFile { stamp: FileStat::of(&path)?, path })
+                })
+                .collect::<Result<_, StepError>>()?,
+        })
+    }
+
+    /// Those that were noted in a directory, if they were.
+    pub fn noted_in(directory: &Path) -> Option<Self> {
+        read_sealed_json(&directory.join(SOURCES)).ok()
+    }
+
+    /// Note them in a directory.
+    ///
+    /// # Errors
+    /// If that cannot be written.
+    pub fn note_in(&self, directory: &Path) -> Result<(), StepError> {
+        Ok(write_sealed_json(&directory.join(SOURCES), self)?)
+    }
+
+    /// Whether there are other files, or one has another size or time of its last change. Files that were moved, or copied
+    /// with their times, are the same.
+    pub fn differ_from(&self, others: &Self) -> bool {
+        let own = self.files.iter().map(SourceFile::size_and_time);
+        own.ne(others.files.iter().map(SourceFile::size_and_time))
+    }
+}
+
+impl SourceFile {
+    /// Bytes, and nanoseconds since 1970; none where the system does not tell.
+    fn size_and_time(&self) -> Option<(u64, i64)> {
+        self.stamp.map(|stamp| (stamp.bytes, stamp.modified_ns))
+    }
+
+    /// Whether the file is still what it was.
+    pub(super) fn is_same(&self) -> bool {
+        self.stamp.is_some() && FileStat::of(&self.path).is_ok_and(|stamp| stamp == self.stamp)
+    }
+
+    /// Whether any later change must have given it another stamp.
+    pub(super) fn was_older_than(&self, other: &FileStat) -> bool {
+        self.stamp.is_some_and(|stamp| {
+            stamp.changed_ns.saturating_add(stamp.tick_ns()) < other.changed_ns
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(path: &str, bytes: u64, modified_ns: i64, inode: u64) -> Sources {
+        let stamp = Some(FileStat { bytes, modified_ns, changed_ns: 9, inode });
+        Sources { files: vec![SourceFile { path: path.into(), stamp }] }
+    }
+
+    #[test]
+    fn a_log_is_another_one_by_size_or_time() {
+        let log = file("a/log.csv", 100, 5, 1);
+        assert!(!log.differ_from(&file("b/log.csv", 100, 5, 2)), "it was moved");
+        assert!(log.differ_from(&file("a/log.csv", 101, 5, 1)));
+        assert!(log.differ_from(&file("a/log.csv", 100, 6, 1)));
+        assert!(log.differ_from(&Sources { files: Vec::new() }));
+        let place = tempfile::tempdir().expect("a directory");
+        assert!(Sources::noted_in(place.path()).is_none());
+        log.note_in(place.path()).expect("writable");
+        assert_eq!(Sources::noted_in(place.path()), Some(log));
+    }
+}
