@@ -27,7 +27,9 @@ pub(super) fn tell_columns(
     if let Some(name) = &config.terminal {
         let first_empty = found.terminal.first_empty.map(time);
         let odd = odd_terminals(name, &found.terminal, first_empty.as_deref());
-        odd.iter().for_each(|told| printer.warn(told));
+        for told in &odd {
+            printer.warn(told);
+        }
     }
     if let Some(told) = long_lag(config.lag, found.lagged) {
         printer.warn(&told);
