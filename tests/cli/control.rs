@@ -29,6 +29,9 @@ fn a_log_of_decisions_becomes_a_verdict() {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
     // No random episode shows what the models promise.
+    let ranks = "Ahead of the default by ";
+    assert!(told.contains(ranks), "{ranks} is missing in {told}");
+    assert_eq!(told.matches("Intervals over 3 blocks of the log are weak").count(), 1, "{told}");
     let part = "no recorded episode got more than";
     assert!(ran.stderr().contains(part), "{part} is missing in {}", ran.stderr());
     let results = "pole/study-results/control";
@@ -51,6 +54,8 @@ fn a_log_of_decisions_becomes_a_verdict() {
         (&"unsupported".into(), &false.into())
     );
     assert!(told.starts_with(decision["headline"].as_str().expect("a sentence")), "{decision}");
+    let ranks = &json["verdict"]["ranks_over_default"];
+    assert!(ranks["mean"].is_f64() && ranks["interval"]["low"].is_f64(), "{ranks}");
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["candidates"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["columns"].as_array().map(Vec::len), Some(4), "no action, reward or terminal");

@@ -70,7 +70,7 @@ pub use task::{
 pub use trajectory::{Trajectory, trajectory};
 pub use usage::{CoverageMap, FEW_STEPS, Spread, hardly_taken};
 pub use verdict::{
-    BestConstant, Doubt, KINDS_AGREE, KindReturns, Question, RandomActions, Regret, ReturnVerdict,
-    Support, judge, regret,
+    BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, KindReturns, OutlyingMember, Question,
+    RandomActions, Regret, ReturnVerdict, Support, judge, regret,
 };
 pub use walkers::{Moves, Walker, Walkers, Went};

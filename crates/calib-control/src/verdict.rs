@@ -1,5 +1,6 @@
 //! What a sweep of agents that act says.
 
+mod ahead;
 mod evidence;
 mod floors;
 
@@ -14,8 +15,10 @@ use serde::{Deserialize, Serialize};
 use crate::{
     ActionModelKind, ConstantReturns, ControlError, Coverage, Decisions, Drift, RecordedReturn, Run,
 };
+pub use ahead::FEWEST_BLOCKS;
+use ahead::{is_ahead, ranks_ahead};
 use evidence::{Evidence, median_rate};
-pub use floors::{BestConstant, RandomActions};
+pub use floors::{BestConstant, OutlyingMember, RandomActions};
 use floors::{best_constant, random_actions};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
@@ -140,6 +143,9 @@ pub struct ReturnVerdict {
     pub members: Vec<Vec<f64>>,
     /// Mean return of the chosen one minus that of the default, in the model, with the jackknife's interval over members.
     pub over_default: Option<Difference>,
+    /// Mean rank of the default minus that of the chosen one, with the jackknife's interval over members: above 0 the chosen one is ahead.
+    /// Over fewer than four members it decides nothing.
+    pub ranks_over_default: Option<Difference>,
     /// Mean return of the chosen one minus the mean of all candidates, likewise.
     pub over_random: Difference,
     /// The best policy that always takes the same action, if constant actions were tried.
@@ -272,12 +278,7 @@ pub fn judge(
     let blocks = nested.whole().means();
     let selection = select_by(rule, &of_all_kinds(&blocks, candidates), HIGHER)?;
     let chosen = selection.chosen;
-    let each = kinds.iter().enumerate().map(|(place, &kind)| {
-        let members = of_kind(&blocks, place, candidates);
-        let chosen = select_by(rule, &members, HIGHER)?.chosen;
-        Ok(KindReturns { kind, chosen, members })
-    });
-    let each = each.collect::<Result<Vec<_>, StatsError>>()?;
+    let each = of_each_kind(&blocks, &kinds, rule, candidates)?;
     let members: Vec<Vec<f64>> = blocks.iter().map(|block| over_kinds(block, candidates)).collect();
     let of_candidate = |candidate: usize| -> Vec<f64> {
         members.iter().map(|returns| returns[candidate]).collect()
@@ -291,11 +292,15 @@ pub fn judge(
         Some(default) => beyond(&of_candidate(chosen), &of_candidate(default))?,
         None => None,
     };
+    let ranks_over_default = match default {
+        Some(default) => ranks_ahead(&selection.ranks, [chosen, default], members.len())?,
+        None => None,
+    };
     // A kind whose agents could not be tried says nothing.
     let constants: Vec<&ConstantReturns> =
         constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
     let constant = best_constant(&constants, &of_candidate(chosen))?;
-    let random_actions = random_actions(&constants, &of_candidate(chosen))?;
+    let random_actions = random_actions(&constants, &each, chosen, &of_candidate(chosen))?;
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
     let drift = drift_of(own.iter().filter(|run| run.kind == kinds[0]));
@@ -304,7 +309,9 @@ pub fn judge(
         coverage: coverage[chosen],
         terminals: median_rate(&own, &kinds),
         drift: &drift,
-        is_ahead: is_ahead(&selection, default, over_default, members.len())?,
+        is_ahead: over_default
+            .filter(|_| default != Some(chosen))
+            .map(|over| is_ahead(over, ranks_over_default, members.len())),
         constant,
         random_actions,
         behaviour,
@@ -316,6 +323,7 @@ pub fn judge(
         default,
         kinds: each,
         over_default,
+        ranks_over_default,
         constant,
         random_actions,
         over_random: beyond(&of_candidate(chosen), &random)?.unwrap_or(Difference {
@@ -332,6 +340,21 @@ pub fn judge(
         selection,
         members,
     })
+}
+
+/// What the members of each kind say, of `[blocks][kinds × candidates]`.
+fn of_each_kind(
+    blocks: &[Vec<f64>],
+    kinds: &[ActionModelKind],
+    rule: RankRule,
+    candidates: usize,
+) -> Result<Vec<KindReturns>, StatsError> {
+    let each = kinds.iter().enumerate().map(|(place, &kind)| {
+        let members = of_kind(blocks, place, candidates);
+        let chosen = select_by(rule, &members, HIGHER)?.chosen;
+        Ok(KindReturns { kind, chosen, members })
+    });
+    each.collect()
 }
 
 /// How often each candidate is chosen when members and runs are drawn anew.
@@ -421,46 +444,6 @@ fn beyond(own: &[f64], other: &[f64]) -> Result<Option<Difference>, StatsError> 
     };
     let each: Vec<f64> = own.iter().zip(other).map(|(own, other)| own - other).collect();
     Ok(Some(Difference { interval: jackknife(difference.mean, &each), ..difference }))
-}
-
-/// Whether the choice is surely ahead of the default, by ranks or by returns; none where it is the default, or there is none to compare.
-fn is_ahead(
-    selection: &Selection,
-    default: Option<usize>,
-    over_default: Option<Difference>,
-    blocks: usize,
-) -> Result<Option<bool>, StatsError> {
-    match (default, over_default) {
-        (Some(default), Some(over)) if default != selection.chosen => {
-            // Ranks tell more where candidates are many, returns where they are few.
-            let ranks = ranks_ahead(&selection.ranks, [selection.chosen, default], blocks)?;
-            Ok(Some(is_more(over) || ranks.is_some_and(is_more)))
-        }
-        _ => Ok(None),
-    }
-}
-
-/// By how many ranks the first of two candidates is ahead of the second, over kinds of models, with the jackknife's interval over blocks.
-/// Of `ranks`, `[kinds × blocks][candidates]`.
-fn ranks_ahead(
-    ranks: &[Vec<usize>],
-    [first, second]: [usize; 2],
-    blocks: usize,
-) -> Result<Option<Difference>, StatsError> {
-    let kinds = (ranks.len() / blocks) as f64;
-    let of_block = |candidate: usize| -> Vec<f64> {
-        (0..blocks)
-            .map(|block| ranks.iter().skip(block).step_by(blocks))
-            .map(|of_kinds| of_kinds.map(|ranks| ranks[candidate] as f64).sum::<f64>() / kinds)
-            .collect()
-    };
-    beyond(&of_block(second), &of_block(first))
-}
-
-/// Whether a difference is surely above 0: by its interval, or because the other diverged.
-fn is_more(difference: Difference) -> bool {
-    difference.mean == f64::INFINITY
-        || difference.interval.is_some_and(|interval| interval.low > 0.0)
 }
 
 /// What a choice costs, where the truth is known.

@@ -93,7 +93,7 @@ impl Evidence<'_> {
     /// One member has no interval, and then the mean alone decides. That is less than it takes to be ahead of the default, which no
     /// choice is shown to be in one member: the default can be kept, and nobody keeps random actions.
     fn beside_random_actions(&self, promised: f64) -> Option<Doubt> {
-        let RandomActions { mean_return: random, over } = self.random_actions?;
+        let RandomActions { mean_return: random, over, .. } = self.random_actions?;
         let over = over?;
         let is_more = over.interval.map_or(over.mean, |interval| interval.low) > 0.0;
         (!is_more).then_some(Doubt::NotBetterThanRandomActions { random, promised })

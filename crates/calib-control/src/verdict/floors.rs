@@ -1,11 +1,11 @@
 //! Policies that learn nothing, beside the chosen candidate.
 
-use calib_stats::{Difference, StatsError};
+use calib_stats::{Difference, StatsError, jackknife, median};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{beyond, mean};
-use crate::ConstantReturns;
+use super::{FEWEST_BLOCKS, KindReturns, beyond, mean};
+use crate::{ActionModelKind, ConstantReturns};
 
 /// The action that gets most in the model where it is always taken, over members and kinds of models.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -31,6 +31,20 @@ pub struct RandomActions {
     pub mean_return: f64,
     /// Mean return of the chosen candidate, learning included, minus that, with the jackknife's interval over members.
     pub over: Option<Difference>,
+    /// Where that interval contains 0: the member without which it would lie above 0, if there is such a one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outlying: Option<OutlyingMember>,
+}
+
+/// A member of one kind of model in which the chosen candidate gets something else than in the others of that kind.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct OutlyingMember {
+    /// The kind of model.
+    pub kind: ActionModelKind,
+    /// Its member.
+    pub member: usize,
+    /// Mean return an episode of the chosen candidate in it.
+    pub chosen_return: f64,
 }
 
 /// The best constant action over the members of these kinds, which lack the same block each, and what `own`, the mean returns of the
@@ -58,16 +72,95 @@ pub(super) fn best_constant(
     }))
 }
 
-/// Actions at random, likewise.
+/// Actions at random, likewise; `each` has the returns of all candidates in the members of each kind.
 pub(super) fn random_actions(
     constants: &[&ConstantReturns],
+    each: &[KindReturns],
+    chosen: usize,
     own: &[f64],
 ) -> Result<Option<RandomActions>, StatsError> {
     if constants.is_empty() {
         return Ok(None);
     }
     let returns = over_all_kinds(constants, own.len(), |of_kind, member| of_kind.random[member]);
-    Ok(Some(RandomActions { mean_return: mean(&returns), over: beyond(own, &returns)? }))
+    let over = beyond(own, &returns)?;
+    let may_be_chance = over.is_some_and(|over| {
+        over.mean > 0.0 && over.interval.is_some_and(|interval| interval.low <= 0.0)
+    });
+    let outlying = if may_be_chance { outlying_member(constants, each, chosen) } else { None };
+    Ok(Some(RandomActions { mean_return: mean(&returns), over, outlying }))
+}
+
+/// A member stands out if it is more than so many times as far from the median of its kind as every other. Our choice.
+const TIMES_AS_FAR: f64 = 3.0;
+
+/// What the chosen candidate gets in a member, and what it gets more than random actions there.
+struct ChosenInMember {
+    member: OutlyingMember,
+    over_random: f64,
+    /// How far its return is from the median of its kind.
+    distance: f64,
+}
+
+/// The member in which the chosen candidate's return is farthest from the median of its kind, if it stands out there and the interval over
+/// blocks would lie above 0 without it.
+fn outlying_member(
+    constants: &[&ConstantReturns],
+    each: &[KindReturns],
+    chosen: usize,
+) -> Option<OutlyingMember> {
+    let mut all: Vec<ChosenInMember> = Vec::new();
+    for KindReturns { kind, members, .. } in each {
+        let of_kind = constants.iter().find(|constant| constant.kind == *kind)?;
+        let own: Vec<f64> = members.iter().map(|returns| returns[chosen]).collect();
+        // Of few members none can be told to stand out.
+        if own.len() < FEWEST_BLOCKS {
+            return None;
+        }
+        let middle = median(&own).ok()?;
+        let beside_random = own.iter().zip(&of_kind.random).enumerate();
+        all.extend(beside_random.map(|(member, (&chosen_return, random))| ChosenInMember {
+            member: OutlyingMember { kind: *kind, member, chosen_return },
+            over_random: chosen_return - random,
+            distance: (chosen_return - middle).abs(),
+        }));
+    }
+    all.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    let ChosenInMember { member, distance, .. } = all.pop()?;
+    let mut alike = all.iter().filter(|other| other.member.kind == member.kind);
+    if alike.any(|other| distance <= TIMES_AS_FAR * other.distance) {
+        return None;
+    }
+    let left = over_random_of_blocks(&all, each);
+    let interval = jackknife(mean(&left), &left)?;
+    (interval.low > 0.0).then_some(member)
+}
+
+/// What the chosen candidate gets more than random actions in each block of which there is a member. Kinds differ in what policies get in
+/// them, so a block counts by how far its members are from the means of their kinds: a kind that it lacks then moves it nowhere.
+fn over_random_of_blocks(all: &[ChosenInMember], each: &[KindReturns]) -> Vec<f64> {
+    let of_kinds: Vec<f64> = each
+        .iter()
+        .map(|own| {
+            let of_kind = all.iter().filter(|other| other.member.kind == own.kind);
+            mean(&of_kind.map(|other| other.over_random).collect::<Vec<_>>())
+        })
+        .collect();
+    let whole = mean(&of_kinds);
+    let mut blocks = Vec::new();
+    for block in 0..each.iter().map(|own| own.members.len()).max().unwrap_or(0) {
+        let mut beyond_kinds = Vec::new();
+        for (own, of_kind) in each.iter().zip(&of_kinds) {
+            let here = all
+                .iter()
+                .filter(|other| other.member.kind == own.kind && other.member.member == block);
+            beyond_kinds.extend(here.map(|other| other.over_random - of_kind));
+        }
+        if !beyond_kinds.is_empty() {
+            blocks.push(whole + mean(&beyond_kinds));
+        }
+    }
+    blocks
 }
 
 /// What a policy gets in each member, the mean over kinds.

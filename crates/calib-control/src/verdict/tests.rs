@@ -1,3 +1,5 @@
+use calib_stats::Interval;
+
 use super::{evidence::displaced, *};
 use crate::{Ending, recorded::tests::log};
 
@@ -178,6 +180,28 @@ fn a_choice_that_may_be_no_better_than_the_default_is_doubted() {
     let log = plain();
     let alone = judge(&runs(&noise), &Question { default: None, ..question(&log) }, Seed::new(1));
     assert_eq!(alone.expect("judged").doubts, [], "there is no default");
+}
+
+#[test]
+fn ranks_over_few_blocks_alone_put_no_choice_ahead_of_the_default() {
+    // One rank in every block, and returns that differ by 1.1 or by 0.1.
+    let returns = [[-10.1, -9.0, -12.0], [-9.1, -9.0, -12.0]].repeat(2);
+    let with_blocks = |blocks: usize| {
+        let verdict = judged(&returns[..blocks], Support::default());
+        let interval = |over: Option<Difference>| over.expect("two").interval.expect("blocks");
+        assert!(interval(verdict.over_default).low < 0.0);
+        assert_eq!(interval(verdict.ranks_over_default), Interval { low: 1.0, high: 1.0 });
+        verdict
+    };
+    for few in [2, 3] {
+        let verdict = with_blocks(few);
+        assert_eq!(verdict.doubts, [Doubt::NotBetterThanDefault], "{few} blocks");
+        assert!(!verdict.is_ahead_of_default());
+    }
+    let verdict = with_blocks(FEWEST_BLOCKS);
+    assert!(verdict.doubts.is_empty() && verdict.is_ahead_of_default(), "{:?}", verdict.doubts);
+    let ranks = judged(&GOOD, Support::default()).ranks_over_default.expect("a default");
+    assert!((ranks.mean - 5.0 / 3.0).abs() < 1e-12, "of 3 and 1, 3 and 2, 3 and 1");
 }
 
 #[test]
@@ -393,4 +417,39 @@ fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
     assert_eq!(doubts_in_one_member(-20.0), [Doubt::NotBetterThanDefault]);
     let expected = Doubt::NotBetterThanRandomActions { random: -9.0, promised: -9.0 };
     assert_eq!(doubts_in_one_member(-9.0), [Doubt::NotBetterThanDefault, expected]);
+}
+
+#[test]
+fn a_member_that_alone_makes_random_actions_look_as_good_is_named() {
+    let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network];
+    // The choice fails in one network. Actions at random get less in networks than in neighbours.
+    let fails = [[-15.0, -10.0, -16.0], [-15.0, -150.0, -16.0]];
+    let networks = [fails[0], fails[0], fails[1], fails[0]];
+    let all =
+        [runs_of_kind(kinds[0], &[[-15.0, -9.0, -16.0]; 4]), runs_of_kind(kinds[1], &networks)];
+    let log = plain();
+    let outlying = |of_neighbors: [f64; 4], blocks: usize| {
+        let random = [of_neighbors, [-40.0; 4]];
+        let constants = [0, 1].map(|kind: usize| ConstantReturns {
+            kind: kinds[kind],
+            members: vec![vec![-300.0]; blocks],
+            random: random[kind][..blocks].to_vec(),
+            coverage: vec![Coverage::default()],
+        });
+        let mut runs = all.concat();
+        runs.retain(|run| run.member < blocks);
+        let rule = RankRule::MeanRank;
+        let question = Question { constants: &constants, rule, ..question(&log) };
+        let verdict = judge(&runs, &question, Seed::new(1)).expect("judged");
+        assert_eq!(verdict.chosen, 1);
+        verdict.random_actions.expect("tried")
+    };
+    let random = outlying([-20.0; 4], 4);
+    let over = random.over.expect("finite");
+    assert!(over.mean > 0.0 && over.interval.is_some_and(|interval| interval.low < 0.0));
+    let network = OutlyingMember { kind: kinds[1], member: 2, chosen_return: -150.0 };
+    assert_eq!(random.outlying, Some(network));
+    assert_eq!(outlying([-90.0, -20.0, -20.0, -5.0], 4).outlying, None, "noise without it too");
+    let few = outlying([-60.0; 4], 3);
+    assert!(few.outlying.is_none(), "of three members none stands out");
 }

@@ -1,11 +1,14 @@
 //! What a verdict about agents that act tells to do, in words: the same for studies and for Python.
 
+mod beside;
+
 use calib_base::output::{counted, percent, significant};
-use calib_control::{
-    BestConstant, Doubt, KINDS_AGREE, RandomActions, RecordedReturn, ReturnVerdict,
-};
+use calib_control::{BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, ReturnVerdict};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
+
+pub(super) use beside::beyond_whole_episodes;
+use beside::{beside_random_actions, recorded_episodes};
 
 /// What a user calls what decides about a verdict.
 #[derive(Clone, Copy, Debug)]
@@ -14,6 +17,8 @@ pub struct Vocabulary {
     pub steps: &'static str,
     /// How often each setting is run.
     pub runs: &'static str,
+    /// How many ensemble members there are.
+    pub members: &'static str,
     /// Largest share of the steps that the log may leave uncovered.
     pub most_uncovered: &'static str,
     /// Fewest terminals of the log.
@@ -28,6 +33,7 @@ pub struct Vocabulary {
 pub(super) const STUDY: Vocabulary = Vocabulary {
     steps: "control.steps",
     runs: "control.runs",
+    members: "control.model.members",
     most_uncovered: "control.most_uncovered",
     fewest_terminals: "control.fewest_terminals",
     default: "the default is the agent of [control.agent], not what runs on the plant",
@@ -45,6 +51,7 @@ pub(super) const PROGRAM: Vocabulary = Vocabulary {
 pub const PYTHON: Vocabulary = Vocabulary {
     steps: "total_timesteps",
     runs: "runs",
+    members: "members",
     most_uncovered: "most_uncovered",
     fewest_terminals: "fewest_terminals",
     default: "the default is the agent as it is without a setting, not what runs on the plant",
@@ -198,12 +205,8 @@ impl Advice<'_> {
             }
             None => lines.push("The default diverged in the model as well.".to_owned()),
         }
-        let over_random = &verdict.over_random;
-        lines.push(if over_random.mean.is_finite() {
-            format!("Over a random setting: {}.", difference(over_random))
-        } else {
-            "A random setting may fail or diverge.".to_owned()
-        });
+        lines.extend(self.ranks_over_default());
+        lines.extend(self.over_random());
         if !self.has_diverged() {
             lines.extend(self.kinds());
         }
@@ -219,20 +222,40 @@ impl Advice<'_> {
             "Returns in the model rank settings. They do not say what the plant will give."
                 .to_owned(),
         );
+        lines.extend(self.few_blocks());
         lines
     }
 
-    /// That more than random actions get could be chance, with the interval; that it is no more, where it is not.
-    fn chance_beside_random_actions(&self) -> String {
-        let over = self.verdict.random_actions.as_ref().and_then(|random| random.over.as_ref());
-        match over.filter(|over| over.mean > 0.0).and_then(|over| over.interval) {
-            Some(interval) => format!(
-                ", which could be chance (95 % over blocks of the log: {} to {})",
-                amount(interval.low),
-                amount(interval.high)
-            ),
-            None => ": that it learns anything of use is not shown".to_owned(),
-        }
+    /// By how many ranks the choice is ahead of the default, where that is another setting.
+    fn ranks_over_default(&self) -> Option<String> {
+        let verdict = self.verdict;
+        let ranks =
+            verdict.ranks_over_default.filter(|_| verdict.default != Some(verdict.chosen))?;
+        let around = ranks.interval.map_or_else(String::new, interval);
+        let by = significant(ranks.mean);
+        Some(format!("Ahead of the default by {by} in mean rank, over blocks of the log{around}."))
+    }
+
+    /// What the choice gets more than a random setting, where there are several.
+    fn over_random(&self) -> Option<String> {
+        let over = &self.verdict.over_random;
+        let told = if over.mean.is_finite() {
+            format!("Over a random setting: {}.", difference(over))
+        } else {
+            "A random setting may fail or diverge.".to_owned()
+        };
+        (self.settings.len() > 1).then_some(told)
+    }
+
+    /// That intervals over few blocks of the log say little.
+    fn few_blocks(&self) -> Option<String> {
+        let members = self.vocabulary.members;
+        let told = match self.verdict.members.len() {
+            1 => "One ensemble member gives no interval".to_owned(),
+            few @ 2..FEWEST_BLOCKS => format!("Intervals over {few} blocks of the log are weak"),
+            _ => return None,
+        };
+        Some(format!("{told}: use {FEWEST_BLOCKS} ensemble members or more ({members})."))
     }
 
     /// Whether all settings get the same in every ensemble member, so that no kind of model has an order of them.
@@ -362,13 +385,9 @@ impl Advice<'_> {
                 significant(*constant),
                 significant(*promised)
             ),
-            Doubt::NotBetterThanRandomActions { random, promised } => format!(
-                "random actions get {} per episode in the models, and the chosen setting gets {}, learning included{}; \
-                 record more varied actions, sweep settings that explore less, or let agents learn for longer ({steps})",
-                significant(*random),
-                significant(*promised),
-                self.chance_beside_random_actions()
-            ),
+            Doubt::NotBetterThanRandomActions { random, promised } => {
+                self.random_actions_may_be_as_good(*random, *promised)
+            }
             Doubt::RareTerminals { in_model, in_log } => format!(
                 "{} of the chosen setting's steps in the model end an episode in a terminal, and {} of the recorded ones: its agents go where the log hardly shows what ends an episode; record steps there",
                 percent(*in_model),
@@ -396,33 +415,6 @@ impl Advice<'_> {
 /// The finite number that a value is, if it is one.
 fn finite(value: &str) -> Option<f64> {
     value.parse().ok().filter(|number: &f64| number.is_finite())
-}
-
-/// What the recorded behaviour got. A mean beyond every whole episode would look like a mistake without its reason.
-fn recorded_episodes(recorded: &RecordedReturn) -> String {
-    let RecordedReturn { mean, interval: around, best, worst, .. } = *recorded;
-    let told = significant(mean);
-    // What is told alike is not beyond.
-    let is_beyond = |whole: f64, is_farther: bool| is_farther && significant(whole) != told;
-    let above = best.is_some_and(|best| is_beyond(best, mean > best));
-    let below = worst.is_some_and(|worst| is_beyond(worst, mean < worst));
-    format!(
-        "Recorded episodes: mean return {told}{}{}.{}",
-        around.map_or_else(String::new, interval),
-        best.map_or_else(String::new, |best| format!(", at most {}", significant(best))),
-        if above || below {
-            " The mean is beyond every whole episode, because it counts parts of episodes too: it is the sum of all rewards divided by the number of episodes, \
-             and a part counts there as its share of the timeout."
-        } else {
-            ""
-        }
-    )
-}
-
-/// What actions at random would get.
-fn beside_random_actions(random: &RandomActions) -> String {
-    let over = more_than_that(random.over.as_ref());
-    format!("Random actions get {} in the model.{over}", significant(random.mean_return))
 }
 
 /// What the chosen setting gets beside a policy that learns nothing.

@@ -46,7 +46,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 11;
+    const FORMAT: u32 = 12;
 
     fn format(&self) -> u32 {
         self.format

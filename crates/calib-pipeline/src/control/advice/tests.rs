@@ -1,4 +1,4 @@
-use calib_control::{ActionModelKind, KindReturns};
+use calib_control::{ActionModelKind, KindReturns, OutlyingMember, RandomActions, RecordedReturn};
 use serde_json::json;
 
 use super::*;
@@ -126,20 +126,62 @@ fn no_setting_is_named_where_kinds_of_models_disagree() {
 fn more_than_random_actions_get_is_told_with_its_interval() {
     let doubt =
         json!([{ "reason": "not_better_than_random_actions", "random": 24, "promised": 38 }]);
-    let reason = |low: Option<f64>| {
+    let reason = |low: Option<f64>, outlying: Option<OutlyingMember>| {
         let interval = low.map(|low| Interval { low, high: 40.0 });
         let mut verdict = verdict(&doubt);
         let over = verdict.over_default.map(|over| Difference { mean: 14.0, interval, ..over });
-        verdict.random_actions = Some(RandomActions { mean_return: 24.0, over });
+        verdict.random_actions = Some(RandomActions { mean_return: 24.0, over, outlying });
         let settings = ["a=1", "a=2"].map(str::to_owned);
         let advice = advice_on(&verdict, &settings);
         advice.reasons().remove(0)
     };
-    let chance = reason(Some(-12.0));
+    let chance = reason(Some(-12.0), None);
     let told = "gets 38.0, learning included, which could be chance (95 % over blocks of the log: 12.0 less to 40.0 more); record";
     assert!(chance.contains(told), "{chance}");
-    let alone = reason(None);
+    let more = "narrow the interval with more ensemble members (control.model.members)";
+    assert!(chance.ends_with(more), "{chance}");
+    let network =
+        OutlyingMember { kind: ActionModelKind::Network, member: 2, chosen_return: -501.0 };
+    let one = reason(Some(-12.0), Some(network));
+    let named = "40.0 more): without the network of ensemble member 2, in which it gets -501, the interval would exclude 0; make more runs (control.runs)";
+    assert!(one.contains(named) && !one.contains("varied actions"), "{one}");
+    let alone = reason(None, None);
     assert!(alone.contains("that it learns anything of use is not shown; record"), "{alone}");
+}
+
+#[test]
+fn ranks_and_few_blocks_are_told_once() {
+    let of_blocks = |blocks: usize| {
+        let mut verdict = verdict(&json!([]));
+        verdict.members = vec![vec![1.0, 3.0]; blocks];
+        let interval = Some(Interval { low: 0.5, high: 1.5 });
+        verdict.ranks_over_default =
+            verdict.over_default.map(|over| Difference { mean: 1.0, interval, ..over });
+        let settings = ["a=1", "a=2"].map(str::to_owned);
+        advice_on(&verdict, &settings).findings()
+    };
+    let few = of_blocks(3);
+    let ranks =
+        "Ahead of the default by 1.00 in mean rank, over blocks of the log (95 %: 0.500 to 1.50).";
+    assert!(few.iter().any(|line| line == ranks), "{few:?}");
+    let weak = "Intervals over 3 blocks of the log are weak: use 4 ensemble members or more (control.model.members).";
+    assert_eq!(few.iter().filter(|line| *line == weak).count(), 1, "{few:?}");
+    let one = of_blocks(1).join("\n");
+    assert!(one.contains("One ensemble member gives no interval: use 4"), "{one}");
+    let enough = of_blocks(4).join("\n");
+    assert!(!enough.contains("ensemble member"), "{enough}");
+}
+
+#[test]
+fn one_setting_is_not_compared_with_a_random_one() {
+    let verdict = ReturnVerdict { chosen: 0, ..verdict(&json!([])) };
+    let compares = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(|&setting| setting.to_owned()).collect();
+        let found = advice_on(&verdict, &settings).findings().join("\n");
+        found.contains("Over a random setting")
+    };
+    assert!(!compares(&["a=1"]));
+    assert!(compares(&["a=1", "a=2"]));
 }
 
 #[test]

@@ -1,0 +1,74 @@
+//! What the choice gets beside actions at random, and beside what was recorded.
+
+use calib_base::output::significant;
+use calib_control::{OutlyingMember, RandomActions, RecordedReturn};
+
+use super::{Advice, Vocabulary, amount, interval, more_than_that};
+
+impl Advice<'_> {
+    /// That the choice may get no more than random actions, and what to do: that depends on whether one member is the reason.
+    pub(super) fn random_actions_may_be_as_good(&self, random: f64, promised: f64) -> String {
+        let Vocabulary { steps, runs, members, .. } = self.vocabulary;
+        let beside = self.verdict.random_actions.as_ref();
+        let over = beside.and_then(|beside| beside.over.as_ref()).filter(|over| over.mean > 0.0);
+        let told = format!(
+            "random actions get {} per episode in the models, and the chosen setting gets {}, learning included",
+            significant(random),
+            significant(promised)
+        );
+        let learn = "record more varied actions, sweep settings that explore less,";
+        let Some(around) = over.and_then(|over| over.interval) else {
+            return format!(
+                "{told}: that it learns anything of use is not shown; {learn} or let agents learn for longer ({steps})"
+            );
+        };
+        let chance = format!(
+            "{told}, which could be chance (95 % over blocks of the log: {} to {})",
+            amount(around.low),
+            amount(around.high)
+        );
+        match beside.and_then(|beside| beside.outlying) {
+            Some(OutlyingMember { kind, member, chosen_return }) => format!(
+                "{chance}: without the {} of ensemble member {member}, in which it gets {}, the interval would exclude 0; make more runs ({runs}), or use more \
+                 ensemble members ({members})",
+                kind.name(),
+                significant(chosen_return)
+            ),
+            None => format!(
+                "{chance}; {learn} let agents learn for longer ({steps}), or narrow the interval with more ensemble members ({members})"
+            ),
+        }
+    }
+}
+
+/// What actions at random would get.
+pub(super) fn beside_random_actions(random: &RandomActions) -> String {
+    let over = more_than_that(random.over.as_ref());
+    format!("Random actions get {} in the model.{over}", significant(random.mean_return))
+}
+
+/// What the recorded behaviour got.
+pub(super) fn recorded_episodes(recorded: &RecordedReturn) -> String {
+    let RecordedReturn { mean, interval: around, best, .. } = *recorded;
+    format!(
+        "Recorded episodes: mean return {}{}{}.{}",
+        significant(mean),
+        around.map_or_else(String::new, interval),
+        best.map_or_else(String::new, |best| format!(", at most {}", significant(best))),
+        beyond_whole_episodes(recorded).map_or_else(String::new, |reason| format!(" {reason}"))
+    )
+}
+
+/// Why a mean is beyond every whole episode, where it is. It would look like a mistake without its reason.
+pub(crate) fn beyond_whole_episodes(recorded: &RecordedReturn) -> Option<&'static str> {
+    let RecordedReturn { mean, best, worst, .. } = *recorded;
+    let told = significant(mean);
+    // What is told alike is not beyond.
+    let is_beyond = |whole: f64, is_farther: bool| is_farther && significant(whole) != told;
+    let above = best.is_some_and(|best| is_beyond(best, mean > best));
+    let below = worst.is_some_and(|worst| is_beyond(worst, mean < worst));
+    (above || below).then_some(
+        "The mean is beyond every whole episode, because it counts parts of episodes too: it is the sum of all rewards divided by the number of episodes, \
+         and a part counts there as its share of the timeout.",
+    )
+}
