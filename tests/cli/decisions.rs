@@ -78,6 +78,29 @@ fn an_agent_may_decide_in_every_third_row() {
     assert!(told.contains("`every` is 0, expected from 1 to 1,000,000"), "{told}");
 }
 
+/// Two whole episodes of one step, and two that a missing reward or the end of the log cut short.
+#[test]
+fn an_inspected_mean_beyond_every_whole_episode_has_its_reason() {
+    let place = pump(|row| {
+        let gain = if row == 20 { "" } else { "-1" };
+        let trip = u8::from(row == 1 || row == 3);
+        format!("2024-03-01 00:{row:02}:00,{},{gain},{trip},{}\n", row % 7, (row + 1) % 2)
+    });
+    place.edit("log.csv", "level,pump", "level,gain,trip,pump");
+    let reward = "[{ column = \"pump\", weight = -1 }]";
+    place.edit_study(reward, "\"gain\"\nterminal = \"trip\"");
+    let told = place.calib(&["inspect", "study.toml"]).succeeds();
+    let part = "mean return -13.4. The mean is beyond every whole episode, because it counts parts";
+    assert!(told.contains(part), "{told}");
+    let json = place.calib(&["inspect", "study.toml", "--json"]).json(&[0, 1]);
+    let reason = json["control"]["reward"]["beyond_whole_episodes"].as_str();
+    assert!(reason.is_some_and(|reason| reason.starts_with("The mean is beyond")), "{json}");
+    // Where every episode is whole there is nothing to explain.
+    let short = ["inspect", "study.toml", "--set", "control.timeout=1"];
+    let told = place.calib(&short).succeeds();
+    assert!(told.contains("mean return ") && !told.contains("beyond every whole"), "{told}");
+}
+
 /// The distance from a tag that an operator moves, which stays in the state.
 #[test]
 fn a_set_point_is_a_tag() {

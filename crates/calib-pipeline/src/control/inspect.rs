@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{
+    advice::beyond_whole_episodes,
     described::{ActionLogSummary, described},
     log, show,
 };
@@ -34,28 +35,34 @@ struct RewardSummary {
     largest: f64,
     /// Mean return of recorded episodes, cut after `control.timeout` steps.
     mean_return: f64,
+    /// Why that mean is beyond every whole episode, where it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    beyond_whole_episodes: Option<&'static str>,
 }
 
 impl RewardSummary {
     fn of_log(log: &Decisions, config: &ControlConfig) -> Result<Self, StepError> {
+        let recorded = log.recorded_return(config.timeout.min(config.steps))?;
         let rewards = || log.rewards().iter().copied().map(f64::from);
         Ok(Self {
             mean: log.mean_reward(),
             least: rewards().fold(f64::INFINITY, f64::min),
             largest: rewards().fold(f64::NEG_INFINITY, f64::max),
-            mean_return: log.recorded_return(config.timeout.min(config.steps))?.mean,
+            mean_return: recorded.mean,
+            beyond_whole_episodes: beyond_whole_episodes(&recorded),
         })
     }
 
     /// "reward: mean 1.20, from 0 to 3.00 a step; recorded episodes: mean return 36.0".
     fn line(&self) -> String {
-        let Self { mean, least, largest, mean_return } = self;
+        let Self { mean, least, largest, mean_return, beyond_whole_episodes } = self;
         format!(
-            "reward: mean {}, from {} to {} a step; recorded episodes: mean return {}",
+            "reward: mean {}, from {} to {} a step; recorded episodes: mean return {}{}",
             significant(*mean),
             significant(*least),
             significant(*largest),
-            significant(*mean_return)
+            significant(*mean_return),
+            beyond_whole_episodes.map_or_else(String::new, |reason| format!(". {reason}"))
         )
     }
 }
