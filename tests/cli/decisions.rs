@@ -78,6 +78,26 @@ fn an_agent_may_decide_in_every_third_row() {
     assert!(told.contains("`every` is 0, expected from 1 to 1,000,000"), "{told}");
 }
 
+/// A valve that nobody moves.
+#[test]
+fn a_log_with_one_action_is_refused() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},0.5\n", row % 7));
+    let told = "control.actions: it is pump=0.5 in every row, so there is nothing to choose";
+    for levels in ["control.most_actions=64", "control.levels=3"] {
+        place.calib(&["control", "study.toml", "--set", levels]).fails_with(2, &[told]);
+    }
+    assert!(!place.path().join("study-results/control").exists(), "nothing is begun");
+    let inspected = place.calib(&["inspect", "study.toml"]);
+    let warned = inspected.stderr();
+    assert!(warned.contains(&format!("warning: {told}")), "{warned}");
+    inspected.succeeds_with(&["pump=0.5"]);
+    // It is on in every other row, and so in all in which agents decide.
+    let other = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let told = "it is pump=1 in every row in which agents decide (control.every = 2), so there is nothing to choose";
+    let every = ["control", "study.toml", "--set", "control.every=2"];
+    other.calib(&every).fails_with(2, &[told]);
+}
+
 /// Two whole episodes of one step, and two that a missing reward or the end of the log cut short.
 #[test]
 fn an_inspected_mean_beyond_every_whole_episode_has_its_reason() {

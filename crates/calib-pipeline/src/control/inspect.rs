@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::{
     advice::beyond_whole_episodes,
     described::{ActionLogSummary, described},
-    log, show,
+    log, rare, show,
 };
 
 /// A log of decisions before anything learns from it.
@@ -71,6 +71,9 @@ impl RewardSummary {
 pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<InspectedActions>, StepError> {
     let Some(config) = &job.study().control else { return Ok(None) };
     let log = log::read(job, config, printer)?;
+    if let Some(told) = rare::only_action(&log, config) {
+        printer.warn(&told);
+    }
     let plain = || (Distance::Euclidean, log.decisions.states().clone());
     let (distance, metric) = match config.model.distance {
         Distance::Euclidean => plain(),

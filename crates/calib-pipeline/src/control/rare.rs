@@ -1,6 +1,9 @@
 //! Actions of which a log says little.
 
-use calib_base::output::count;
+use calib_base::{
+    StepError, bail,
+    output::{Printer, count},
+};
 use calib_control::{ControlConfig, LEAST_LEVELS};
 
 use super::log::ActionLog;
@@ -8,9 +11,37 @@ use super::log::ActionLog;
 /// Actions that are named in a warning.
 const NAMED: usize = 3;
 
+/// Refuse a log with one action, and warn of actions that were hardly ever taken.
+pub(super) fn check_actions(
+    log: &ActionLog,
+    config: &ControlConfig,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    if let Some(told) = only_action(log, config) {
+        bail!(told);
+    }
+    if let Some(told) = hardly_taken(log, config) {
+        printer.warn(&told);
+    }
+    Ok(())
+}
+
 /// What is said of actions that were taken in a few steps only, or in none; levels are such actions too. Nothing where there are none.
 pub(crate) fn hardly_taken(log: &ActionLog, config: &ControlConfig) -> Option<String> {
     told(&log.names.actions, &log.decisions.counts(), config)
+}
+
+/// That the log has one action, if so: models then know of no other, and agents have no choice.
+pub(super) fn only_action(log: &ActionLog, config: &ControlConfig) -> Option<String> {
+    let [action] = &log.names.actions[..] else { return None };
+    let rows = match config.every {
+        1 => "every row".to_owned(),
+        every => format!("every row in which agents decide (control.every = {every})"),
+    };
+    Some(format!(
+        "control.actions: it is {action} in {rows}, so there is nothing to choose; name columns that were set to several values, or use a log in \
+         which they were"
+    ))
 }
 
 /// The same of actions with these names, each of which was taken in so many steps.

@@ -45,9 +45,7 @@ pub(crate) fn run(
     let agents = ComparedAgents::of_study(job, config)?;
     let sources = Sources::of(&data_of(job)?)?;
     let log = log::read(job, config, printer)?;
-    if let Some(told) = rare::hardly_taken(&log, config) {
-        printer.warn(&told);
-    }
+    rare::check_actions(&log, config, printer)?;
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
     let kept = if job.policy().redoes() { None } else { files::kept(&directory, &key) };
@@ -202,7 +200,8 @@ fn fits(
     memory::require(
         largest * threads as u64,
         &format!(
-            "an agent of {columns} columns and {actions} actions on each of {threads} threads"
+            "an agent of {columns} columns and {actions} actions for each of {}",
+            counted(threads, "thread")
         ),
         "set control.agent.pairs = false, keep fewer columns with data.include, or use fewer threads (--threads)",
     )?;
