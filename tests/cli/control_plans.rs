@@ -42,6 +42,9 @@ fn a_dry_run_says_what_a_sweep_takes() {
             assert!(told.contains(part), "{part} is missing in {told}");
         }
     }
+    let alone = place.calib(&["control", STUDY, "--dry-run", "--threads", "1"]);
+    let told = alone.stderr();
+    assert!(told.contains("18 of 18, on 1 thread\n") && !told.contains("1 threads"), "{told}");
     let plan = planned(&place, &[]);
     assert_eq!((&plan["runs"], &plan["left"]), (&18.into(), &18.into()), "{plan}");
     let of_memory = |part: &str| plan["memory"][part].as_u64().expect("bytes");

@@ -3,7 +3,7 @@
 use calib_base::{
     StepError, memory,
     outcome::Told,
-    output::{Printer, bytes, count, duration_of_secs},
+    output::{Printer, bytes, count, counted, duration_of_secs},
 };
 use calib_control::{
     ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, off_policy_bytes,
@@ -344,10 +344,11 @@ impl ControlPlan {
     /// Say what will be done, and what it takes.
     pub(super) fn announce(&self, job: &Job, printer: &Printer) {
         let Self { runs, left, threads, disk, .. } = *self;
+        let threads = counted(threads, "thread");
         let share =
             job.policy().share.map_or_else(String::new, |share| format!(" of share {share}"));
         printer.say(&format!(
-            "runs left to make{share}: {} of {}, on {threads} threads",
+            "runs left to make{share}: {} of {}, on {threads}",
             count(left),
             count(runs)
         ));
@@ -355,7 +356,7 @@ impl ControlPlan {
         let disk = format!("up to {} on disk beside the report", bytes(disk));
         let time = if let Some(expected) = &self.expected {
             format!(
-                "expecting about {} on {threads} threads ({})",
+                "expecting about {} on {threads} ({})",
                 duration_of_secs(expected.secs),
                 expected.parts()
             )

@@ -33,12 +33,7 @@ fn lines(proposed: &ProposedStudy) -> [String; 4] {
         })
     });
     let time = match chosen.expected_secs {
-        Some(secs) => format!(
-            "about {} of the {} that were asked for{}",
-            span(secs.round()),
-            span(*within),
-            processors(chosen)
-        ),
+        Some(secs) => format!("{}{}", beside_within(secs, *within), processors(chosen)),
         None => format!("how long they take was not measured in {}", span(*within)),
     };
     [
@@ -61,10 +56,31 @@ fn lines(proposed: &ProposedStudy) -> [String; 4] {
     ]
 }
 
+/// How long a study takes beside the time that was asked for, in seconds.
+pub(super) fn beside_within(secs: f64, within: f64) -> String {
+    let [expected, asked] = [secs.round(), within].map(span);
+    if secs.round() > within {
+        format!("about {expected}, more than the {asked} that were asked for")
+    } else {
+        format!("about {expected} of the {asked} that were asked for")
+    }
+}
+
 /// What is said of the processor time.
 fn processors(chosen: &Chosen) -> String {
     chosen
         .expected_processor_secs
         .map(|secs: f64| format!(" ({} of processor time)", span(secs.round())))
         .unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_study_that_takes_longer_than_was_asked_for_is_said_to() {
+        assert_eq!(beside_within(3.6, 4.0), "about 4 s of the 4 s that were asked for");
+        assert_eq!(beside_within(6.2, 4.0), "about 6 s, more than the 4 s that were asked for");
+    }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use calib_base::{
     StepError,
     log::context::RunContext,
-    output::{bytes, count, duration_of_secs},
+    output::{bytes, count, counted, duration_of_secs},
 };
 use calib_core::{RowIndex, RowStream};
 use calib_model_steps::model::model_files;
@@ -79,9 +79,9 @@ impl Expected {
 
     pub(crate) fn line(&self) -> String {
         format!(
-            "expecting about {} on {} threads ({} passes over the data, {} of processor time); up to {} on disk",
+            "expecting about {} on {} ({} passes over the data, {} of processor time); up to {} on disk",
             duration_of_secs(self.secs),
-            self.threads,
+            counted(self.threads, "thread"),
             count(self.passes),
             duration_of_secs(self.processor_secs),
             bytes(self.disk)

@@ -5,7 +5,7 @@ use std::{cell::RefCell, collections::BTreeSet};
 use calib_agent::{Accelerator, AgentConfig, MOST_TOGETHER, training_bytes};
 use calib_base::{
     StepError, bail, memory,
-    output::{Printer, bytes, count},
+    output::{Printer, bytes, count, counted},
 };
 use calib_data::Dataset;
 use calib_model::ModelFamily;
@@ -258,13 +258,13 @@ impl SweepPlan {
             String::new()
         };
         printer.say(&format!(
-            "{} settings x {} training runs (sensor, environment, run) of {} steps, for {}; {}{runs} left to make on {} threads{shared}",
+            "{} settings x {} training runs (sensor, environment, run) of {} steps, for {}; {}{runs} left to make on {}{shared}",
             self.candidates.len(),
             count(self.units),
             count(self.steps),
             study.sweep.sensors.join(", "),
             if self.left == self.units { "all runs are".to_owned() } else { format!("{} runs are", count(self.left)) },
-            self.threads,
+            counted(self.threads, "thread"),
         ));
         if self.left == 0 {
             return Ok(());

@@ -224,7 +224,8 @@ fn steps_reason(
     };
     warn_of_time(within, tried_secs, secs, printer);
     let [expected, asked] = [secs.round(), within].map(span);
-    format!("about {expected} on this machine, of the {asked} of --within")
+    let beside = if secs.round() > within { "more than the" } else { "of the" };
+    format!("about {expected} on this machine, {beside} {asked} of --within")
 }
 
 /// What a study says of agents that act.

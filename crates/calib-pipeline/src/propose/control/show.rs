@@ -9,7 +9,7 @@ use calib_control::Algorithm;
 use calib_study::shell_words;
 
 use super::{ChosenControl, ProposedControlStudy};
-use crate::control::held;
+use crate::{control::held, propose::show::beside_within};
 
 /// Columns of the state that are named.
 const NAMED: usize = 10;
@@ -88,9 +88,7 @@ fn numbers(chosen: &ChosenControl) -> String {
 fn lines(proposed: &ProposedControlStudy) -> [String; 4] {
     let ProposedControlStudy { chosen, timeout_reason, gamma_reason, runs, within, .. } = proposed;
     let time = match chosen.expected_secs {
-        Some(secs) => {
-            format!("about {} of the {} that were asked for", span(secs.round()), span(*within))
-        }
+        Some(secs) => beside_within(secs, *within),
         None => format!("how long they take was not measured in {}", span(*within)),
     };
     [
