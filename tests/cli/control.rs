@@ -28,10 +28,10 @@ fn a_log_of_decisions_becomes_a_verdict() {
     for part in parts {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
-    // No random episode shows what the models promise.
     let ranks = "Ahead of the default by ";
     assert!(told.contains(ranks), "{ranks} is missing in {told}");
     assert_eq!(told.matches("Intervals over 3 blocks of the log are weak").count(), 1, "{told}");
+    // No random episode shows what the models promise.
     let part = "no recorded episode got more than";
     assert!(ran.stderr().contains(part), "{part} is missing in {}", ran.stderr());
     let results = "pole/study-results/control";
