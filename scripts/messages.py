@@ -27,13 +27,16 @@ def sources() -> str:
 def is_printed(message: str, source: str) -> bool:
     """Whether some run of its words is in the sources."""
     words = message.split()
-    longest = 0
+    least = min(SHORTEST, 0.35 * len(message))
     for first in range(len(words)):
         for last in range(first + 1, len(words) + 1):
             part = " ".join(words[first:last])
-            if len(part) > longest and part in source:
-                longest = len(part)
-    return longest >= min(SHORTEST, 0.35 * len(message))
+            if len(part) >= least:
+                # No longer run is there if this one is not.
+                if part in source:
+                    return True
+                break
+    return False
 
 
 def main() -> None:
