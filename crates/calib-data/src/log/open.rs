@@ -17,7 +17,7 @@ use super::{
     head::{Head, HeadColumn},
     long::{stream_annotated, stream_parquet, stream_text},
     series::Sink,
-    shape::{Recognised, Roles, recognise, time_column},
+    shape::{Recognised, Roles, recognise, roles_of_files, time_column},
     shared_times::{self, SharedTimes},
     source::{self, PartitionedFile},
     times,
@@ -77,15 +77,31 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
         if without_times { Recognised::Wide } else { recognise(&heads, &times, data)? };
     let notations = match recognised {
         Recognised::Annotated => Vec::new(),
-        _ => notations(&heads, &times, data)?,
+        Recognised::Wide | Recognised::Samples(..) | Recognised::OneColumn(_) => {
+            notations(&heads, &times, data)?
+        }
     };
     let fractions = Fractions::of(&heads, &times, data)?;
     let utc = data.time_zone.is_some() || is_utc(&heads, &times, &notations, data)?;
+    let written = TextRead { notations, fractions };
     let opened = match recognised {
-        Recognised::Wide => tables(heads, times, &TextRead { notations, fractions }, data, monitor),
+        Recognised::Wide => tables(heads, times, &written, data, monitor),
         Recognised::Samples(shape, roles) => {
             refuse_several_plants(&sources)?;
-            samples(shape, &heads, &roles, &TextRead { notations, fractions }, data, monitor)
+            samples(shape, &heads, &roles, &written, data, monitor)
+        }
+        Recognised::OneColumn(roles) => {
+            let (_, mut sink) = poured(&heads, &roles, &written, data, monitor)?;
+            let several = sink.has_tags_beside_each_other()?;
+            drop(sink);
+            monitor.begin("reading timestamps", sources.len() as u64);
+            if several {
+                refuse_several_plants(&sources)?;
+                let roles = roles_of_files(&heads, &times, data)?;
+                samples(Shape::FilePerTag, &heads, &roles, &written, data, monitor)
+            } else {
+                tables(heads, times, &written, data, monitor)
+            }
         }
         Recognised::Annotated => {
             let mut sink = Sink::new(Store::new(data)?);
@@ -301,6 +317,18 @@ fn samples(
     data: &DataConfig,
     monitor: &dyn Monitor,
 ) -> Result<Opened, DataError> {
+    let (files, sink) = poured(heads, roles, written, data, monitor)?;
+    Ok(Opened::Samples(shape, files, sink))
+}
+
+/// The samples of all files, by their tags.
+fn poured(
+    heads: &[Head],
+    roles: &[Roles],
+    written: &TextRead,
+    data: &DataConfig,
+    monitor: &dyn Monitor,
+) -> Result<(Vec<FileSummary>, Sink), DataError> {
     let mut sink = Sink::new(written.store(data)?);
     let mut files = Vec::with_capacity(heads.len());
     for ((head, roles), notation) in heads.iter().zip(roles).zip(&written.notations) {
@@ -317,7 +345,7 @@ fn samples(
         monitor.advance(1);
     }
     sink.store.bad_rows.refuse(sink.rows, data)?;
-    Ok(Opened::Samples(shape, files, sink))
+    Ok((files, sink))
 }
 
 fn summary(head: &Head, rows: usize) -> FileSummary {

@@ -125,6 +125,25 @@ impl Sink {
         mixed(self.sides.iter().map(|(tag, sides)| (self.tags[*tag].name.as_str(), sides)))
     }
 
+    /// Whether two tags were recorded at the same time, and not by one sensor: of tags in the order in which they begin, each is compared with
+    /// the one before it that ends last.
+    pub(super) fn has_tags_beside_each_other(&mut self) -> Result<bool, DataError> {
+        self.flush()?;
+        let mut order: Vec<&Tag> = self.tags.iter().filter(|tag| !tag.pieces.is_empty()).collect();
+        order.sort_by_key(|tag| tag.first);
+        let mut order = order.into_iter();
+        let Some(mut longest) = order.next() else { return Ok(false) };
+        for tag in order {
+            if longest.is_beside(tag) && !are_of_one_sensor(longest, tag, &self.store)? {
+                return Ok(true);
+            }
+            if tag.last > longest.last {
+                longest = tag;
+            }
+        }
+        Ok(false)
+    }
+
     fn flush(&mut self) -> Result<(), DataError> {
         for tag in self.tags.iter_mut().filter(|tag| !tag.times.is_empty()) {
             let at = self.store.spill.append(bytemuck::cast_slice(&tag.times))?;
@@ -163,7 +182,65 @@ pub(crate) struct Series {
     pub(crate) tags: Vec<Tag>,
 }
 
+/// Two tags are recorded at the same time if they share this part of the shorter one's time: exports that follow one another may overlap a
+/// little. Our choice, as the next two are.
+const BESIDE: f64 = 0.5;
+/// Two exports of one sensor share this part of their times, and agree in this part of the shared ones.
+const SHARED: f64 = 0.5;
+const AGREE: f64 = 0.9;
+
+/// Whether two files of the same time are exports of one sensor: it has the same values at the same times.
+fn are_of_one_sensor(one: &Tag, other: &Tag, store: &Store) -> Result<bool, DataError> {
+    let window = one.first.max(other.first)..one.last.min(other.last).saturating_add(1);
+    let (times, cells) = one.samples(&window, store)?;
+    let (other_times, other_cells) = other.samples(&window, store)?;
+    let fewer = times.len().min(other_times.len());
+    let mut others = other_times.into_iter().zip(other_cells).peekable();
+    let (mut shared, mut agree) = (0_usize, 0_usize);
+    for (time, cell) in times.into_iter().zip(cells) {
+        while others.next_if(|(other, _)| *other < time).is_some() {}
+        if let Some((_, other)) = others.next_if(|(other, _)| *other == time) {
+            shared += 1;
+            agree += usize::from(other == cell);
+        }
+    }
+    Ok(shared > 0
+        && shared as f64 >= SHARED * fewer as f64
+        && agree as f64 >= AGREE * shared as f64)
+}
+
 impl Tag {
+    /// Whether it was recorded at the same time as `later`, which does not begin before it.
+    fn is_beside(&self, later: &Self) -> bool {
+        let shorter = (self.last - self.first).min(later.last - later.first);
+        let shared = self.last.min(later.last) - later.first;
+        shared > 0 && shared as f64 >= BESIDE * shorter as f64
+    }
+
+    /// Its samples inside `window`, in order of time, and of arrival where times are equal.
+    fn samples(
+        &self,
+        window: &Range<i64>,
+        store: &Store,
+    ) -> Result<(Vec<i64>, Vec<u64>), DataError> {
+        let count = self.pieces.iter().map(|(_, count)| count).sum();
+        let mut times: Vec<i64> = Vec::with_capacity(count);
+        let mut cells: Vec<u64> = Vec::with_capacity(count);
+        for &(at, count) in &self.pieces {
+            times.extend(bytemuck::cast_slice::<u64, i64>(&store.read(at, count)?));
+            cells.extend(store.read(at + (count * size_of::<i64>()) as u64, count)?);
+        }
+        if !times.is_sorted() {
+            let mut order: Vec<usize> = (0..times.len()).collect();
+            order.sort_by_key(|&sample| times[sample]);
+            times = order.iter().map(|&sample| times[sample]).collect();
+            cells = order.into_iter().map(|sample| cells[sample]).collect();
+        }
+        let from = times.partition_point(|&time| time < window.start);
+        let to = times.partition_point(|&time| time < window.end).max(from);
+        Ok((times[from..to].to_vec(), cells[from..to].to_vec()))
+    }
+
     pub(crate) fn type_name(&self) -> &'static str {
         if self.has_words && !self.has_numbers { "text" } else { "numbers" }
     }
@@ -188,23 +265,7 @@ impl Series {
         tag: usize,
         window: &Range<i64>,
     ) -> Result<(Vec<i64>, Vec<u64>), DataError> {
-        let tag = &self.tags[tag];
-        let count = tag.pieces.iter().map(|(_, count)| count).sum();
-        let mut times: Vec<i64> = Vec::with_capacity(count);
-        let mut cells: Vec<u64> = Vec::with_capacity(count);
-        for &(at, count) in &tag.pieces {
-            times.extend(bytemuck::cast_slice::<u64, i64>(&self.store.read(at, count)?));
-            cells.extend(self.store.read(at + (count * size_of::<i64>()) as u64, count)?);
-        }
-        if !times.is_sorted() {
-            let mut order: Vec<usize> = (0..times.len()).collect();
-            order.sort_by_key(|&sample| times[sample]);
-            times = order.iter().map(|&sample| times[sample]).collect();
-            cells = order.into_iter().map(|sample| cells[sample]).collect();
-        }
-        let from = times.partition_point(|&time| time < window.start);
-        let to = times.partition_point(|&time| time < window.end).max(from);
-        Ok((times[from..to].to_vec(), cells[from..to].to_vec()))
+        self.tags[tag].samples(window, &self.store)
     }
 
     /// Every instant inside `window` at which any tag has a sample, once and in order.

@@ -39,6 +39,9 @@ pub(crate) enum Recognised {
     Wide,
     /// For each file.
     Samples(Shape, Vec<Roles>),
+    /// Files of one column of values each, all of the same name: of a tag each if they were recorded at the same time, as
+    /// `Samples` would read them without their quality, and else wide tables that follow one another.
+    OneColumn(Vec<Roles>),
     Annotated,
 }
 
@@ -79,6 +82,19 @@ pub(crate) fn recognise(
         Quality::agree(qualities.map(|(_, quality)| quality));
     }
     Ok(recognised)
+}
+
+/// What the columns are of files of a tag each.
+pub(crate) fn roles_of_files(
+    heads: &[Head],
+    times: &[usize],
+    data: &DataConfig,
+) -> Result<Vec<Roles>, DataError> {
+    let asked = DataConfig { shape: Some(Shape::FilePerTag), ..data.clone() };
+    match recognise(heads, times, &asked)? {
+        Recognised::Samples(_, roles) | Recognised::OneColumn(roles) => Ok(roles),
+        Recognised::Wide | Recognised::Annotated => Ok(Vec::new()),
+    }
 }
 
 /// What the files are, each by its own first rows.
@@ -289,11 +305,15 @@ fn file_per_tag(
     };
     let columns: BTreeSet<&str> = files.iter().map(|file| file.name.as_str()).collect();
     let stems: Vec<String> = heads.iter().map(|head| tag_of_path(head.path())).collect();
-    let by_file = files.iter().all(|file| VALUES.contains(&plain(&file.name).as_str()));
-    let one_sensor = !by_file && columns.len() == 1;
-    let cut_by_date = by_file && stems.iter().all(String::is_empty);
-    if !is_asked && (files.len() < 2 || one_sensor || cut_by_date) {
+    let have_one_name = columns.len() == 1;
+    let by_file = files.iter().all(|file| VALUES.contains(&plain(&file.name).as_str()))
+        || have_one_name && (is_asked || data.value.is_some() && !data.file_as_prefix);
+    let cut_by_date = (by_file || have_one_name) && stems.iter().all(String::is_empty);
+    if !is_asked && (files.len() < 2 || cut_by_date) {
         return Ok(Recognised::Wide);
+    }
+    if have_one_name && !by_file {
+        return Ok(one_column(times, stems, &files, data));
     }
     let mut roles = Vec::with_capacity(files.len());
     for (((head, &time), stem), file) in heads.iter().zip(times).zip(stems).zip(files) {
@@ -303,6 +323,25 @@ fn file_per_tag(
         roles.push(Roles { time, tag: TagOf::File(tag), values, quality, sides: Vec::new() });
     }
     Ok(Recognised::Samples(Shape::FilePerTag, roles))
+}
+
+/// What files are whose only columns of values have one name, which says nothing: only their times tell.
+fn one_column(
+    times: &[usize],
+    stems: Vec<String>,
+    files: &[Single],
+    data: &DataConfig,
+) -> Recognised {
+    let differ = stems.iter().any(|stem| *stem != stems[0]);
+    if data.file_as_prefix || !differ || stems.iter().any(String::is_empty) {
+        return Recognised::Wide;
+    }
+    let mut roles = Vec::with_capacity(files.len());
+    for ((&time, stem), file) in times.iter().zip(stems).zip(files) {
+        let (tag, values) = (TagOf::File(stem), vec![file.value]);
+        roles.push(Roles { time, tag, values, quality: None, sides: Vec::new() });
+    }
+    Recognised::OneColumn(roles)
 }
 
 /// The only column of values beside the time, quality and what is about them.
