@@ -35,7 +35,7 @@ pub enum Decimal {
 pub(crate) enum Sign {
     Point,
     Comma,
-    /// `1,234`: a fraction or a thousand.
+    /// `1,234`: a fraction or a thousand. `1.234` is one only beside others ([`may_be_thousands`]).
     Either,
     /// A whole number, or none.
     Nothing,
@@ -59,6 +59,12 @@ struct Shown {
     path: PathBuf,
 }
 
+impl Shown {
+    fn of(cell: &str, path: &Path) -> Self {
+        Self { cell: cell.trim().to_owned(), path: path.to_owned() }
+    }
+}
+
 impl Signs {
     /// Whether a cell may say something that cells of numbers with this sign have not.
     pub fn may_tell(cell: &str, decimal: Decimal) -> bool {
@@ -77,7 +83,20 @@ impl Signs {
             Sign::Either => &mut self.either,
             Sign::Nothing => return,
         };
-        seen.get_or_insert_with(|| Shown { cell: cell.trim().to_owned(), path: path.to_owned() });
+        seen.get_or_insert_with(|| Shown::of(cell, path));
+    }
+
+    /// Take note of the cells of a column of the file at `path`, which may have points between thousands where `semicolons` separate cells:
+    /// so do programs for which the comma is the sign of fractions.
+    pub(crate) fn note_column(&mut self, cells: &[&str], semicolons: bool, path: &Path) {
+        let are_open = semicolons && may_be_thousands(cells);
+        for cell in cells {
+            if are_open && sign_of(cell.trim()) == Sign::Point {
+                self.either.get_or_insert_with(|| Shown::of(cell, path));
+            } else {
+                self.note(cell, path);
+            }
+        }
     }
 
     /// Take note of what was seen later.
@@ -166,9 +185,23 @@ pub fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
 
 /// What to say of a number that can be read in two ways.
 pub fn either_way(cell: &str) -> String {
+    let (sign, other) = if cell.contains(',') { (',', '.') } else { ('.', ',') };
     format!(
-        "{cell} is a fraction if data.decimal = \",\" and above a thousand if data.decimal = \".\": say which is meant"
+        "{cell} is a fraction if data.decimal = \"{sign}\" and above a thousand if data.decimal = \"{other}\": say which is meant"
     )
+}
+
+/// Whether the cells of a column may be whole numbers with points between thousands: all points are where those would be, and numbers of
+/// three digits have none.
+fn may_be_thousands(cells: &[&str]) -> bool {
+    let is_pointed = |cell: &&&str| cell.contains('.') && (is_finite(cell) || grouped(cell, '.'));
+    cells.iter().any(|cell| is_pointed(&cell))
+        && cells.iter().filter(is_pointed).all(|cell| grouped(cell, '.'))
+        && cells.iter().any(|cell| {
+            let digits = cell.trim_start_matches('-');
+            digits.len() == 3 && are_digits(digits)
+        })
+        && !cells.iter().any(|cell| cell.contains(','))
 }
 
 /// What `text` says about the decimal sign.
@@ -394,6 +427,37 @@ mod tests {
         assert!(files.contains("it has 1.310 and a.csv has 1.210,5"), "{files}");
         let one = told(&["1,5", "7", "2.5"]).expect_err("asked");
         assert!(one.contains("it has 2.5 and 1,5: say with data.decimal"), "{one}");
+    }
+
+    /// The decimal sign of a file whose columns have these cells.
+    fn told_by_columns(columns: &[&[&str]], semicolons: bool) -> Result<Decimal, String> {
+        let mut signs = Signs::default();
+        for cells in columns {
+            signs.note_column(cells, semicolons, Path::new("a.csv"));
+        }
+        signs.decimal().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn points_that_may_be_of_thousands_are_asked_about() {
+        let flow: &[&str] = &["1.001", "999", "12.500", "n.a."];
+        let asked = told_by_columns(&[flow, &["434"]], true).expect_err("asked");
+        let told = "1.001 is a fraction if data.decimal = \".\" and above a thousand if data.decimal = \",\"";
+        assert!(asked.contains(told), "{asked}");
+        assert_eq!(told_by_columns(&[flow, &["434,5"]], true), Ok(Decimal::Comma));
+        assert_eq!(told_by_columns(&[flow, &["434.5"]], true), Ok(Decimal::Point));
+        assert_eq!(told_by_columns(&[flow], false), Ok(Decimal::Point), "commas separate cells");
+        for fractions in [
+            ["1.001", "999.5", "999"],
+            ["0.123", "1.250", "120"],
+            ["1.001", "1.002", "12"],
+            ["1.00", "1.001", "999"],
+        ] {
+            assert_eq!(told_by_columns(&[&fractions], true), Ok(Decimal::Point), "{fractions:?}");
+        }
+        // Two points are of no fraction, whatever stands beside them.
+        let millions: &[&str] = &["1.234.567", "1.001", "999"];
+        assert_eq!(told_by_columns(&[millions], true), Ok(Decimal::Comma));
     }
 
     #[test]

@@ -265,8 +265,7 @@ fn files_that_follow_one_another_are_of_one_tag_unless_the_study_says_otherwise(
     ];
     for data in asked {
         let found = profile(&data);
-        let names: Vec<&str> =
-            found.channels.iter().map(|channel| channel.name.as_str()).collect();
+        let names: Vec<&str> = found.channels.iter().map(|channel| channel.name.as_str()).collect();
         assert_eq!(names, ["export 1", "export 2", "export 3"]);
         assert_eq!(found.shape, Shape::FilePerTag);
     }

@@ -82,6 +82,38 @@ fn the_decimal_sign_is_that_of_the_whole_log() {
 }
 
 #[test]
+fn points_of_thousands_are_asked_about_as_commas_are() {
+    let rows = ["999;434", "1.000;434", "1.001;435", "998;433"];
+    let text = |separator: &str| -> String {
+        let rows: Vec<String> = rows
+            .iter()
+            .enumerate()
+            .map(|(minute, row)| format!("2024-03-11 00:{minute:02}:00;{row}\n"))
+            .collect();
+        format!("Zeit;Q;P\n{}", rows.concat()).replace(';', separator)
+    };
+    let folder = Folder::of_text("a.csv", &text(";"));
+    assert_refused(
+        &folder.data(),
+        &[
+            "1.000 is a fraction if data.decimal = \".\" and above a thousand if data.decimal = \",\"",
+        ],
+    );
+    for (sign, expected) in
+        [(',', [999.0, 1_000.0, 1_001.0, 998.0]), ('.', [999.0, 1.0, 1.001, 998.0])]
+    {
+        let data = DataConfig { decimal: Some(sign), ..folder.data() };
+        let dataset = load_with(&data, &PreprocessConfig::default());
+        // The states are f32.
+        for (value, expected) in train_values(&dataset, "Q").into_iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-2, "{value} for {expected}");
+        }
+    }
+    let comma = Folder::of_text("a.csv", &text(","));
+    assert_eq!(train_values(&comma.load(), "P"), [434.0, 434.0, 435.0, 433.0]);
+}
+
+#[test]
 fn a_notation_that_two_files_contradict_is_not_guessed() {
     let folder = Folder::of_text("a.csv", "time,a\n13/04/2024 10:00,1\n14/04/2024 10:00,2\n");
     folder.write_file("b.csv", "time,a\n04/15/2024 10:00,3\n04/16/2024 10:00,4\n");
