@@ -7,6 +7,7 @@ mod cause;
 mod clock;
 mod clock_resets;
 mod column_aliases;
+mod column_pairs;
 mod columns;
 mod dedup;
 mod entries;

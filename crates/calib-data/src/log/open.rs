@@ -12,6 +12,7 @@ use super::{
     FileSummary,
     bad_rows::BadRowsFound,
     clock::{Clock, Fractions, notations},
+    column_pairs::refuse_pairs,
     columns::{Imported, Store, Stored, import},
     file::{Field, FieldKind, LogFile},
     head::{Head, HeadColumn},
@@ -75,6 +76,9 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
     let without_times = (0..heads.len()).any(|at| has_no_times(&heads[at], times[at]));
     let recognised =
         if without_times { Recognised::Wide } else { recognise(&heads, &times, data)? };
+    if matches!(recognised, Recognised::Wide) {
+        heads.iter().try_for_each(|head| refuse_pairs(head, data))?;
+    }
     let notations = match recognised {
         Recognised::Annotated => Vec::new(),
         Recognised::Wide | Recognised::Samples(..) | Recognised::OneColumn(_) => {
@@ -149,6 +153,10 @@ fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, Dat
         return Ok(names.iter().map(Vec::len).collect());
     }
     let others = found.iter().flatten().count();
+    if is_default {
+        let without = heads.iter().zip(&found).filter(|(_, found)| found.is_none());
+        without.map(|(head, _)| head).try_for_each(|head| refuse_pairs(head, data))?;
+    }
     let mut times = Vec::with_capacity(heads.len());
     for (head, found) in heads.iter_mut().zip(found) {
         let time = found.ok_or_else(|| times::no_timestamp(head, others, data))?;

@@ -206,7 +206,7 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
     unnamed_roles(head, &columns, time)
 }
 
-fn names_tags(column: &HeadColumn) -> bool {
+pub(super) fn names_tags(column: &HeadColumn) -> bool {
     let name = plain(&column.name);
     let known = TAGS.contains(&name.as_str());
     known && (column.kind == FieldKind::Text || name.ends_with("id"))

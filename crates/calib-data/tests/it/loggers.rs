@@ -401,6 +401,55 @@ fn rows_whose_seconds_were_lost_are_spread() {
     assert_refused(&data, &["contradict each other in 1 values"]);
 }
 
+/// Trends as a spreadsheet has them, each with its times beside it: P is recorded five hours after Q.
+fn pairs(header: &str) -> String {
+    let mut text = format!("{header}\n");
+    for minute in 0..30 {
+        writeln!(
+            text,
+            "2024-03-11 00:{minute:02}:00,{:.2},2024-03-11 05:{minute:02}:00,{:.2}",
+            wave(minute, 9.0, 110.0, 130.0),
+            wave(minute, 7.0, 400.0, 440.0)
+        )
+        .expect("memory");
+    }
+    text
+}
+
+#[test]
+fn pairs_of_times_and_values_are_refused_with_what_to_do() {
+    for (header, first, next) in [
+        ("Time Q,Q,Time P,P", "Time Q", "Time P"),
+        ("Time,Q,Time P,P", "Time", "Time P"),
+        ("Zeit,Q,Zeit P,P", "Zeit", "Zeit P"),
+    ] {
+        let folder = Folder::of_text("trends.csv", &pairs(header));
+        let parts = [
+            format!("times in {first:?} and, after a column of values, times again in {next:?}"),
+            "Write a file for each pair of columns".to_owned(),
+        ];
+        let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+        let data = folder.data();
+        assert_refused(&data, &parts);
+        // The advice to name one of them is not followed in silence.
+        let named = DataConfig { timestamp: first.to_owned(), ..data };
+        assert_refused(&named, &parts);
+        let excluded = DataConfig { exclude: vec![next.to_owned()], ..named };
+        let found = profile(&excluded);
+        assert_eq!(kept(&found), ["Q", "P"]);
+    }
+    // A time at the end of a row is of no pair.
+    let text: String = pairs("Time,Q,Stored,P")
+        .lines()
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            format!("{},{},{},{}\n", cells[0], cells[1], cells[3], cells[2])
+        })
+        .collect();
+    let found = Folder::of_text("a.csv", &text).inspect();
+    assert_eq!(kept(&found), ["Q", "P"]);
+}
+
 /// A long table of a room in which two devices measure the same, ten times each.
 #[test]
 fn tags_of_several_devices_are_told() {
