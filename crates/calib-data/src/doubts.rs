@@ -3,7 +3,7 @@
 use calib_core::Timestamp;
 use calib_text::format_time;
 
-use crate::{BridgedStops, FarOut, Profile, Sentinel};
+use crate::{BridgedStops, FarOut, Profile, Sentinel, Shape, Sketch};
 
 /// So many widths of the training range beyond it are no state of a plant. Our choice.
 const ABSURD: f64 = 1_000.0;
@@ -47,6 +47,39 @@ pub fn contradicted_period(period_secs: f64, recorded_secs: f64) -> String {
     )
 }
 
+/// What is said of so many tags of which each has times of its own.
+pub fn own_times(tags: usize) -> String {
+    format!(
+        "most rows have a value of only one of {tags} tags, because each has times of its own: put them on one clock with data.resample, data.period_secs and \
+         data.max_age_secs, such as --set data.resample=last --set data.period_secs=60 --set data.max_age_secs=600"
+    )
+}
+
+/// How many tags there are, if most of so many rows have a value of only one of them. `present` is how many rows each has a value in; every row has
+/// one at least.
+fn with_own_times(present: impl Iterator<Item = f64>, rows: f64) -> Option<usize> {
+    let (mut tags, mut values) = (0, 0.0);
+    for present in present.filter(|present| *present > 0.0) {
+        tags += 1;
+        values += present;
+    }
+    (tags > 1 && 2.0 * values < 3.0 * rows).then_some(tags)
+}
+
+impl Sketch {
+    /// How many tags there are, if each was recorded at times of its own; `None` if not.
+    pub fn tags_with_own_times(&self) -> Option<usize> {
+        if self.shape == Shape::Wide {
+            return None;
+        }
+        let present = self.channels.iter().map(|channel| {
+            let bins = self.bins.iter().zip(&channel.present);
+            bins.map(|(bin, present)| bin.len() as f64 * present).sum::<f64>()
+        });
+        with_own_times(present, self.timestamps.len() as f64)
+    }
+}
+
 /// What is said of a log without times.
 pub fn without_times(period_secs: f64, files: usize) -> String {
     let between = if files > 1 { ", with a gap before each further file" } else { "" };
@@ -57,6 +90,16 @@ pub fn without_times(period_secs: f64, files: usize) -> String {
 }
 
 impl Profile {
+    /// How many tags there are, if each was recorded at times of its own; `None` if not.
+    fn tags_with_own_times(&self) -> Option<usize> {
+        if self.shape == Shape::Wide {
+            return None;
+        }
+        let known = self.channels.iter().filter(|channel| channel.values.is_some());
+        let present = known.map(|channel| self.rows.saturating_sub(channel.missing) as f64);
+        with_own_times(present, self.rows as f64)
+    }
+
     /// What in the log's clock is probably not as meant, in sentences; empty for a good log.
     ///
     /// A given period that most steps contradict makes segments of one row or runs rows together,
@@ -68,11 +111,14 @@ impl Profile {
         let steps = self.rows.saturating_sub(1);
         let mut doubts = self.read_as.clone();
         let remedy = if self.period_was_detected { "set" } else { "correct or remove" };
-        doubts.extend(match self.recorded_period_secs {
-            Some(recorded) => Some(contradicted_period(self.period_secs, recorded)),
-            None => many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""),
+        let tags = self.tags_with_own_times();
+        doubts.extend(match (tags, self.recorded_period_secs) {
+            (Some(tags), _) => Some(own_times(tags)),
+            (None, Some(recorded)) => Some(contradicted_period(self.period_secs, recorded)),
+            (None, None) => many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""),
         });
-        if self.recorded_period_secs.is_none() && self.short_steps * 2 > steps {
+        let is_told = tags.is_some() || self.recorded_period_secs.is_some();
+        if !is_told && self.short_steps * 2 > steps {
             doubts.push(format!(
                 "{} of {steps} steps in time are shorter than the sample period of {} s, and they count as whole samples: {remedy} data.period_secs",
                 self.short_steps, self.period_secs,

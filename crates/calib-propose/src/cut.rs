@@ -37,7 +37,8 @@ impl Cut {
         let times = &sketch.timestamps[scope.rows.clone()];
         let rows = times.len();
         if rows < LEAST {
-            return Err(ProposeError::TooShort { rows, least: LEAST });
+            let have_own_times = sketch.tags_with_own_times().is_some();
+            return Err(ProposeError::TooShort { rows, least: LEAST, have_own_times });
         }
         let at = |share: f64| (share * rows as f64) as usize;
         let aim = at(1.0 - HELD_OUT);

@@ -56,12 +56,19 @@ pub enum ProposeError {
     },
     /// There is too little.
     #[error(
-        "the log has {rows} rows that could be used, and a study wants {least} at least; export a longer stretch, or at a shorter period"
+        "the log has {rows} rows that could be used, and a study wants {least} at least; {}",
+        if *have_own_times {
+            "its tags have times of their own: put them on one clock with data.resample, data.period_secs and data.max_age_secs"
+        } else {
+            "export a longer stretch, or at a shorter period"
+        }
     )]
     TooShort {
         /// Usable rows.
         rows: usize,
         /// The fewest.
         least: usize,
+        /// Whether most rows have a value of only one of several tags.
+        have_own_times: bool,
     },
 }

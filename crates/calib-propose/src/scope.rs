@@ -193,7 +193,10 @@ fn nothing(sketch: &Sketch) -> ProposeError {
         .find_map(|channel| unusable(channel).map(|why| format!("{} {why}", channel.name)));
     let said = match (sketch.channels.first(), of_no_use) {
         (None, _) => "there is none".to_owned(),
-        (Some(_), _) if rows < LEAST => return ProposeError::TooShort { rows, least: LEAST },
+        (Some(_), _) if rows < LEAST => {
+            let have_own_times = sketch.tags_with_own_times().is_some();
+            return ProposeError::TooShort { rows, least: LEAST, have_own_times };
+        }
         (Some(_), Some(said)) => said,
         (Some(channel), None) => {
             let missing = 1.0 - share(channel, &(0..sketch.bins.len()));
@@ -277,7 +280,20 @@ mod tests {
     #[test]
     fn why_nothing_can_be_used_is_told_of_the_right_channel() {
         let short = refused(2, "A", wave(40.0));
-        assert_eq!(short, ProposeError::TooShort { rows: 2, least: LEAST });
+        let expected = ProposeError::TooShort { rows: 2, least: LEAST, have_own_times: false };
+        assert_eq!(short, expected);
+        // The same rows of two tags that were never recorded together.
+        let alternately: [(&str, Channel); 2] = [
+            ("A", Box::new(|row| if row % 3 == 0 { f64::NAN } else { row as f64 % 7.0 })),
+            ("B", Box::new(|row| if row % 3 == 0 { row as f64 % 5.0 } else { f64::NAN })),
+        ];
+        let mut log = sketch(200, &alternately);
+        log.shape = calib_data::Shape::Long;
+        let told = Scope::of(&log).expect_err("too short").to_string();
+        assert!(
+            told.ends_with("with data.resample, data.period_secs and data.max_age_secs"),
+            "{told}"
+        );
         let empty = refused(640, "holes", Box::new(|_| f64::NAN));
         assert!(empty.to_string().contains("used: holes has no numbers"), "{empty}");
         let seldom = refused(640, "A", Box::new(|row| [f64::NAN, 1.0, 2.0][row % 3]));

@@ -428,6 +428,37 @@ fn samples_of(times: [i64; 7], tags: [(&str, [f64; 7]); 2]) -> Folder {
 }
 
 #[test]
+fn tags_with_times_of_their_own_are_told_how_to_share_a_clock() {
+    let mut rows = String::from("tag,time,value\n");
+    for row in 0..200_i64 {
+        // FIT1 is recorded three times as often, and not evenly.
+        let (tag, second) =
+            if row % 4 == 3 { ("AIT2", 60 * row + 17) } else { ("FIT1", 60 * row + 7 * (row % 5)) };
+        writeln!(rows, "{tag},{},{}", 1_704_067_200 + second, row % 9).expect("memory");
+    }
+    let folder = Folder::of_text("a.csv", &rows);
+    for period_secs in [None, Some(60.0)] {
+        let data = DataConfig { period_secs, ..folder.data() };
+        let [told] = &profile(&data).clock_doubts()[..] else { panic!("one doubt") };
+        let expected = "only one of 2 tags, because each has times of its own: put them on one clock with data.resample, data.period_secs and data.max_age_secs";
+        assert!(told.contains(expected), "{told}");
+    }
+    let data = DataConfig {
+        resample: Some(Resample::Last),
+        period_secs: Some(60.0),
+        max_age_secs: Some(MaxAge::All(600.0)),
+        ..folder.data()
+    };
+    let found = profile(&data);
+    assert_eq!((found.clock_doubts(), found.kept().count()), (Vec::new(), 2));
+    // Tags that are recorded together are not told so, and what a wide log misses is another matter.
+    let again: Vec<&str> = rows.lines().skip(1).collect();
+    let others = again.join("\n").replace("FIT1", "other").replace("AIT2", "FIT1");
+    let together = rows + &others.replace("other", "AIT2");
+    assert_eq!(Folder::of_text("a.csv", &together).inspect().clock_doubts().len(), 0);
+}
+
+#[test]
 fn changes_are_resampled_to_a_clock() {
     let times = [0, 3, 10, 25, 31, 60, 61];
     let a = [1.0, NAN, 2.0, 3.0, NAN, 4.0, NAN];

@@ -112,7 +112,11 @@ impl ExaminedLog {
     pub(super) fn at(args: &ProposeOptions, printer: &Printer) -> Result<Self, StepError> {
         let SketchedLog { sketch, sentinels, angles, clock, read } =
             SketchedLog::at(args, |_| true, printer)?;
-        if let Some(doubt) = interleaved(&sketch) {
+        let doubt = match sketch.tags_with_own_times() {
+            Some(tags) => Some(calib_data::own_times(tags)),
+            None => interleaved(&sketch),
+        };
+        if let Some(doubt) = doubt {
             printer.warn(&doubt);
         }
         let wanted = named(&args.sensors, &sketch)?;
