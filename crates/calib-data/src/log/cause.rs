@@ -57,6 +57,12 @@ impl ContradictionCause {
     /// What to do about contradictions with this cause.
     pub(crate) fn remedy(cause: Option<&Self>) -> String {
         match cause {
+            Some(Self::Column { column, values }) if TAGS.contains(&plain(column).as_str()) => format!(
+                "They are of {} different {column:?} ({}): if these are tags, the log is a long table: set data.tag = {column:?}, data.value to the column of their \
+                 values and, if there is one, data.quality to that of their quality. If they are of different plants, choose one with data.where",
+                values.len(),
+                named(values)
+            ),
             Some(Self::Column { column, values }) => format!(
                 "They are of {} different {column:?} ({}): choose one with data.where, on the command line as --set 'data.where={{ {column:?} = {:?} }}'",
                 values.len(),

@@ -46,6 +46,9 @@ pub(super) const VALUES: [&str; 15] = [
     "stringvalue",
     "vvalue",
 ];
+/// The same in other languages, which count beside a column of tags only.
+pub(super) const FOREIGN_VALUES: [&str; 6] =
+    ["wert", "messwert", "valeur", "valor", "valore", "waarde"];
 /// Of several, the first here tells best.
 pub(super) const QUALITIES: [&str; 12] = [
     "opcquality",

@@ -6,7 +6,9 @@
 use std::collections::BTreeSet;
 
 use super::{
-    column_aliases::{MODES, ORIGINS, QUALITIES, REMARKS, TAGS, TIMES, VALUES, plain},
+    column_aliases::{
+        FOREIGN_VALUES, MODES, ORIGINS, QUALITIES, REMARKS, TAGS, TIMES, VALUES, plain,
+    },
     file::FieldKind,
     filename_tag::tag_of_path,
     head::{Head, HeadColumn},
@@ -160,7 +162,9 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
     let is = |column: usize, known: &[&str]| known.contains(&plain(&columns[column].name).as_str());
     let values: Vec<usize> = match &data.value {
         Some(name) => vec![named(head, &columns, "value", name)?],
-        None => others().filter(|&column| is(column, &VALUES)).collect(),
+        None => {
+            others().filter(|&column| is(column, &VALUES) || is(column, &FOREIGN_VALUES)).collect()
+        }
     };
     let tag = match &data.tag {
         Some(name) => Some(named(head, &columns, "tag", name)?),

@@ -403,6 +403,38 @@ fn a_long_table_is_never_one_channel() {
 }
 
 #[test]
+fn long_tables_with_headers_of_other_languages_are_read_or_asked_about() {
+    let table = |value: &str| -> String {
+        let mut text = format!("Tag;Zeitstempel;{value};Status\n");
+        for minute in 0..30 {
+            for (tag, level) in [("FIT100", 120), ("PIT300", 434), ("TIT101", 20)] {
+                let value = level + minute % 7;
+                writeln!(text, "{tag};2024-03-11 00:{minute:02}:00;{value},5;Good")
+                    .expect("memory");
+            }
+        }
+        text
+    };
+    let names = |data: &DataConfig| -> Vec<String> {
+        profile(data).channels.into_iter().map(|channel| channel.name).collect()
+    };
+    let german = Folder::of_text("a.csv", &table("Wert"));
+    assert_eq!(names(&german.data()), ["FIT100", "PIT300", "TIT101"]);
+    // The name of a column that says nothing is asked for.
+    let folder = Folder::of_text("a.csv", &table("Ablesung"));
+    assert_refused(
+        &folder.data(),
+        &["They are of 3 different \"Tag\"", "data.tag = \"Tag\", data.value to", "data.quality"],
+    );
+    let data = DataConfig {
+        tag: Some("Tag".to_owned()),
+        value: Some("Ablesung".to_owned()),
+        ..folder.data()
+    };
+    assert_eq!(names(&data), ["FIT100", "PIT300", "TIT101"]);
+}
+
+#[test]
 fn tags_may_be_numbers() {
     let folder = Folder::of_text(
         "sqlt_data_1_2024_03.csv",
