@@ -26,8 +26,28 @@ pub enum Notation {
 }
 
 impl Notation {
-    /// The instant or wall-clock time that `text` names.
+    /// The instant or wall-clock time that `text` names. A date without a clock, as spreadsheets write midnight, is its midnight, and 24:00 that
+    /// of the next day.
     pub fn read(&self, text: &str) -> Option<ParsedTime> {
+        self.read_clock(text).or_else(|| self.read_end_of_day(text)).or_else(|| match self {
+            Self::Pattern(pattern) => read_midnight(pattern, text),
+            Self::Iso | Self::Number(_) => None,
+        })
+    }
+
+    /// Midnight of the day after `text`, if it ends in 24:00.
+    fn read_end_of_day(&self, text: &str) -> Option<ParsedTime> {
+        const DAY: i64 = 86_400_000_000;
+        let at = text.find("24:00").filter(|&at| text[..at].ends_with([' ', 'T']))?;
+        let start = format!("{}00:00{}", &text[..at], &text[at + "24:00".len()..]);
+        match self.read_clock(&start)? {
+            ParsedTime::Wall(micros) if micros % DAY == 0 => Some(ParsedTime::Wall(micros + DAY)),
+            ParsedTime::Wall(_) | ParsedTime::Instant(_) => None,
+        }
+    }
+
+    /// A time with its clock as it is written.
+    fn read_clock(&self, text: &str) -> Option<ParsedTime> {
         match self {
             Self::Iso => parse_stamp(text).or_else(|| {
                 let pieces = Pieces::parse(text).ok()?;
@@ -100,6 +120,15 @@ fn read_pattern(pattern: &str, text: &str) -> Option<ParsedTime> {
         return Some(ParsedTime::Instant(instant));
     }
     Some(ParsedTime::Wall(instant))
+}
+
+/// Midnight of a date without a clock, in a column of times that have both and no zone.
+fn read_midnight(pattern: &str, text: &str) -> Option<ParsedTime> {
+    let clock = pattern.find(" %H").or_else(|| pattern.find(" %I"))?;
+    let (date, rest) = pattern.split_at(clock);
+    (!text.contains(':') && !rest.contains(['z', 'Z', 'U', 'G']))
+        .then(|| read_pattern(date, text))
+        .flatten()
 }
 
 /// The number that a cell is, whatever separates its fraction.

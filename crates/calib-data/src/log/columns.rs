@@ -244,7 +244,7 @@ pub(crate) fn stamp(
     }
     notation.read(text).map(Some).ok_or_else(|| {
         records.refused(format!(
-            "{} is no time as the others are ({}); correct or remove the line, or say how times are written with data.timestamp_format",
+            "{} is no time as the others are ({})",
             shown(text),
             notation.name()
         ))

@@ -137,6 +137,7 @@ fn damaged_lines_are_told_together_and_left_out() {
     assert!(told.contains("20240314.csv, line 42: "), "{told}");
     assert_eq!(told.matches(", line ").count(), 5, "the first five: {told}");
     assert!(told.contains("data.bad_rows = \"skip\" leaves such lines out"), "{told}");
+    assert_eq!(told.matches("data.timestamp_format").count(), 1, "the advice once: {told}");
     data.bad_rows = BadRows::Skip;
     let found = profile(&data);
     assert_eq!((found.bad_rows.count, found.bad_rows.examples.len(), found.rows), (6, 5, 1_200));

@@ -105,6 +105,20 @@ fn patterns_are_read() {
 }
 
 #[test]
+fn midnight_may_lack_its_clock_or_end_the_day_before() {
+    assert_read("%d.%m.%Y %H:%M", "11.03.2024", "2024-03-11 00:00:00");
+    assert_read("%m/%d/%Y %I:%M:%S%.f %p", "3/11/2024", "2024-03-11 00:00:00");
+    assert_read("%d.%m.%Y %H:%M", "31.12.2023 24:00", "2024-01-01 00:00:00");
+    let end = Notation::Iso.read("2024-02-28 24:00:00");
+    assert_eq!(end, Some(ParsedTime::Wall(1_709_164_800_000_000)), "the 29th");
+    assert_eq!(reading("%d.%m.%Y %H:%M", "31.12.2023 24:01"), None);
+    assert_eq!(reading("%d/%m/%Y %H:%M %z", "13/03/2024"), None, "of which zone");
+    assert_eq!(reading("%Y%m%d%H%M", "20240311"), None, "a number that is cut");
+    let cells = ["10.03.2024 23:00", "11.03.2024", "11.03.2024 01:00", "13.03.2024 24:00"];
+    assert_eq!(notation(&cells), ["%d.%m.%Y %H:%M"]);
+}
+
+#[test]
 fn text_of_any_language_may_stand_before_a_colon() {
     for cell in ["Durchfluß: P", "温度: °C", "ß:", "é1:00", "1\u{a0}:", "\u{301}:1"] {
         assert!(Candidates::of(&[cell], None).left.is_empty(), "{cell}");
