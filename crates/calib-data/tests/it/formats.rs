@@ -240,8 +240,8 @@ fn files_of_one_time_are_of_a_tag_each_whatever_their_column_is_called() {
             assert_eq!(names(&data), ["FIT100", "PIT300"], "{header}, from {from} on");
             let found = profile(&data);
             assert_eq!((found.shape, found.contradictions.count), (Shape::FilePerTag, 0));
-            let low = found.channel("PIT300").and_then(|channel| channel.values.as_ref());
-            assert!(low.is_some_and(|values| values.min > 400.0), "no flow among pressures");
+            let pressures = found.channel("PIT300").expect("a tag").values.as_ref();
+            assert!(pressures.is_some_and(|values| values.min > 400.0), "no flow among them");
             let wide = DataConfig { shape: Some(Shape::Wide), ..data };
             assert_eq!(names(&wide).len(), 1, "if the study says so");
         }
