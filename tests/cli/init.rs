@@ -74,6 +74,30 @@ fn what_was_given_holds_for_the_study() {
     place.calib(&["run", "plant.toml", "-q"]).ends(&[0, 1]);
 }
 
+/// The ranges of a study are on the clock that it reads them by.
+#[test]
+fn ranges_are_written_on_the_clock_of_the_time_zone() {
+    let with_offsets: String = log()
+        .lines()
+        .map(|line| line.replacen(' ', "T", 1).replacen(":00;", ":00+01:00;", 1) + "\n")
+        .collect();
+    for (zone, log, held_out) in [
+        ("America/Los_Angeles", log(), "held_out = { start = 2024-03-15T00:00:00,"),
+        ("Asia/Kolkata", log(), "held_out = { start = 2024-03-15T00:00:00,"),
+        ("Asia/Kolkata", with_offsets, "held_out = { start = 2024-03-15T10:00:00,"),
+    ] {
+        let place = Place::new();
+        place.write("log.csv", &log);
+        let given = format!("--set=data.time_zone={zone}");
+        let said = place.calib(&["init", "log.csv", "--within=1s", "--json", &given]).json(&[0]);
+        let study = place.read("study.toml");
+        assert!(study.contains(held_out), "{zone}: {study}");
+        let read = place.calib(&["inspect", "study.toml", "--json"]).json(&[0]);
+        let rows = [&read["train"]["log_rows"], &read["held_out"]["log_rows"]];
+        assert_eq!(rows, [&said["rows"][0], &said["rows"][1]], "{zone}: {study}");
+    }
+}
+
 /// Names of channels that would be keys, comments or patterns of the study.
 #[test]
 fn names_of_channels_are_nothing_but_names() {

@@ -67,7 +67,7 @@ pub mod table;
 mod tags;
 mod text;
 
-pub use calib_text::{TimestampUnit, format_time, parse_time};
+pub use calib_text::{TimestampUnit, Zone, format_time, parse_time};
 
 pub use angle::{AngleOf, AnglePart, angle_hint};
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};

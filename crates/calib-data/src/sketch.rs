@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::{
     AngleOf, BackwardSteps, BadRowsFound, BridgedStops, ContradictionsFound, DataConfig, DataError,
-    Sentinel, Shape,
+    Sentinel, Shape, Zone,
     channel::{Moments, Movement, is_same},
     log::{Batch, Channel, ChannelValues, Contradicting, Log, Seldom},
     outliers::Fences,
@@ -40,6 +40,8 @@ pub struct Sketch {
     pub bad_rows: BadRowsFound,
     /// Whether times are UTC.
     pub utc: bool,
+    /// The clock that times of a study of the log are on: that of `data.time_zone`, if it was given.
+    pub zone: Option<Zone>,
     /// The median step, or the period that was given, in seconds.
     pub period_secs: f64,
     /// The median step in seconds, if a period was given that it contradicts: nearly all steps are as long, or most are gaps.
@@ -155,6 +157,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         bad_rows: log.bad_rows,
         shape: log.shape,
         utc: log.utc,
+        zone: data.time_zone.as_deref().and_then(Zone::new),
         period_secs: log.period.as_secs(),
         timestamps: log.rows.timestamps,
         bins,

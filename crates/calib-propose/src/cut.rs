@@ -1,7 +1,7 @@
 use std::ops::Range;
 
 use calib_core::Timestamp;
-use calib_data::{Sketch, format_time};
+use calib_data::{Sketch, Zone, format_time};
 
 use crate::{ProposeError, Scope};
 
@@ -43,17 +43,17 @@ impl Cut {
         let at = |share: f64| (share * rows as f64) as usize;
         let aim = at(1.0 - HELD_OUT);
         let near = at(1.0 - HELD_OUT - NEARBY)..at(1.0 - HELD_OUT + NEARBY).min(rows - 1);
-        let (cut, place) = place(times, near, aim, sketch.period_secs);
+        let calendar = Calendar(sketch.zone.as_ref());
+        let Place { cut, start, said } = calendar.place(times, near, aim, sketch.period_secs);
         let end = Timestamp::from_micros(
             times[rows - 1].as_micros() + (1e6 * sketch.period_secs).ceil() as i64,
         );
-        let start = if place.is_empty() { times[cut] } else { moment(times, cut, place) };
         Ok(Self {
             train: [times[0], start],
             held_out: [start, end],
             rows: [cut, rows - cut],
             reason: format!(
-                "{:.0} % of the rows are held out{place}",
+                "{:.0} % of the rows are held out{said}",
                 100.0 * (rows - cut) as f64 / rows as f64
             ),
         })
@@ -98,50 +98,68 @@ impl Cut {
         [&self.train, &self.held_out].map(|[start, end]| at(*start)..at(*end))
     }
 
-    /// A range as a study has it.
-    pub(crate) fn toml(range: &[Timestamp; 2]) -> String {
-        let [start, end] = range.map(|time| format_time(time).replace(' ', "T"));
+    /// A range as a study of the log has it, on the clock of `zone` if `data.time_zone` says one.
+    pub(crate) fn toml(range: &[Timestamp; 2], zone: Option<&Zone>) -> String {
+        let [start, end] = range.map(|time| match zone {
+            Some(zone) => zone.written(time),
+            None => format_time(time).replace(' ', "T"),
+        });
         format!("{{ start = {start}, end = {end} }}")
     }
 }
 
-/// The row before which it is best to cut, and what is said of the place.
-fn place(
-    times: &[Timestamp],
-    near: Range<usize>,
-    aim: usize,
-    period_secs: f64,
-) -> (usize, &'static str) {
-    let step = |row: usize| times[row].micros_since(times[row - 1]);
-    let widest = near.clone().skip(1).max_by_key(|&row| (step(row), row));
-    if let Some(row) = widest.filter(|&row| step(row) as f64 / 1e6 > GAP_PERIODS * period_secs) {
-        return (row, ", from a gap on");
-    }
-    for (unit, said) in [(86_400, ", from midnight on"), (3_600, ", from a full hour on")] {
-        let starts = (near.clone().skip(1))
-            .filter(|&row| unit_of(times[row], unit) != unit_of(times[row - 1], unit));
-        if let Some(row) = starts.min_by_key(|row| row.abs_diff(aim)) {
-            return (row, said);
+/// Where the held-out range starts.
+struct Place {
+    /// Its first row.
+    cut: usize,
+    /// Its first moment: a full hour where that is what was looked for.
+    start: Timestamp,
+    /// What is said of it.
+    said: &'static str,
+}
+
+/// Days and hours of a log: those of `data.time_zone`, or of its times as they stand.
+struct Calendar<'a>(Option<&'a Zone>);
+
+impl Calendar<'_> {
+    /// The row before which it is best to cut.
+    fn place(
+        &self,
+        times: &[Timestamp],
+        near: Range<usize>,
+        aim: usize,
+        period_secs: f64,
+    ) -> Place {
+        let step = |row: usize| times[row].micros_since(times[row - 1]);
+        let widest = near.clone().skip(1).max_by_key(|&row| (step(row), row));
+        if let Some(cut) = widest.filter(|&row| step(row) as f64 / 1e6 > GAP_PERIODS * period_secs)
+        {
+            return Place { cut, start: times[cut], said: ", from a gap on" };
         }
+        for (secs, said) in [(86_400, ", from midnight on"), (3_600, ", from a full hour on")] {
+            let starts = (near.clone().skip(1))
+                .filter(|&row| self.unit(times[row], secs) != self.unit(times[row - 1], secs));
+            if let Some(cut) = starts.min_by_key(|row| row.abs_diff(aim)) {
+                let round = self.start_of_unit(times[cut], secs);
+                // An hour that clocks show twice starts twice.
+                let start = round.filter(|start| *start > times[cut - 1]).unwrap_or(times[cut]);
+                return Place { cut, start, said };
+            }
+        }
+        Place { cut: aim, start: times[aim], said: "" }
     }
-    (aim, "")
-}
 
-/// Days or hours since 1970.
-fn unit_of(time: Timestamp, secs: i64) -> i64 {
-    time.as_micros().div_euclid(secs * 1_000_000)
-}
+    /// Days or hours since 1970.
+    fn unit(&self, time: Timestamp, secs: i64) -> i64 {
+        let wall = self.0.map_or(time.as_micros(), |zone| zone.wall(time));
+        wall.div_euclid(secs * 1_000_000)
+    }
 
-/// The moment that the held-out range starts at: a full hour where that is what was looked for.
-fn moment(times: &[Timestamp], cut: usize, place: &str) -> Timestamp {
-    let secs = if place.ends_with("midnight on") {
-        86_400
-    } else if place.ends_with("hour on") {
-        3_600
-    } else {
-        return times[cut];
-    };
-    Timestamp::from_micros(unit_of(times[cut], secs) * secs * 1_000_000)
+    /// When the day or hour of `time` starts.
+    fn start_of_unit(&self, time: Timestamp, secs: i64) -> Option<Timestamp> {
+        let wall = self.unit(time, secs) * secs * 1_000_000;
+        self.0.map_or(Some(wall), |zone| zone.moment(wall)).map(Timestamp::from_micros)
+    }
 }
 
 #[cfg(test)]
@@ -158,20 +176,35 @@ mod tests {
         let log = sketch(30 * 1_440, &[("A", wave(40.0))]);
         let cut = Cut::of(&log, &scope(30 * 1_440)).expect("enough");
         assert_eq!(
-            Cut::toml(&cut.train),
+            Cut::toml(&cut.train, None),
             "{ start = 1970-01-01T00:00:00, end = 1970-01-21T00:00:00 }"
         );
         assert_eq!(
-            Cut::toml(&cut.held_out),
+            Cut::toml(&cut.held_out, None),
             "{ start = 1970-01-21T00:00:00, end = 1970-01-31T00:00:00 }"
         );
         assert_eq!(cut.rows, [20 * 1_440, 10 * 1_440]);
         assert!(cut.reason.ends_with("from midnight on"), "{}", cut.reason);
         let short = Cut::of(&log, &scope(600)).expect("enough");
         assert_eq!(
-            Cut::toml(&short.held_out),
+            Cut::toml(&short.held_out, None),
             "{ start = 1970-01-01T07:00:00, end = 1970-01-01T10:00:00 }"
         );
+    }
+
+    #[test]
+    fn a_day_starts_at_midnight_of_the_time_zone() {
+        let mut log = sketch(30 * 1_440, &[("A", wave(40.0))]);
+        for (name, train) in [
+            ("America/Los_Angeles", "{ start = 1969-12-31T16:00:00, end = 1970-01-21T00:00:00 }"),
+            ("Asia/Kolkata", "{ start = 1970-01-01T05:30:00, end = 1970-01-21T00:00:00 }"),
+        ] {
+            log.zone = Zone::new(name);
+            let cut = Cut::of(&log, &scope(30 * 1_440)).expect("enough");
+            assert_eq!(Cut::toml(&cut.train, log.zone.as_ref()), train, "{name}");
+            let [train, held_out] = cut.ranges(&log.timestamps);
+            assert_eq!(cut.rows, [train.len(), held_out.len()], "{name}");
+        }
     }
 
     #[test]

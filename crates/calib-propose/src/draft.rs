@@ -98,13 +98,14 @@ impl Draft<'_> {
 
     fn data(&self, text: &mut Lines) {
         let cut = self.cut;
+        let zone = self.log.sketch.zone.as_ref();
         self.log.write(text, |text| {
             text.comment(&format!(
                 "{}: {} rows to learn from, {} held out",
                 cut.reason, cut.rows[0], cut.rows[1]
             ));
-            text.key("train", &Cut::toml(&cut.train), "");
-            text.key("held_out", &Cut::toml(&cut.held_out), "");
+            text.key("train", &Cut::toml(&cut.train, zone), "");
+            text.key("held_out", &Cut::toml(&cut.held_out, zone), "");
         });
     }
 

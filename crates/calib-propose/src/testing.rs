@@ -20,6 +20,7 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
     Sketch {
         shape: Shape::Wide,
         utc: false,
+        zone: None,
         without_times: false,
         read_as: Vec::new(),
         files: 1,

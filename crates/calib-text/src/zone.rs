@@ -5,9 +5,10 @@
 
 use std::collections::{HashSet, VecDeque};
 
+use calib_core::Timestamp;
 use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
 
-use crate::{NO_TIME, ParsedTime};
+use crate::{NO_TIME, ParsedTime, format_time};
 
 /// The rules of a place.
 #[derive(Clone, Debug)]
@@ -56,6 +57,26 @@ impl Zone {
             Meaning::Once(instant) | Meaning::Never(instant) => instant,
             Meaning::Twice(fold) => fold.first,
         })
+    }
+
+    /// What clocks show at `instant`, in microseconds, as if it were UTC; the instant itself outside of the years that clocks know.
+    pub fn wall(&self, instant: Timestamp) -> i64 {
+        let micros = instant.as_micros();
+        jiff::Timestamp::from_microsecond(micros)
+            .map_or(micros, |at| micros + i64::from(self.0.to_offset(at).seconds()) * 1_000_000)
+    }
+
+    /// `instant` as a study has it: `2022-11-01T06:00:00` on the clock of the place, with an offset where [`Self::moment`] would read
+    /// another instant from that.
+    pub fn written(&self, instant: Timestamp) -> String {
+        let micros = instant.as_micros();
+        let wall = self.wall(instant);
+        match jiff::Timestamp::from_microsecond(micros) {
+            Ok(at) if self.moment(wall) != Some(micros) => {
+                at.display_with_offset(self.0.to_offset(at)).to_string()
+            }
+            _ => format_time(Timestamp::from_micros(wall)).replace(' ', "T"),
+        }
     }
 }
 
@@ -283,7 +304,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{format_time, parse_stamp};
+    use crate::parse_stamp;
 
     const MINUTE: i64 = 60_000_000;
 
@@ -316,8 +337,7 @@ mod tests {
         let earlier = (1..=9).rev().map(|row| first - row * period * MINUTE);
         let walls: Vec<String> = earlier
             .map(|wall| {
-                format_time(calib_core::Timestamp::from_micros(wall)).replace(' ', "T")[..16]
-                    .to_owned()
+                format_time(Timestamp::from_micros(wall)).replace(' ', "T")[..16].to_owned()
             })
             .collect();
         let all: Vec<&str> =
@@ -427,6 +447,20 @@ mod tests {
         assert!(Zone::new("Europe/Atlantis").is_none());
     }
 
+    #[test]
+    fn moments_of_a_study_are_written_on_the_clock_of_the_place() {
+        let written = |zone: &str, time: &str| {
+            let Some(ParsedTime::Instant(instant)) = parse_stamp(time) else { panic!("{time}") };
+            Zone::new(zone).expect("a zone").written(Timestamp::from_micros(instant))
+        };
+        let west = "America/Los_Angeles";
+        assert_eq!(written(west, "2024-03-11T07:00:00Z"), "2024-03-11T00:00:00");
+        assert_eq!(written("Asia/Kolkata", "2024-03-10T18:30:00.5Z"), "2024-03-11T00:00:00.5");
+        // 2024-11-03: clocks in Los Angeles go from 2:00 back to 1:00, at 9:00 UTC.
+        assert_eq!(written(west, "2024-11-03T08:30:00Z"), "2024-11-03T01:30:00");
+        assert_eq!(written(west, "2024-11-03T09:30:00Z"), "2024-11-03T01:30:00-08:00");
+    }
+
     proptest! {
         /// Rows of which the wall-clock times are known to be those of instants: what is placed is placed right.
         #[test]
@@ -456,6 +490,15 @@ mod tests {
                 let at = jiff::Timestamp::from_microsecond(instant).expect("in range");
                 instant + i64::from(rules.to_offset(at).seconds()) * 1_000_000
             }).collect();
+            let zone = Zone::new(name).expect("a zone");
+            for &instant in &truth {
+                let read = match parse_stamp(&zone.written(Timestamp::from_micros(instant))) {
+                    Some(ParsedTime::Instant(read)) => Some(read),
+                    Some(ParsedTime::Wall(wall)) => zone.moment(wall),
+                    None => None,
+                };
+                prop_assert_eq!(read, Some(instant));
+            }
             let (placed, undecided) = instants(name, &walls);
             prop_assert_eq!(placed.iter().filter(|&&time| time == NO_TIME).count() as u64, undecided);
             for (placed, truth) in placed.iter().zip(&truth) {
