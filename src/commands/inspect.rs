@@ -157,6 +157,9 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     }
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
     profile.value_doubts().iter().take(DOUBTS).for_each(|(_, doubt)| printer.warn(doubt));
+    if let Some(doubt) = profile.late_changes() {
+        printer.warn(&doubt);
+    }
     for pattern in &profile.unused_excludes {
         printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
     }

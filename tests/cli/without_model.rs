@@ -1,6 +1,6 @@
 //! Studies without a model: the replayed log alone decides.
 
-use std::fs;
+use std::{fmt::Write as _, fs};
 
 use crate::harness::{Place, Ran};
 
@@ -204,4 +204,51 @@ fn shards_and_killed_sweeps_give_the_bytes_of_one_process() {
     assert_eq!(said_of_models(&merged.stderr()), Vec::<String>::new());
     assert!(place.content("study-results") == alone);
     calib(&place, &["evaluate"], &[]).ends(&[0, 1]);
+}
+
+/// An input whose unit changes spoils a verdict, though nobody predicts it.
+#[test]
+fn an_input_that_breaks_in_the_held_out_period_is_told_once() {
+    let mut log = String::from("time,level,height\n");
+    for row in 0..1_200 {
+        let unit = if row < 900 { 1 } else { 1_000 };
+        writeln!(log, "{},{},{}", 1_704_067_200 + row, row % 11, row % 7 * unit).expect("memory");
+    }
+    let place = Place::new();
+    place.write("log.csv", &log);
+    place.write(
+        "study.toml",
+        r#"
+[data]
+path = "log.csv"
+train_fraction = 0.7
+
+[model]
+kind = "none"
+
+[agent]
+value_function = "linear"
+gamma = 0.5
+learning_rate = 1e-8
+
+[sweep]
+sensors = ["level"]
+steps = 150
+online_runs = 1
+log_replay_runs = 1
+
+[sweep.grid]
+learning_rate = [0, 1e-8]
+"#,
+    );
+    let told = "columns that agents read are far outside of their training range";
+    let ran = calib(&place, &["run"], &[]).ends(&[0, 1]);
+    assert_eq!(ran.matches(told).count(), 1, "{ran}");
+    let summary = calib(&place, &["evaluate"], &["--json", "-q"]).json(&[0, 1]);
+    let notes = summary["notes"].as_array().expect("a list");
+    let doubt = notes[0].as_str().expect("a sentence");
+    assert!(doubt.contains(told) && doubt.contains("height ("), "{summary}");
+    let page = place.read("study-results/report.html");
+    let (_, before) = page.split_once("Before you rely on this").expect("a box");
+    assert!(before.contains(told), "{before}");
 }

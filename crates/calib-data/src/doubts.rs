@@ -3,10 +3,12 @@
 use calib_core::Timestamp;
 use calib_text::format_time;
 
-use crate::{BridgedStops, FarOut, Profile, Sentinel, Shape, Sketch};
+use crate::{BridgedStops, ChannelProfile, DropReason, FarOut, Profile, Sentinel, Shape, Sketch};
 
 /// So many widths of the training range beyond it are no state of a plant. Our choice.
 const ABSURD: f64 = 1_000.0;
+/// Channels that a sentence about several names.
+const NAMED: usize = 5;
 /// A gap that is longer is said.
 const YEAR_SECS: f64 = 365.0 * 86_400.0;
 
@@ -155,6 +157,49 @@ impl Profile {
         })
     }
 
+    /// What of the columns that agents read makes their held-out errors worth little, in sentences; empty for a good log. Of the
+    /// `predicted` sensors [`Self::value_doubts`] tells.
+    pub fn held_out_doubts(&self, predicted: &[String]) -> Vec<String> {
+        let far: Vec<&ChannelProfile> =
+            self.kept().filter(|channel| !predicted.contains(&channel.name)).collect();
+        let far = most_first(far, |channel| {
+            let FarOut { held_out, furthest, .. } = channel.far_out;
+            let side = if furthest < 0.0 { "below" } else { "above" };
+            let values = if held_out == 1 { "value" } else { "values" };
+            format!(
+                "{} ({held_out} {values}, up to {:.0} widths {side} it)",
+                channel.name,
+                furthest.abs()
+            )
+        });
+        let far = far.map(|told| {
+            format!(
+                "columns that agents read are far outside of their training range in the held-out period: {told}. Errors there may come from these \
+                 columns alone: correct them if a unit changed or a sensor failed, or leave them out with data.exclude"
+            )
+        });
+        far.into_iter().chain(self.late_changes()).collect()
+    }
+
+    /// What is said of channels that are constant in the training range and not in the held-out period; none where there are none.
+    pub fn late_changes(&self) -> Option<String> {
+        let constant = self
+            .channels
+            .iter()
+            .filter(|channel| matches!(channel.dropped, Some(DropReason::Constant { .. })));
+        let told = most_first(constant.collect(), |channel| {
+            let differ =
+                if channel.far_out.held_out == 1 { "value differs" } else { "values differ" };
+            format!("{} ({} {differ})", channel.name, channel.far_out.held_out)
+        });
+        told.map(|told| {
+            format!(
+                "channels that are constant in the training range change in the held-out period: {told}. No agent reads them: if they matter, let \
+                 data.train include a time in which they change"
+            )
+        })
+    }
+
     /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences; empty for a good
     /// log.
     pub fn value_doubts(&self) -> Vec<(&str, String)> {
@@ -209,4 +254,17 @@ impl Profile {
         }
         doubts
     }
+}
+
+/// The few of the `channels` with most held-out values far out, as `told` has each, and how many more have any; none where none has.
+fn most_first(
+    mut channels: Vec<&ChannelProfile>,
+    told: impl Fn(&ChannelProfile) -> String,
+) -> Option<String> {
+    channels.retain(|channel| channel.far_out.held_out > 0);
+    channels.sort_by_key(|channel| std::cmp::Reverse(channel.far_out.held_out));
+    let named: Vec<String> = channels.iter().take(NAMED).map(|channel| told(channel)).collect();
+    let more = channels.len() - named.len();
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    (!named.is_empty()).then(|| format!("{}{more}", named.join(", ")))
 }

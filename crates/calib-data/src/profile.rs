@@ -257,9 +257,10 @@ pub struct FarOut {
     pub examples: Vec<(Timestamp, f64)>,
     /// The fences, if there are any.
     pub fences: Option<Fences>,
-    /// Held-out values, other than treated spikes, that lie further from the training range than it is wide.
+    /// Held-out values, other than treated spikes, that lie further from the training range than it is wide; those that differ, of a
+    /// channel that is constant there.
     pub held_out: u64,
-    /// The furthest of these, in widths of the training range: −75 is 75 widths below its smallest value.
+    /// The furthest of these, in widths of the training range: −75 is 75 widths below its smallest value. 0 where it has no width.
     pub furthest: f64,
 }
 

@@ -403,10 +403,12 @@ struct Looked {
     far_out: FarOut,
 }
 
-/// Count what lies further from the training range than it is wide.
+/// Count what lies further from the training range than it is wide: of a range without a width, all other values.
 fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
     let width = train.max - train.min;
     if is_same(train.min, train.max) {
+        let others = values.iter().filter(|value| !value.is_nan() && !is_same(**value, train.min));
+        found.held_out = others.count() as u64;
         return;
     }
     for &value in values {

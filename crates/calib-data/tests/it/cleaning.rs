@@ -1,5 +1,7 @@
 //! Duplicates, steps back, gaps and missing values.
 
+use std::fmt::Write as _;
+
 use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig, Resample};
 
 use crate::support::{
@@ -199,4 +201,25 @@ fn a_log_of_which_nothing_is_left_is_refused_with_the_channels_to_blame() {
         "no channel is left of 2 in the training range: 2 missing too often. `calib inspect` shows every channel; \
          data.train or data.train_fraction says which rows are for training"
     );
+}
+
+/// Inputs are as good a reason for errors of the held-out period as the sensor that is predicted.
+#[test]
+fn inputs_that_change_in_the_held_out_period_are_told() {
+    let mut rows = String::from("time,level,height,pump\n");
+    for row in 0..1_000 {
+        let unit = if row < 800 { 1 } else { 1_000 };
+        let pump = if row < 900 { 0 } else { 6 };
+        writeln!(rows, "{},{},{},{pump}", 1_704_067_200 + row, row % 11, row % 7 * unit)
+            .expect("memory");
+    }
+    let folder = Folder::of_text("a.csv", &rows);
+    let profile = profile(&DataConfig { train_fraction: 0.8, ..folder.data() });
+    let [far, late] = &profile.held_out_doubts(&["level".to_owned()])[..] else {
+        panic!("two doubts: {:?}", profile.held_out_doubts(&[]))
+    };
+    assert!(far.contains("period: height (172 values, up to 999 widths above it). "), "{far}");
+    assert!(late.contains("period: pump (100 values differ). "), "{late}");
+    let predicted = profile.held_out_doubts(&["height".to_owned()]);
+    assert_eq!(predicted, [late.clone()], "it is told with its verdict");
 }

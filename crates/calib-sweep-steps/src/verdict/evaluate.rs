@@ -283,7 +283,12 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
         .collect();
     let summary = Summary {
         predicts: Some(predicts(study, profile.sampled_period_secs)),
-        notes: [manifest.notes.clone(), stale_rollouts(job, manifest.model.as_deref())?].concat(),
+        notes: [
+            profile.held_out_doubts(&study.sweep.sensors),
+            manifest.notes.clone(),
+            stale_rollouts(job, manifest.model.as_deref())?,
+        ]
+        .concat(),
         ..Summary::new(job.title(), verdicts, &rows, &manifest.candidates)
     };
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
