@@ -98,6 +98,29 @@ fn ranges_are_written_on_the_clock_of_the_time_zone() {
     }
 }
 
+/// Two days of rows at random times, 42 s apart by the median and a minute by the mean.
+#[test]
+fn a_log_of_random_steps_is_not_told_to_be_shorter_than_it_is() {
+    let mut log = String::from("time;LIT100;TIT200\n");
+    let mut noise = 1_u32;
+    let mut at = 0.0;
+    for _ in 0..2_900 {
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let rough = f64::from(noise >> 16) / 65_536.0;
+        at += 1.0 + (-59.0 * (1.0 - rough).ln()).floor();
+        let time = 1_710_288_000 + at as i64;
+        let level = 150.0 + 20.0 * (at / 1_200.0).sin() + rough;
+        let temperature = 20.0 + 5.0 * (at / 7_000.0).cos() + 0.2 * rough;
+        writeln!(log, "{time};{level:.3};{temperature:.3}").expect("memory");
+    }
+    let place = Place::new();
+    place.write("log.csv", &log);
+    let ran = place.calib(&["init", "log.csv", "--within=1s"]);
+    ran.succeeds();
+    let said = ran.stderr();
+    assert!(!said.contains("A log of 1 d"), "the log has 2 d: {said}");
+}
+
 /// Names of channels that would be keys, comments or patterns of the study.
 #[test]
 fn names_of_channels_are_nothing_but_names() {

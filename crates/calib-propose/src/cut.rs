@@ -108,6 +108,17 @@ impl Cut {
     }
 }
 
+/// Seconds from a row of the scope to the next, on average, with a gap counted as one period. Where rows come at random the period,
+/// which is the median, is shorter.
+pub fn mean_step_secs(sketch: &Sketch, scope: &Scope) -> f64 {
+    let times = &sketch.timestamps[scope.rows.clone()];
+    let steps = times.windows(2).map(|pair| {
+        let secs = pair[1].micros_since(pair[0]) as f64 / 1e6;
+        if secs > GAP_PERIODS * sketch.period_secs { sketch.period_secs } else { secs }
+    });
+    steps.sum::<f64>() / times.len().saturating_sub(1).max(1) as f64
+}
+
 /// Where the held-out range starts.
 struct Place {
     /// Its first row.
@@ -227,6 +238,24 @@ mod tests {
         assert_eq!(inside.held_out, [log.timestamps[1_734], log.timestamps[1_900]]);
         let said = "of the 1900 rows before, calib learns from the last 26 %";
         assert!(latest.reason.contains(said), "{}", latest.reason);
+    }
+
+    #[test]
+    fn the_mean_step_is_that_of_irregular_rows_and_of_no_gaps() {
+        let mut log = sketch(3_000, &[("A", wave(40.0))]);
+        assert_eq!(mean_step_secs(&log, &scope(3_000)), 60.0);
+        let mut at = 0;
+        for (row, time) in log.timestamps.iter_mut().enumerate() {
+            *time = Timestamp::from_micros(at);
+            at += if row % 3 == 0 { 240_000_000 } else { 60_000_000 };
+        }
+        let mean = mean_step_secs(&log, &scope(3_000));
+        assert!((mean - 120.0).abs() < 0.1, "{mean}");
+        for time in &mut log.timestamps[1_500..] {
+            *time = Timestamp::from_micros(time.as_micros() + 86_400_000_000);
+        }
+        let mean = mean_step_secs(&log, &scope(3_000));
+        assert!((mean - 120.0).abs() < 0.1, "a gap is no step: {mean}");
     }
 
     #[test]

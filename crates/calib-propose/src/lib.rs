@@ -53,7 +53,7 @@ pub use control::{
     GivenControl, ProposedControl, action_levels, actions_are_continuous, control_steps,
 };
 pub use control_draft::ControlDraft;
-pub use cut::{Cut, HELD_OUT};
+pub use cut::{Cut, HELD_OUT, mean_step_secs};
 pub use decision_columns::DecisionColumns;
 pub use draft::{Asked, Draft};
 pub use error::ProposeError;

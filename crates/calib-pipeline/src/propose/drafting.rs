@@ -4,7 +4,7 @@ use calib_base::{
     options::ProposeOptions,
     output::{Printer, span},
 };
-use calib_propose::{Asked, Cut, Draft, Horizon, LogDraft, Sensors, Size, horizon};
+use calib_propose::{Asked, Cut, Draft, Horizon, LogDraft, Sensors, Size, horizon, mean_step_secs};
 use calib_sweep::ENOUGH_WINDOWS;
 
 use super::look::ExaminedLog;
@@ -145,6 +145,7 @@ impl Drafting<'_> {
             return None;
         }
         let log = Size::states_of_four_windows(horizon.states) / calib_propose::HELD_OUT;
+        let row_secs = mean_step_secs(&self.look.sketch, &self.look.scope);
         // The next proposal cuts the log a little differently.
         let nearer = Size::longest_horizon_of_four_windows(held_out).map(|states| 0.9 * states);
         let nearer = nearer.filter(|states| *states >= 1.0 && *states < horizon.states);
@@ -157,7 +158,7 @@ impl Drafting<'_> {
         };
         Some(format!(
             "{counted}: hardly any difference can be shown with fewer than four. A log of {}{shorter} would give four",
-            span(rounded_up(log * state_secs))
+            span(rounded_up(log * spacing as f64 * row_secs))
         ))
     }
 

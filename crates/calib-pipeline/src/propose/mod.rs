@@ -301,6 +301,8 @@ impl Proposal {
             let size = Size::trial(agent.agent, model, steps, measured_sensors);
             (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
         })?;
+        // Nearer than it was proposed, it may leave room for four windows.
+        let steps = steps.min(drafting.most_steps(spacing, horizon));
         let sized = SizedStudy::of(&trials, &drafting, agent.agent, steps, measured, begun);
         let text = drafting.text(
             spacing,
