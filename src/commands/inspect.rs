@@ -157,9 +157,8 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     }
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
     profile.value_doubts().iter().take(DOUBTS).for_each(|(_, doubt)| printer.warn(doubt));
-    if let Some(doubt) = profile.late_changes() {
-        printer.warn(&doubt);
-    }
+    let doubts = [profile.frozen_doubt(), profile.late_changes(), profile.nothing_to_score()];
+    doubts.iter().flatten().for_each(|doubt| printer.warn(doubt));
     for pattern in &profile.unused_excludes {
         printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
     }

@@ -49,7 +49,7 @@ pub(super) fn show_channels(
             .iter()
             .take(limit)
             .map(|channel| {
-                let mut row = channel_row(channel);
+                let mut row = channel_row(channel, profile.rows);
                 row.push(descriptions.words(&channel.name).unwrap_or_default());
                 row.truncate(columns);
                 row
@@ -88,7 +88,8 @@ fn notes(channel: &ChannelProfile) -> String {
     if notes.is_empty() { String::new() } else { format!("; {}", notes.join("; ")) }
 }
 
-fn channel_row(channel: &ChannelProfile) -> Vec<String> {
+/// What a channel is like in all `rows` of the log.
+fn channel_row(channel: &ChannelProfile, rows: u64) -> Vec<String> {
     let values = channel.values.as_ref();
     let distinct = values.map_or_else(
         || "0".to_owned(),
@@ -99,7 +100,7 @@ fn channel_row(channel: &ChannelProfile) -> Vec<String> {
         number_text(values.map(|values| values.min)),
         number_text(values.map(|values| values.max)),
         number_text(values.map(|values| values.mean)),
-        percent(channel.missing_fraction),
+        percent(channel.missing as f64 / rows as f64),
         values.map_or_else(|| "–".to_owned(), |values| span(values.longest_stuck_secs)),
         number_text(values.and_then(|values| values.smallest_change)),
         distinct,

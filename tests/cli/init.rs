@@ -121,6 +121,29 @@ fn a_log_of_random_steps_is_not_told_to_be_shorter_than_it_is() {
     assert!(!said.contains("A log of 1 d"), "the log has 2 d: {said}");
 }
 
+/// A level that keeps one value for the last quarter of the log.
+#[test]
+fn frozen_sensors_are_told_as_inspect_tells_them() {
+    let mut log = String::from("time;LIT100;TIT200\n");
+    let mut level = 0.0;
+    for row in 0..1_200_u32 {
+        let at = f64::from(row);
+        if row < 900 {
+            level = 150.0 + 20.0 * (at / 9.0).sin();
+        }
+        let time = 1_710_288_000 + 60 * row;
+        writeln!(log, "{time};{level:.3};{:.3}", 20.0 + 5.0 * (at / 40.0).cos()).expect("memory");
+    }
+    let place = Place::new();
+    place.write("log.csv", &log);
+    let told = "are constant for long: LIT100 for 5 h. If their instruments were frozen";
+    for command in [&["init", "log.csv", "--within=1s"][..], &["inspect", "log.csv"]] {
+        let ran = place.calib(command);
+        ran.succeeds();
+        assert!(ran.stderr().contains(told), "{}", ran.stderr());
+    }
+}
+
 /// Names of channels that would be keys, comments or patterns of the study.
 #[test]
 fn names_of_channels_are_nothing_but_names() {

@@ -181,6 +181,32 @@ impl Profile {
         far.into_iter().chain(self.late_changes()).collect()
     }
 
+    /// What is said where the held-out period has no transition, with the channels to blame; none where it has some, or nothing is held
+    /// out.
+    pub fn nothing_to_score(&self) -> Option<String> {
+        let part = self.held_out.as_ref().filter(|part| part.transitions == 0)?;
+        let mut channels: Vec<&ChannelProfile> =
+            self.kept().filter(|channel| channel.unfilled > 0).collect();
+        channels.sort_by_key(|channel| std::cmp::Reverse(channel.unfilled));
+        let missing = channels
+            .iter()
+            .map(|channel| format!("{} misses {} values", channel.name, channel.unfilled));
+        let missing: Vec<String> = missing.collect();
+        let remedy = match first_few(&missing).filter(|_| part.dropped_rows > 0) {
+            Some(missing) => {
+                format!(
+                    "{missing}: leave such channels out with data.exclude, raise preprocess.fill_limit"
+                )
+            }
+            None => "Check data.period_secs and data.gap_tolerance".to_owned(),
+        };
+        Some(format!(
+            "nothing can be scored: the held-out period has no two successive rows left ({} rows, {} of them dropped for missing values). {remedy}, \
+             or hold out another period",
+            part.log_rows, part.dropped_rows
+        ))
+    }
+
     /// What is said of channels that are constant in the training range and not in the held-out period; none where there are none.
     pub fn late_changes(&self) -> Option<String> {
         let constant = self
@@ -263,8 +289,13 @@ fn most_first(
 ) -> Option<String> {
     channels.retain(|channel| channel.far_out.held_out > 0);
     channels.sort_by_key(|channel| std::cmp::Reverse(channel.far_out.held_out));
-    let named: Vec<String> = channels.iter().take(NAMED).map(|channel| told(channel)).collect();
-    let more = channels.len() - named.len();
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let all: Vec<String> = channels.into_iter().map(told).collect();
+    first_few(&all)
+}
+
+/// The first few of `all`, and how many more there are; none of nothing.
+pub(crate) fn first_few(all: &[String]) -> Option<String> {
+    let (named, more) = all.split_at(all.len().min(NAMED));
+    let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
     (!named.is_empty()).then(|| format!("{}{more}", named.join(", ")))
 }

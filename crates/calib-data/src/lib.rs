@@ -47,6 +47,7 @@ mod describe;
 mod doubts;
 mod error;
 mod features;
+mod frozen;
 mod import;
 mod impute;
 mod log;

@@ -87,6 +87,8 @@ pub struct ChannelSketch {
     pub wraps: Option<f64>,
     /// The share of successive rows without a change.
     pub unchanged: f64,
+    /// Longest time without any change, in seconds.
+    pub longest_stuck_secs: f64,
     /// Autocorrelation at each of these distances, in rows: `1 - mean((x[i + lag] - x[i])²) / (2 variance)`, from rows of the same
     /// stretch without a gap (Matheron's variogram, 1963: gaps do not disturb it). Empty for a constant.
     pub autocorrelation: Vec<(usize, f64)>,
@@ -205,6 +207,7 @@ impl Look<'_> {
             restarts: changes.restarts,
             wraps: changes.wraps,
             unchanged: movement.unchanged,
+            longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
             autocorrelation: moments.map_or_else(Vec::new, |moments| {
                 autocorrelation(values, stretches, moments.std().powi(2))
             }),
@@ -265,6 +268,7 @@ impl Look<'_> {
             restarts: changes.restarts,
             wraps: changes.wraps,
             unchanged: movement.unchanged,
+            longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
             autocorrelation: moments.map_or_else(Vec::new, |moments| {
                 autocorrelation_of_samples(&there, moments.std().powi(2))
             }),

@@ -83,6 +83,7 @@ fn channel(name: &str, value_at: &Channel, rows: usize, bins: &[Range<usize>]) -
         ),
         restarts: false,
         wraps: None,
+        longest_stuck_secs: 0.0,
         unchanged: share(changes.len() - changed.len(), changes.len()),
         autocorrelation: lags
             .into_iter()

@@ -223,3 +223,25 @@ fn inputs_that_change_in_the_held_out_period_are_told() {
     let predicted = profile.held_out_doubts(&["height".to_owned()]);
     assert_eq!(predicted, [late.clone()], "it is told with its verdict");
 }
+
+/// A channel that is dead in the whole held-out period leaves nothing of it.
+#[test]
+fn a_held_out_period_without_a_row_is_told_with_the_channel_to_blame() {
+    let mut rows = String::from("time,flow,level\n");
+    for row in 0..1_000 {
+        let flow = if row < 800 { (row % 7).to_string() } else { String::new() };
+        writeln!(rows, "{},{flow},{}", 1_704_067_200 + row, row % 11).expect("memory");
+    }
+    let folder = Folder::of_text("a.csv", &rows);
+    let held_out = profile(&DataConfig { train_fraction: 0.8, ..folder.data() });
+    let told = held_out.nothing_to_score().expect("a doubt");
+    assert!(
+        told.contains("(200 rows, 200 of them dropped for missing values). flow misses 200 "),
+        "{told}"
+    );
+    assert_eq!(
+        profile(&DataConfig { train_fraction: 0.7, ..folder.data() }).nothing_to_score(),
+        None
+    );
+    assert_eq!(folder.inspect().nothing_to_score(), None);
+}

@@ -74,10 +74,13 @@ impl SketchedLog {
             data.missing_values = sentinels.iter().map(|sentinel| sentinel.value).collect();
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
+        if let Some(doubt) = sketch.frozen_doubt(&is_sensor) {
+            printer.warn(&doubt);
+        }
         let angles = if gives_any(args, "data.angles") {
             Vec::new()
         } else {
-            angles(&data, &sketch, is_sensor, printer)?
+            angles(&data, &sketch, &is_sensor, printer)?
         };
         if !angles.is_empty() {
             let turns = angles.iter().map(|angle| (angle.channel.clone(), angle.turn));

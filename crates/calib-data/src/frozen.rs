@@ -1,0 +1,111 @@
+//! Channels whose instrument was probably frozen.
+
+use crate::{Profile, Sketch, doubts::first_few};
+
+/// A frozen channel keeps one value for at least this share of the rows. Our choice.
+const CONSTANT: f64 = 0.02;
+/// It keeps its value in at most this share of the other rows: flows that stop every night are not frozen. Our choice.
+const UNCHANGED: f64 = 0.1;
+/// Channels of fewer values are switches and set-points, which stay as they are set.
+const LEAST_VALUES: u32 = 16;
+
+/// How long a channel is constant, and how it moves otherwise.
+struct Constancy<'a> {
+    name: &'a str,
+    /// The longest time without a change.
+    longest_secs: f64,
+    /// Share of successive rows without a change.
+    unchanged: f64,
+    /// Number of distinct values, if there are few.
+    distinct: Option<u32>,
+}
+
+impl Constancy<'_> {
+    /// Whether it is frozen, in a log of so many rows.
+    fn is_frozen(&self, rows: usize, period_secs: f64) -> bool {
+        let rows = rows as f64;
+        let constant = self.longest_secs / period_secs;
+        let others = (self.unchanged * rows - constant) / (rows - constant).max(1.0);
+        self.distinct.is_none_or(|distinct| distinct >= LEAST_VALUES)
+            && constant >= CONSTANT * rows
+            && others <= UNCHANGED
+    }
+}
+
+impl Profile {
+    /// What is said of kept channels whose instrument was probably frozen; none where there are none.
+    pub fn frozen_doubt(&self) -> Option<String> {
+        let moving = self.kept().filter_map(|channel| {
+            channel.values.as_ref().map(|values| Constancy {
+                name: &channel.name,
+                longest_secs: values.longest_stuck_secs,
+                unchanged: values.unchanged,
+                distinct: values.distinct,
+            })
+        });
+        told(moving, self.rows as usize, self.period_secs)
+    }
+}
+
+impl Sketch {
+    /// The same of the channels that are sensors.
+    pub fn frozen_doubt(&self, is_sensor: impl Fn(&str) -> bool) -> Option<String> {
+        let sensors = self.channels.iter().filter(|channel| is_sensor(&channel.name));
+        let moving = sensors.map(|channel| Constancy {
+            name: &channel.name,
+            longest_secs: channel.longest_stuck_secs,
+            unchanged: channel.unchanged,
+            distinct: channel.distinct,
+        });
+        told(moving, self.timestamps.len(), self.period_secs)
+    }
+}
+
+fn told<'a>(
+    channels: impl Iterator<Item = Constancy<'a>>,
+    rows: usize,
+    period_secs: f64,
+) -> Option<String> {
+    let frozen = channels.filter(|channel| channel.is_frozen(rows, period_secs));
+    let frozen: Vec<String> = frozen
+        .map(|channel| format!("{} for {}", channel.name, long(channel.longest_secs)))
+        .collect();
+    let frozen = first_few(&frozen)?;
+    Some(format!(
+        "channels that change in nearly every row are constant for long: {frozen}. If their instruments were frozen, leave the channels out with \
+         data.exclude, or these times with data.train and data.held_out"
+    ))
+}
+
+/// A long time, in words.
+fn long(secs: f64) -> String {
+    let units = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "min")];
+    let (size, unit) = units.into_iter().find(|(size, _)| secs >= 2.0 * size).unwrap_or((1.0, "s"));
+    format!("{:.0} {unit}", secs / size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether a channel is frozen that is constant for so many of 1000 rows, and unchanged in so many.
+    fn is_frozen(constant: f64, unchanged: f64, distinct: Option<u32>) -> bool {
+        let longest_secs = 60.0 * constant;
+        let unchanged = unchanged / 1_000.0;
+        Constancy { name: "A", longest_secs, unchanged, distinct }.is_frozen(1_000, 60.0)
+    }
+
+    #[test]
+    fn only_what_moves_otherwise_is_frozen() {
+        assert!(is_frozen(300.0, 305.0, None));
+        assert!(!is_frozen(15.0, 20.0, None), "not for long");
+        assert!(!is_frozen(300.0, 305.0, Some(2)), "a switch");
+        assert!(!is_frozen(1_000.0, 1_000.0, Some(1)), "a constant");
+        assert!(!is_frozen(110.0, 330.0, None), "at night, three times");
+    }
+
+    #[test]
+    fn times_are_whole_units() {
+        assert_eq!([long(1_200_000.0), long(10_000.0), long(500.0)], ["14 d", "3 h", "8 min"]);
+    }
+}
