@@ -110,6 +110,21 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
     assert_eq!(edited["rankings"], Value::Array(vec![]), "no ranking of another study");
 }
 
+/// The note of a command that is killed in its first second is there.
+#[test]
+fn a_command_is_noted_before_its_first_second_ends() {
+    let place = long();
+    let _run = begin(&place, &["run", "study.toml"]);
+    let folder = place.path().join("study-results/.progress");
+    let note: Value = wait_for("a note", || {
+        let entries = fs::read_dir(&folder).ok()?;
+        let mut notes = entries.flatten().filter_map(|entry| fs::read(entry.path()).ok());
+        notes.find_map(|text| serde_json::from_slice(&text).ok())
+    });
+    let [began, written] = ["began", "written"].map(|key| note[key].as_f64().expect("seconds"));
+    assert!(written - began < 1.0, "{note}");
+}
+
 /// Sensors that `calib status` ranks settings for, and why the sweep is to do again.
 fn ranked(place: &Place, set: &str) -> (Vec<String>, String) {
     let standing = place.calib(&["status", "study.toml", "--json", "--set", set]).json(&[0]);

@@ -22,6 +22,8 @@ use crate::{
     output::{Announced, Observer, Printer, Remark, Result as Told, Shown, Stage},
 };
 
+/// Before the first note: what fails at once leaves no trace.
+const FIRST: Duration = Duration::from_millis(100);
 /// Between two notes.
 const EVERY: Duration = Duration::from_secs(1);
 /// A task says little of how long it takes before it has run so long,
@@ -114,7 +116,7 @@ impl Recorder {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Write a note every second, until the command is over.
+    /// Write a note soon, then every second, until the command is over.
     fn tick(&self) {
         for (path, note) in notes(&self.results) {
             if note.standing() == CommandState::Killed {
@@ -122,9 +124,10 @@ impl Recorder {
             }
         }
         let mut state = self.state();
+        let mut wait = FIRST;
         loop {
-            // Short commands leave no trace.
-            let waited = self.news.wait_timeout_while(state, EVERY, |state| !state.is_over);
+            let waited = self.news.wait_timeout_while(state, wait, |state| !state.is_over);
+            wait = EVERY;
             (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
             if state.is_over {
                 break;
