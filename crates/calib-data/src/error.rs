@@ -9,6 +9,9 @@ use crate::{BadRowsFound, ContradictionCause, names::hint};
 /// Why a log cannot be used. Every message says what was found where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
+    /// A study says what is held out, and not what is learned from.
+    #[error("data.held_out is set without data.train: set both, or data.train_fraction alone")]
+    HeldOutWithoutTrain,
     /// A setting is out of range.
     #[error("{key} = {got}: expected {expected}")]
     Config {
@@ -145,9 +148,9 @@ pub enum DataError {
     },
     /// Lines of text files are no rows.
     #[error(
-        "{}{}. {}",
+        "{}{} {}",
         if found.count == 1 { String::new() } else { format!("{} of {lines} lines cannot be read: ", found.count) },
-        found.examples.join("; "),
+        ended(&found.examples.join("; ")),
         if *too_many_to_skip {
             "That is more than one line in a hundred, which data.bad_rows = \"skip\" would leave out: are data.separator, data.decimal and data.timestamp_format right?"
         } else {
@@ -424,4 +427,9 @@ impl DataError {
     pub(crate) fn config(key: String, got: String, expected: &'static str) -> Self {
         Self::Config { key, got, expected }
     }
+}
+
+/// A sentence with its full stop, unless it ends as a question.
+fn ended(sentence: &str) -> String {
+    if sentence.ends_with('?') { sentence.to_owned() } else { format!("{sentence}.") }
 }

@@ -383,6 +383,7 @@ fn is_of_study(reason: &StepError) -> bool {
             reason.as_ref(),
             DataError::Angle { .. }
                 | DataError::Config { .. }
+                | DataError::HeldOutWithoutTrain
                 | DataError::NoSuchPattern { .. }
                 | DataError::OneHot { .. }
                 | DataError::Overlap { .. }

@@ -362,15 +362,19 @@ fn unnamed(
 ) -> Result<Vec<TextColumn>, String> {
     let width = width_of(cells);
     let named = title.map(|title| title.iter().filter(|cell| !cell.trim().is_empty()).count());
-    if let Some(named) = named.filter(|named| *named > 1) {
-        let cause = if separator == b',' {
+    // Above two columns, which are recognised, a single name may be a title.
+    let has_cells = title.is_some_and(|title| title.len() > 1);
+    if let Some(named) = named.filter(|named| *named > 1 || *named == 1 && has_cells && width != 2)
+    {
+        let cause = if named > 1 && separator == b',' {
             "If the numbers have decimal commas, each of them became two cells: export the log again with semicolons between cells, with quotes around numbers, or with decimal points. \
              Else give every column a name"
         } else {
             "Give every column a name"
         };
         return Err(format!(
-            "its header has {named} names, and most rows have {width} cells. {cause}"
+            "its header has {named} {}, and most rows have {width} cells. {cause}",
+            if named == 1 { "name" } else { "names" }
         ));
     }
     if width != 2 {
@@ -492,6 +496,11 @@ mod tests {
         );
         assert_eq!(names(&dialect("time,INF,EFF\n2024-01-01,1,2\n")), ["time", "INF", "EFF"]);
         assert!(refused("2024-01-01,1,2\n2024-01-02,1,2\n").contains("it has no header line"));
+        let one_name = refused("Zeit;;\n2024-01-01;1;2\n2024-01-02;1;2\n");
+        assert!(
+            one_name.contains("its header has 1 name, and most rows have 3 cells"),
+            "{one_name}"
+        );
         assert!(refused("time,a,a\n2024-01-01,1,2\n").contains("two columns are called \"a\""));
     }
 }

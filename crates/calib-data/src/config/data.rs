@@ -298,8 +298,7 @@ impl DataConfig {
             return refuse("train_fraction", got, "a number above 0 and at most 1");
         }
         if self.held_out.is_some() && self.train.is_none() {
-            let got = "held_out without train".to_owned();
-            return refuse("held_out", got, "both ranges, or neither");
+            return Err(DataError::HeldOutWithoutTrain);
         }
         for (key, range) in [("train", &self.train), ("held_out", &self.held_out)] {
             if let Some(TimeRange { start: Some(start), end: Some(end) }) = range

@@ -124,6 +124,18 @@ fn damaged(folder: &Folder, rows: u32) {
 }
 
 #[test]
+fn a_hint_that_asks_has_no_full_stop() {
+    let mut text = String::from("time,a,b\n");
+    for row in 0..300 {
+        writeln!(text, "{},{},{}", 1_704_067_200 + row, row % 7, row % 5).expect("memory");
+    }
+    text.push_str("end of export\n");
+    let folder = Folder::of_text("a.csv", &text);
+    let told = refusal(&folder.data());
+    assert!(told.contains("notes below the table? data.bad_rows = \"skip\""), "{told}");
+}
+
+#[test]
 fn damaged_lines_are_told_together_and_left_out() {
     let folder = Folder::new();
     damaged(&folder, 600);

@@ -81,7 +81,10 @@ fn bad_ranges_are_refused() {
             "train = { start = \"1970-01-02\", end = \"1970-01-01\" }",
             "expected a start before the end",
         ),
-        ("held_out = { start = \"1970-01-01T00:00:59\" }", "both ranges, or neither"),
+        (
+            "held_out = { start = \"1970-01-01T00:00:59\" }",
+            "data.held_out is set without data.train: set both",
+        ),
     ] {
         assert_refused(&configured(&folder, &format!("path = \".\"\n{toml}")), &[part]);
     }
