@@ -221,7 +221,7 @@ fn inputs_that_change_in_the_held_out_period_are_told() {
     assert!(far.contains("period: height (172 values, up to 999 widths above it). "), "{far}");
     assert!(late.contains("period: pump (100 values differ). "), "{late}");
     let predicted = profile.held_out_doubts(&["height".to_owned()]);
-    assert_eq!(predicted, [late.clone()], "it is told with its verdict");
+    assert_eq!(predicted, std::slice::from_ref(late), "it is told with its verdict");
 }
 
 /// A channel that is dead in the whole held-out period leaves nothing of it.

@@ -452,13 +452,11 @@ fn pairs_of_times_and_values_are_refused_with_what_to_do() {
         assert_eq!(kept(&found), ["Q", "P"]);
     }
     // A time at the end of a row is of no pair.
-    let text: String = pairs("Time,Q,Stored,P")
-        .lines()
-        .map(|line| {
-            let cells: Vec<&str> = line.split(',').collect();
-            format!("{},{},{},{}\n", cells[0], cells[1], cells[3], cells[2])
-        })
-        .collect();
+    let mut text = String::new();
+    for line in pairs("Time,Q,Stored,P").lines() {
+        let cells: Vec<&str> = line.split(',').collect();
+        writeln!(text, "{},{},{},{}", cells[0], cells[1], cells[3], cells[2]).expect("memory");
+    }
     let found = Folder::of_text("a.csv", &text).inspect();
     assert_eq!(kept(&found), ["Q", "P"]);
 }
