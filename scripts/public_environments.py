@@ -60,6 +60,8 @@ GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.
 DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
 SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
 RELIABLE = 0.8
+# What counts in place of what.
+REPLACED = {"wastewater": "lane"}
 RUNS_OF_RANDOM = 4
 # Doubts of calib that say that the choice is not ahead of the default in the models.
 NOT_AHEAD = {"not_better_than_default", "not_told_apart", "diverged"}
@@ -701,7 +703,7 @@ def report(folder, agent):
         found = [json.loads(path.read_text()) for path in sorted(folder.glob(f"{name}{agent.suffix}-[0-9]*.json"))]
         if not found:
             continue
-        others = [other for other in truths if other != name]
+        others = [other for other in truths if other not in (name, *REPLACED) and other != REPLACED.get(name)]
         fixed = min(range(len(agent.settings)), key=lambda place: statistics.fmean(regret(other, place) for other in others)) if others else default
         says = [one["advice"].split()[0] if not one["advice"].startswith("Deploy nothing") else "nothing" for one in found]
         chosen = [regret(name, one["chosen"]) for one in found]
@@ -734,7 +736,12 @@ def report(folder, agent):
             f"| {statistics.fmean(advised):.1f} % | {regret(name, default):.1f} % | {regret(name, fixed):.1f} % | {statistics.fmean(correlations[name]):.2f} | {statistics.fmean(agreements[name]):.2f} "
             f"| {says.count('Deploy')}, {says.count('Keep')}, {says.count('nothing')} |"
         )
-    for scope, names in (("all environments", set(truths)), ("environments whose settings are told apart", {name for name in truths if reliability(runs[name]) >= RELIABLE})):
+    told_apart = {name for name in truths if reliability(runs[name]) >= RELIABLE}
+    for scope, names in (
+        ("all environments", set(truths)),
+        ("environments whose settings are told apart, without what was added", told_apart - set(REPLACED.values())),
+        ("environments whose settings are told apart, with what replaces others", told_apart - set(REPLACED)),
+    ):
         print(f"\nOver {scope}:\n")
         for row, of_logs in rows.items():
             own = {name: logs for name, logs in of_logs.items() if name in names}
