@@ -157,7 +157,7 @@ fn many_runs_are_counted_without_a_list() {
     let few = told(&place, "control", &share);
     assert!(few.contains("runs left to make of share 0/10000: 180 of 180"), "{few}");
     let told = told(&place, "control", &["--set", "control.runs=100000"]);
-    for part in ["runs left to make: 1,800,000 of ", "memory ", "on disk"] {
+    for part in ["runs left to make: 1,800,000 of ", "memory: up to ", "on disk"] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
 }
