@@ -285,8 +285,8 @@ def test_only_whole_numbers_are_actions_by_number(acting: calib_rl.ActionModel, 
 def test_one_name_observes_one_column(acting: calib_rl.ActionModel) -> None:
     assert calib_rl.gym.make(acting, observe="level").observation_space.shape == (1,)
     assert calib_rl.gym.make_vec(acting, 2, observe="level").observation_space.shape == (2, 1)
-    with pytest.raises(ValueError, match="no column is called 'levle'; the model has level, flow"):
-        calib_rl.gym.make(acting, observe="levle")
+    with pytest.raises(ValueError, match="no column is called 'pressure'; the model has level, flow"):
+        calib_rl.gym.make(acting, observe="pressure")
 
 
 def test_what_is_no_model_is_refused_with_what_is(acting: calib_rl.ActionModel) -> None:
