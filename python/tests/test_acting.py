@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -268,9 +269,9 @@ def test_only_whole_numbers_are_actions_by_number(acting: calib_rl.ActionModel, 
         with pytest.raises(ValueError, match=f"an action is {action}, expected a whole number"):
             env.step(action)
     rows = set()
-    for action in (1, 1.0, np.int64(1), np.float32(1.0), np.array([1]), True):
+    for one in (1, 1.0, np.int64(1), np.float32(1.0), np.array([1]), True):
         env.reset(seed=1)
-        rows.add(env.step(action)[4]["row"])
+        rows.add(env.step(one)[4]["row"])
     assert len(rows) == 1, rows
     many = calib_rl.gym.make_vec(acting, 3)
     many.reset(seed=1)
@@ -291,14 +292,16 @@ def test_one_name_observes_one_column(acting: calib_rl.ActionModel) -> None:
 
 def test_what_is_no_model_is_refused_with_what_is(acting: calib_rl.ActionModel) -> None:
     path: Any = str(acting.path)
-    for call in (
+    calls: list[Callable[[], object]] = [
         lambda: calib_rl.tune(Sarsa, GRID, path, total_timesteps=10),
         lambda: calib_rl.ControlAgent(path),
         lambda: calib_rl.ControlAgent(acting).train(path, 10),
-    ):
+    ]
+    for call in calls:
         with pytest.raises(TypeError, match="^model is '.*control-model', expected a calib_rl.ActionModel: .*ActionModel.open"):
             call()
-    for make in (lambda: calib_rl.gym.make(path), lambda: calib_rl.gym.make_vec(path, 2)):
+    makes: list[Callable[[], object]] = [lambda: calib_rl.gym.make(path), lambda: calib_rl.gym.make_vec(path, 2)]
+    for make in makes:
         with pytest.raises(TypeError, match="^model is '.*', expected a calib_rl.Model or a calib_rl.ActionModel"):
             make()
 
