@@ -193,6 +193,7 @@ class ActionModel:
         resamples: int,
         seed: int,
         constants: str,
+        members: list[int],
     ) -> str: ...
 
 @final

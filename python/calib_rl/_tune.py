@@ -575,6 +575,7 @@ class _Work:
                 _RESAMPLES,
                 self.seed,
                 json.dumps(constants or []),
+                list(self.members),
             )
         )
         return verdict

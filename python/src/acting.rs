@@ -321,7 +321,7 @@ impl PyActionModel {
 
     /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them, `settings` what each setting is called, `fields` the
     /// arguments of each with their values, and `constants` a JSON list of what constant actions get in each kind of model.
-    #[pyo3(signature = (runs, settings, fields, default, timeout, most_uncovered, fewest_terminals, resamples, seed, constants))]
+    #[pyo3(signature = (runs, settings, fields, default, timeout, most_uncovered, fewest_terminals, resamples, seed, constants, members))]
     #[expect(clippy::too_many_arguments, reason = "what decides about a verdict")]
     fn judge(
         &self,
@@ -336,6 +336,7 @@ impl PyActionModel {
         resamples: usize,
         seed: u64,
         constants: &str,
+        members: Vec<usize>,
     ) -> PyResult<String> {
         let runs: Vec<Run> = serde_json::from_str(runs).map_err(errors::unusable)?;
         let constants: Vec<ConstantReturns> =
@@ -353,7 +354,12 @@ impl PyActionModel {
             let question = Question { default, support, resamples, constants: &constants, ..new };
             judge(&runs, &question, seed)
         })?;
-        let verdict = judged.map_err(|error| errors::of_any(py, &error))?;
+        let mut verdict = judged.map_err(|error| errors::of_any(py, &error))?;
+        let outlying = verdict.random_actions.as_mut().and_then(|random| random.outlying.as_mut());
+        if let Some(outlying) = outlying {
+            // Runs count the members that were asked for.
+            outlying.member = members.get(outlying.member).copied().unwrap_or(outlying.member);
+        }
         let columns: Vec<String> = names.columns.iter().map(|column| column.name.clone()).collect();
         let advice = Advice {
             verdict: &verdict,

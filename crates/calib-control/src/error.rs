@@ -56,7 +56,8 @@ pub enum ControlError {
     NoActions,
     /// A column that is two things.
     #[error(
-        "control.{key} names {column}, which control.{before} names already; name another column"
+        "control.{key} names {column}, which control.{before} names already; name another column, or make it a term of the reward, such as \
+         reward = [{{ column = \"{column}\", weight = 1 }}]"
     )]
     RepeatedColumn {
         /// The key that names it again.

@@ -54,7 +54,7 @@ fn centre(cluster: &[f64]) -> f64 {
         // Adding 0 makes one zero of both.
         (mean * unit).round() / unit + 0.0
     });
-    rounded.find(|value| between.contains(value)).unwrap_or(mean)
+    rounded.find(|value| between.contains(value)).unwrap_or(cluster[cluster.len() / 2])
 }
 
 /// An even grid from the least to the largest of ascending values, without the levels that are the nearest to none of them.

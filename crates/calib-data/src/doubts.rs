@@ -52,7 +52,7 @@ pub fn contradicted_period(period_secs: f64, recorded_secs: f64) -> String {
 /// What is said of so many tags of which each has times of its own.
 pub fn own_times(tags: usize) -> String {
     format!(
-        "most rows have a value of only one of {tags} tags, because each has times of its own: put them on one clock with data.resample, data.period_secs and \
+        "most rows have a value of only one of {tags} tags: if each has times of its own, put them on one clock with data.resample, data.period_secs and \
          data.max_age_secs, such as --set data.resample=last --set data.period_secs=60 --set data.max_age_secs=600"
     )
 }

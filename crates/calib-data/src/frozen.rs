@@ -24,7 +24,8 @@ impl Constancy<'_> {
     /// Whether it is frozen, in a log of so many rows.
     fn is_frozen(&self, rows: usize, period_secs: f64) -> bool {
         let rows = rows as f64;
-        let constant = self.longest_secs / period_secs;
+        // Where rows are far apart, a long time without a change has few of them.
+        let constant = (self.longest_secs / period_secs).min(self.unchanged * rows);
         let others = (self.unchanged * rows - constant) / (rows - constant).max(1.0);
         self.distinct.is_none_or(|distinct| distinct >= LEAST_VALUES)
             && constant >= CONSTANT * rows
@@ -102,6 +103,7 @@ mod tests {
         assert!(!is_frozen(300.0, 305.0, Some(2)), "a switch");
         assert!(!is_frozen(1_000.0, 1_000.0, Some(1)), "a constant");
         assert!(!is_frozen(110.0, 330.0, None), "at night, three times");
+        assert!(!is_frozen(100.0, 1.0, None), "one step of many periods");
     }
 
     #[test]

@@ -192,7 +192,8 @@ impl Candidates {
 
     /// Those that can read all of `cells`.
     fn of_all(cells: &[&str], unit: Option<TimestampUnit>) -> Self {
-        let Some(&first) = cells.first() else {
+        // Midnight may stand without its clock, which the others have.
+        let Some(&first) = cells.iter().find(|cell| cell.contains(':')).or(cells.first()) else {
             return Self { left: vec![Notation::Iso], example: String::new(), unreadable: None };
         };
         let told = if let Some(pattern) = compact_pattern(cells).filter(|_| unit.is_none()) {

@@ -1,6 +1,9 @@
 //! Numbers as people and programs of different countries write them.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use thiserror::Error;
 
@@ -191,16 +194,18 @@ pub fn either_way(cell: &str) -> String {
     )
 }
 
-/// Whether the cells of a column may be whole numbers with points between thousands: all points are where those would be, and numbers of
-/// three digits have none.
+/// Whether the cells of a column may be whole numbers with points between thousands: all points are where those would be, and several
+/// numbers of three digits have none. One alone may be a limit, or stand for a missing value, as 999 does.
 fn may_be_thousands(cells: &[&str]) -> bool {
     let is_pointed = |cell: &&&str| cell.contains('.') && (is_finite(cell) || grouped(cell, '.'));
     cells.iter().any(|cell| is_pointed(&cell))
         && cells.iter().filter(is_pointed).all(|cell| grouped(cell, '.'))
-        && cells.iter().any(|cell| {
-            let digits = cell.trim_start_matches('-');
-            digits.len() == 3 && are_digits(digits)
-        })
+        && cells
+            .iter()
+            .filter(|cell| cell.len() == 3 && are_digits(cell) && **cell != "999")
+            .collect::<BTreeSet<_>>()
+            .len()
+            > 1
         && !cells.iter().any(|cell| cell.contains(','))
 }
 
@@ -440,7 +445,7 @@ mod tests {
 
     #[test]
     fn points_that_may_be_of_thousands_are_asked_about() {
-        let flow: &[&str] = &["1.001", "999", "12.500", "n.a."];
+        let flow: &[&str] = &["1.001", "998", "12.500", "n.a.", "997"];
         let asked = told_by_columns(&[flow, &["434"]], true).expect_err("asked");
         let told = "1.001 is a fraction if data.decimal = \".\" and above a thousand if data.decimal = \",\"";
         assert!(asked.contains(told), "{asked}");
@@ -448,15 +453,17 @@ mod tests {
         assert_eq!(told_by_columns(&[flow, &["434.5"]], true), Ok(Decimal::Point));
         assert_eq!(told_by_columns(&[flow], false), Ok(Decimal::Point), "commas separate cells");
         for fractions in [
-            ["1.001", "999.5", "999"],
-            ["0.123", "1.250", "120"],
-            ["1.001", "1.002", "12"],
-            ["1.00", "1.001", "999"],
+            ["1.001", "998.5", "998", "997"],
+            ["0.123", "1.250", "120", "130"],
+            ["1.001", "1.002", "12", "13"],
+            ["1.00", "1.001", "998", "997"],
+            ["21.503", "22.018", "100", "100"],
+            ["21.503", "22.018", "-999", "999"],
         ] {
             assert_eq!(told_by_columns(&[&fractions], true), Ok(Decimal::Point), "{fractions:?}");
         }
         // Two points are of no fraction, whatever stands beside them.
-        let millions: &[&str] = &["1.234.567", "1.001", "999"];
+        let millions: &[&str] = &["1.234.567", "1.001", "998", "997"];
         assert_eq!(told_by_columns(&[millions], true), Ok(Decimal::Comma));
     }
 

@@ -1,10 +1,6 @@
 //! Tables in which each column of values has a column of times beside it, as trends of a spreadsheet are exported.
 
-use super::{
-    file::FieldKind,
-    head::{Head, HeadColumn},
-    shape::names_tags,
-};
+use super::{file::FieldKind, head::Head, shape::names_tags};
 use crate::{DataConfig, DataError, names::Names};
 
 /// Names of the columns of times of a table of pairs: the first, and the next one.
@@ -44,13 +40,14 @@ fn paired_times(head: &Head, data: &DataConfig) -> Option<PairedTimes> {
             && !beside.contains(&at)
             && excluded.matching(&columns[at].name).is_none()
     };
-    let is_value = |column: Option<&HeadColumn>| {
-        column.is_some_and(|column| matches!(column.kind, FieldKind::Number | FieldKind::Text))
-    };
-    let first = (0..columns.len()).find(|&at| is_time(at))?;
-    let next = (first + 2..columns.len()).find(|&at| {
-        is_time(at) && is_value(columns.get(at - 1)) && is_value(columns.get(at + 1))
-    })?;
+    let mut values = (0..columns.len()).filter(|&at| columns[at].kind == FieldKind::Number);
+    // Another table has a further column of times somewhere, and values that are beside none.
+    if !values.all(|at| at > 0 && is_time(at - 1)) {
+        return None;
+    }
+    let mut paired =
+        (1..columns.len()).filter(|&at| columns[at].kind == FieldKind::Number).map(|at| at - 1);
+    let (first, next) = (paired.next()?, paired.next()?);
     let [first, next] = [first, next].map(|at| columns[at].name.clone());
     Some(PairedTimes { first, next })
 }

@@ -310,13 +310,16 @@ fn file_per_tag(
     let columns: BTreeSet<&str> = files.iter().map(|file| file.name.as_str()).collect();
     let stems: Vec<String> = heads.iter().map(|head| tag_of_path(head.path())).collect();
     let have_one_name = columns.len() == 1;
-    let by_file = files.iter().all(|file| VALUES.contains(&plain(&file.name).as_str()))
-        || have_one_name && (is_asked || data.value.is_some() && !data.file_as_prefix);
+    let says_nothing =
+        |names: &[&str]| files.iter().all(|file| names.contains(&plain(&file.name).as_str()));
+    let is_named = is_asked || data.value.is_some() && !data.file_as_prefix;
+    let by_file = says_nothing(&VALUES)
+        || have_one_name && files.len() > 1 && is_named && says_nothing(&FOREIGN_VALUES);
     let cut_by_date = (by_file || have_one_name) && stems.iter().all(String::is_empty);
     if !is_asked && (files.len() < 2 || cut_by_date) {
         return Ok(Recognised::Wide);
     }
-    if have_one_name && !by_file {
+    if have_one_name && !by_file && files.len() > 1 {
         return Ok(one_column(times, stems, &files, data));
     }
     let mut roles = Vec::with_capacity(files.len());

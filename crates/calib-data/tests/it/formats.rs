@@ -472,7 +472,7 @@ fn tags_with_times_of_their_own_are_told_how_to_share_a_clock() {
     for period_secs in [None, Some(60.0)] {
         let data = DataConfig { period_secs, ..folder.data() };
         let [told] = &profile(&data).clock_doubts()[..] else { panic!("one doubt") };
-        let expected = "only one of 2 tags, because each has times of its own: put them on one clock with data.resample, data.period_secs and data.max_age_secs";
+        let expected = "only one of 2 tags: if each has times of its own, put them on one clock with data.resample, data.period_secs and data.max_age_secs";
         assert!(told.contains(expected), "{told}");
     }
     let data = DataConfig {

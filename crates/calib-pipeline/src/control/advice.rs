@@ -51,7 +51,7 @@ pub(super) const PROGRAM: Vocabulary = Vocabulary {
 pub const PYTHON: Vocabulary = Vocabulary {
     steps: "total_timesteps",
     runs: "runs",
-    members: "members",
+    members: "control.model.members of the model",
     most_uncovered: "most_uncovered",
     fewest_terminals: "fewest_terminals",
     default: "the default is the agent as it is without a setting, not what runs on the plant",
@@ -229,8 +229,9 @@ impl Advice<'_> {
     /// By how many ranks the choice is ahead of the default, where that is another setting.
     fn ranks_over_default(&self) -> Option<String> {
         let verdict = self.verdict;
-        let ranks =
-            verdict.ranks_over_default.filter(|_| verdict.default != Some(verdict.chosen))?;
+        let ranks = verdict
+            .ranks_over_default
+            .filter(|ranks| ranks.mean > 0.0 && verdict.default != Some(verdict.chosen))?;
         let around = ranks.interval.map_or_else(String::new, interval);
         let by = significant(ranks.mean);
         Some(format!("Ahead of the default by {by} in mean rank, over blocks of the log{around}."))

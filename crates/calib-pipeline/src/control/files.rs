@@ -316,12 +316,11 @@ impl VerdictStanding {
 }
 
 /// That the log is not the one of the verdict in `directory`, by the size and the time of its files, and what to run. None of verdicts of
-/// earlier versions, which do not tell.
+/// earlier versions, which do not tell, and where the log is not at hand.
 fn log_change(job: &Job, directory: &Path) -> Option<String> {
     let noted = Sources::noted_in(directory)?;
-    let now = data_of(job).and_then(|data| Sources::of(&data));
-    let is_same = now.is_ok_and(|now| !now.differ_from(&noted));
-    (!is_same).then(|| {
+    let now = data_of(job).and_then(|data| Sources::of(&data)).ok()?;
+    now.differ_from(&noted).then(|| {
         format!(
             "the log has changed since the verdict in {} was made, by the size or the time of its files; run `{}` again",
             directory.display(),
