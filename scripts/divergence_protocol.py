@@ -62,7 +62,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import protocols
-from protocols import CAP, head, interval, quotient, row, smallest, typical_regret
+from protocols import CAP, even_in_logarithm, head, interval, quotient, row, smallest, typical_regret
 
 SENSORS = ["PIT300", "TIT101", "TUIT101"]
 RATES = [1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 1e-2, 3.16e-2, 0.1, 0.316, 1]
@@ -124,8 +124,7 @@ def draw(seed: int) -> dict:
     generator = random.Random(seed)
 
     def between(low: float, high: float) -> float:
-        """Evenly in the logarithm."""
-        return math.exp(generator.uniform(math.log(low), math.log(high)))
+        return even_in_logarithm(generator, low, high)
 
     return {
         "drift": float(f"{between(0.3, 3):.3g}"),

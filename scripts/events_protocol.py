@@ -58,7 +58,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import protocols
-from protocols import head, mean_of, quotient, regrets, row, smallest, typical_regret
+from protocols import day, head, mean, mean_of, quotient, regrets, row, smallest, typical_regret
 
 EVENTS_MOVE = "TUIT101"
 SENSORS = [EVENTS_MOVE, "PIT300", "TIT101"]
@@ -303,7 +303,7 @@ class Plant:
 
     def recorded_study(self, name: str, files: list[str], replay: int) -> Path:
         """A log with the days after it."""
-        start, later, end = (time.strftime("%Y-%m-%d") for time in (self.start, self.later, self.end))
+        start, later, end = map(day, (self.start, self.later, self.end))
         ranges = f"train = {{ start = {start}, end = {later} }}\nheld_out = {{ start = {later}, end = {end} }}"
         return self.write_study(name, files, ranges, replay)
 
@@ -504,11 +504,6 @@ PAIRS = [
     ("tilted walk", "replay"), ("tilted walk", "weighted replay"), ("weighted replay", "replay"), ("quarter", "replay"),
     ("plain walk", "replay"), ("resampled log", "replay"), ("tilted walk", "resampled log"), ("tilted walk", "others"),
 ]
-
-
-def mean(values) -> float:
-    values = list(values)
-    return sum(values) / len(values)
 
 
 def report(plants: list[dict]) -> None:

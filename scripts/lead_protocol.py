@@ -36,7 +36,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import protocols
-from protocols import CAP, head, mean_of, quotient, regrets, row, smallest, typical_regret
+from protocols import CAP, day, head, mean_of, quotient, regrets, row, smallest, typical_regret
 
 SENSORS = ["PIT300", "TIT101", "TUIT101"]
 RATES = [0, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2]
@@ -98,10 +98,6 @@ learning_rate = {rates}
 [evaluate]
 rule = "log_replay"
 """
-
-
-def day(time: datetime) -> str:
-    return time.strftime("%Y-%m-%d")
 
 
 def span(start: datetime, end: datetime) -> str:

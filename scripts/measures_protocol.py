@@ -70,7 +70,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import protocols
-from protocols import CAP, head, interval, quotient, row, smallest, typical_regret
+from protocols import CAP, day, even_in_logarithm, head, interval, mean, quotient, row, smallest, typical_regret
 
 SENSORS = ["PIT300", "TIT101", "TUIT101"]
 RATES = 11
@@ -231,7 +231,7 @@ class Plant:
         draw = random.Random(1400 + number)
 
         def even_log(low: float, high: float) -> float:
-            return math.exp(draw.uniform(math.log(low), math.log(high)))
+            return even_in_logarithm(draw, low, high)
 
         self.start = datetime(2022, draw.randint(1, 12), 1)
         self.plant = {"drift": even_log(0.3, 3), "noise": even_log(0.3, 3), "storms": even_log(1, 20)}
@@ -245,22 +245,23 @@ class Plant:
     def outcome(self) -> dict:
         self.write_order()
         models = MODELS
-        study = self.write("study", models, 'steps = 1500\nrollouts = 3\ndtw_steps = 1000', 15)
+        rollout = "steps = 1500\nrollouts = 3\ndtw_steps = 1000"
+        study = self.write("study", models, rollout, 15)
         protocols.run(self.calib, study, "simulate")
         try:
             protocols.run(self.calib, study, "represent")
         except subprocess.CalledProcessError:
             # No candidate of the representation maps different states to different points.
             models = [name for name in MODELS if name != "laplacian"]
-            study = self.write("study", models, 'steps = 1500\nrollouts = 3\ndtw_steps = 1000', 15)
+            study = self.write("study", models, rollout, 15)
             protocols.run(self.calib, study, "represent")
         protocols.run(self.calib, study, "build-model", "rollout")
         record = Record(self.folder / "results/models/k-3/model")
         measures = {name: self.of_rollouts(name, record) for name in models}
         rows = record.starts()
         count = FORECASTS * len(rows)
-        rollout = f'steps = {max(HORIZONS)}\nrollouts = {count}\nstart = "rows"\nrows = {rows}\ndtw_steps = 0'
-        protocols.run(self.calib, self.write("forecasts", models, rollout, count), "rollout")
+        forecast = f'steps = {max(HORIZONS)}\nrollouts = {count}\nstart = "rows"\nrows = {rows}\ndtw_steps = 0'
+        protocols.run(self.calib, self.write("forecasts", models, forecast, count), "rollout")
         for name in models:
             measures[name] |= self.of_forecasts(name, record)
         protocols.run(self.calib, study, "sweep")
@@ -327,7 +328,7 @@ class Plant:
             few_rows = [-math.log(member["recurrence"].get("effective_rows") or 1) for member in members]
             departures = [member["jumps"]["departure_rate"] for member in members]
             for measure, values in {"mixing_steps": mixing, "few_rows": few_rows, "departures": departures}.items():
-                found[measure] = [average(values)] * len(SENSORS)
+                found[measure] = [mean(values)] * len(SENSORS)
         return dict(found)
 
     def of_forecasts(self, name: str, record: "Record") -> dict[str, list[float]]:
@@ -445,10 +446,6 @@ class Record:
         return float(np.sqrt(np.mean(decibels**2)))
 
 
-def day(time: datetime) -> str:
-    return time.strftime("%Y-%m-%d")
-
-
 def mean_of_finite(values) -> float:
     """Infinite where there is none."""
     finite = [value for value in values.to_list() if value is not None and math.isfinite(value)]
@@ -524,10 +521,6 @@ def spearman(one: list[float], other: list[float]) -> float:
     return sum(a * b for a, b in zip(left, right)) / size if size else 0.0
 
 
-def average(values: list[float]) -> float:
-    return sum(values) / len(values)
-
-
 class Pair:
     """A plant and a sensor, and how its models choose."""
 
@@ -537,7 +530,7 @@ class Pair:
         truth = plant["truth"][sensor]
         not_capped = plant["not_capped"][sensor]
         self.models = plant["models"]
-        self.random = average(truth) - min(truth)
+        self.random = mean(truth) - min(truth)
         self.replay = truth[smallest(plant["replay"][sensor])] - min(truth)
         self.regrets, self.not_capped, self.quality = {}, {}, {}
         for name, model in self.models.items():
@@ -573,7 +566,7 @@ class Pair:
         values = self.measured(measure)
         if not values:
             return None
-        return average([self.regrets[name] for name, value in values.items() if value == min(values.values())])
+        return mean([self.regrets[name] for name, value in values.items() if value == min(values.values())])
 
 
 def by_plant(pairs: list[Pair], value) -> dict[int, float]:
@@ -583,7 +576,7 @@ def by_plant(pairs: list[Pair], value) -> dict[int, float]:
         own = value(pair)
         if own is not None:
             found[pair.plant].append(own)
-    return {plant: average(values) for plant, values in found.items()}
+    return {plant: mean(values) for plant, values in found.items()}
 
 
 def pooled(pairs: list[Pair], measure: str) -> float:
@@ -615,8 +608,8 @@ def told(values) -> str:
     """Mean and interval of correlations."""
     if not values:
         return ""
-    mean, low, high = interval(list(values))
-    return f"{mean:.2f} ({low:.2f} to {high:.2f})"
+    middle, low, high = interval(list(values))
+    return f"{middle:.2f} ({low:.2f} to {high:.2f})"
 
 
 def report(plants: list[dict]) -> None:
@@ -642,7 +635,7 @@ def report(plants: list[dict]) -> None:
         is_candidate = measure not in (DTW, HINDSIGHT) and len(beside) > 1
         is_useful = is_candidate and interval(list(own.values()))[1] > 0.3 and interval(beside)[1] > 0
         if is_useful:
-            useful[measure] = average(list(own.values()))
+            useful[measure] = mean(list(own.values()))
         row(
             measure, told(own.values()), "" if measure == DTW else told(beside), told(with_quality(measure).values()),
             told(jackknife(pairs, measure)), max(len(pair.measured(measure)) for pair in pairs), "yes" if is_useful else "",
@@ -659,7 +652,7 @@ def report(plants: list[dict]) -> None:
     head("choice of", "regret", "error / that by DTW")
     ways = {f"the model with the smallest {measure}": lambda pair, measure=measure: pair.of_smallest(measure) for measure in MEASURES}
     ways |= {
-        "a random model": lambda pair: average(list(pair.regrets.values())),
+        "a random model": lambda pair: mean(list(pair.regrets.values())),
         "the best model in hindsight": lambda pair: min(pair.regrets.values()),
         "log replay": lambda pair: pair.replay,
         "a random rate": lambda pair: pair.random,

@@ -3,8 +3,10 @@
 import argparse
 import json
 import math
+import random
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from datetime import datetime
 from pathlib import Path
 
 # An error this many times the best one's counts as no worse than this: a run that diverged must not decide every mean.
@@ -38,6 +40,19 @@ def make_and_report(description: str, name: str, plants: int, make: Callable, re
     if not kept:
         parser.error(f"{path} has no plants; leave --report out to make them")
     report([kept[number] for number in sorted(kept)])
+
+
+def day(time: datetime) -> str:
+    return time.strftime("%Y-%m-%d")
+
+
+def even_in_logarithm(generator: random.Random, low: float, high: float) -> float:
+    return math.exp(generator.uniform(math.log(low), math.log(high)))
+
+
+def mean(values: Iterable[float]) -> float:
+    own = list(values)
+    return sum(own) / len(own)
 
 
 def run(calib: str, study: Path, *steps: str) -> None:
@@ -85,25 +100,24 @@ def interval(values: list[float]) -> tuple[float, float, float]:
     # Two-sided 97.5 % points of Student's t for 1 to 30 degrees of freedom.
     points = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
               2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042]
-    count = len(values)
-    mean = sum(values) / count
+    count, middle = len(values), mean(values)
     if count < 2:
-        return mean, math.nan, math.nan
-    deviation = math.sqrt(sum((value - mean) ** 2 for value in values) / (count - 1))
+        return middle, math.nan, math.nan
+    deviation = math.sqrt(sum((value - middle) ** 2 for value in values) / (count - 1))
     half = points[min(count - 1, 30) - 1] * deviation / math.sqrt(count)
-    return mean, mean - half, mean + half
+    return middle, middle - half, middle + half
 
 
 def typical_regret(values: list[float]) -> str:
     """In per cent with its interval, of logarithms of plants."""
-    mean, low, high = (f"{(math.exp(value) - 1) * 100:.1f}" for value in interval(values))
-    return f"{mean} ({low} to {high})"
+    middle, low, high = (f"{(math.exp(value) - 1) * 100:.1f}" for value in interval(values))
+    return f"{middle} ({low} to {high})"
 
 
 def quotient(values: list[float]) -> str:
     """With its interval, of differences of plants' logarithms."""
-    mean, low, high = (f"{math.exp(value):.3f}" for value in interval(values))
-    return f"{mean} ({low} to {high})"
+    middle, low, high = (f"{math.exp(value):.3f}" for value in interval(values))
+    return f"{middle} ({low} to {high})"
 
 
 def head(*names: str) -> None:

@@ -164,6 +164,22 @@ def gymchem_rule(seen, _):
     return int(np.clip(round(2 - 4 * (seen[0] + 0.2)), 0, 4))
 
 
+def tanks_of(plant):
+    return [plant.reactor1, plant.reactor2, plant.reactor3, plant.reactor4, plant.reactor5]
+
+
+def state_of(plant):
+    """What a plant of bsm2-python goes on from."""
+    return [tank.y0.copy() for tank in tanks_of(plant)], plant.settler.ys0.copy(), plant.ys_out.copy(), plant.y_out5_r.copy()
+
+
+def restore(plant, state):
+    tanks, settler, out, back = state
+    for tank, own in zip(tanks_of(plant), tanks):
+        tank.y0 = own.copy()
+    plant.settler.ys0, plant.ys_out, plant.y_out5_r = settler.copy(), out.copy(), back.copy()
+
+
 class Wastewater:
     """The wastewater benchmark BSM1, with the weather and loads of BSM2: an episode is one of its 600 days from a stable plant.
 
@@ -176,24 +192,15 @@ class Wastewater:
 
         self.plant = BSM1OL(timestep=15 / 1440, endtime=602)
         self.plant.stabilize()
-        self.stable = self.state()
+        self.stable = state_of(self.plant)
         self.rng = np.random.default_rng(0)
-
-    def state(self):
-        plant = self.plant
-        tanks = [plant.reactor1, plant.reactor2, plant.reactor3, plant.reactor4, plant.reactor5]
-        return [tank.y0.copy() for tank in tanks], plant.settler.ys0.copy(), plant.ys_out.copy(), plant.y_out5_r.copy()
 
     def reset(self, seed=None):
         if seed is not None:
             self.rng = np.random.default_rng(seed)
-        plant = self.plant
-        tanks, settler, plant.ys_out, plant.y_out5_r = [part.copy() for part in self.stable]
-        for tank, state in zip([plant.reactor1, plant.reactor2, plant.reactor3, plant.reactor4, plant.reactor5], tanks):
-            tank.y0 = state.copy()
-        plant.settler.ys0 = settler
+        restore(self.plant, self.stable)
         self.at = 96 * int(self.rng.integers(600))
-        plant.step(self.at)
+        self.plant.step(self.at)
         return self.seen(), {}
 
     def seen(self):
@@ -249,16 +256,8 @@ class Lane:
         seen, _ = self.act(AERATION[4])
         while self.row < self.rows_a_day * self.LAST_DAY:
             if self.row >= self.rows_a_day * self.WARM_UP and self.row % self.rows_a_day == 0:
-                self.begun.append((self.row, seen, self.state()))
+                self.begun.append((self.row, seen, state_of(self.lane.plant)))
             seen, _ = self.act(AERATION[by_ammonia_and_oxygen(seen[2], seen[0])])
-
-    def state(self):
-        plant = self.lane.plant
-        return [tank.y0.copy() for tank in self.tanks()], plant.settler.ys0.copy(), plant.ys_out.copy(), plant.y_out5_r.copy()
-
-    def tanks(self):
-        plant = self.lane.plant
-        return [plant.reactor1, plant.reactor2, plant.reactor3, plant.reactor4, plant.reactor5]
 
     def act(self, air):
         """What is seen after 15 minutes of this aeration, and the reward."""
@@ -276,11 +275,8 @@ class Lane:
     def reset(self, seed=None):
         if seed is not None:
             self.rng = np.random.default_rng(seed)
-        self.row, seen, (tanks, settler, out, back) = self.begun[int(self.rng.integers(len(self.begun)))]
-        plant = self.lane.plant
-        for tank, state in zip(self.tanks(), tanks):
-            tank.y0 = state.copy()
-        plant.settler.ys0, plant.ys_out, plant.y_out5_r = settler.copy(), out.copy(), back.copy()
+        self.row, seen, state = self.begun[int(self.rng.integers(len(self.begun)))]
+        restore(self.lane.plant, state)
         return seen, {}
 
     def step(self, action):
