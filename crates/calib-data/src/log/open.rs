@@ -18,7 +18,7 @@ use super::{
     head::{Head, HeadColumn},
     long::{stream_annotated, stream_parquet, stream_text},
     series::Sink,
-    shape::{Recognised, Roles, recognise, roles_of_files, time_column},
+    shape::{Recognised, Roles, recognise, time_column, with_quality},
     shared_times::{self, SharedTimes},
     source::{self, PartitionedFile},
     times,
@@ -95,15 +95,20 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
             samples(shape, &heads, &roles, &written, data, monitor)
         }
         Recognised::OneColumn(roles) => {
-            let (_, mut sink) = poured(&heads, &roles, &written, data, monitor)?;
-            let several = sink.has_tags_beside_each_other()?;
-            drop(sink);
-            monitor.begin("reading timestamps", sources.len() as u64);
-            if several {
+            let (files, mut sink) = poured(&heads, &roles, &written, data, monitor)?;
+            if sink.has_tags_beside_each_other()? {
                 refuse_several_plants(&sources)?;
-                let roles = roles_of_files(&heads, &times, data)?;
-                samples(Shape::FilePerTag, &heads, &roles, &written, data, monitor)
+                let known = with_quality(&heads, roles, data)?;
+                if known.iter().all(|roles| roles.quality.is_none()) {
+                    Ok(Opened::Samples(Shape::FilePerTag, files, sink))
+                } else {
+                    drop(sink);
+                    monitor.begin("reading timestamps", sources.len() as u64);
+                    samples(Shape::FilePerTag, &heads, &known, &written, data, monitor)
+                }
             } else {
+                drop(sink);
+                monitor.begin("reading timestamps", sources.len() as u64);
                 tables(heads, times, &written, data, monitor)
             }
         }

@@ -41,8 +41,8 @@ pub(crate) enum Recognised {
     Wide,
     /// For each file.
     Samples(Shape, Vec<Roles>),
-    /// Files of one column of values each, all of the same name: of a tag each if they were recorded at the same time, as
-    /// `Samples` would read them without their quality, and else wide tables that follow one another.
+    /// Files of one column of values each, all of the same name: of a tag each if they were recorded at the same time, when they have these
+    /// roles [with their quality](with_quality), and else wide tables that follow one another.
     OneColumn(Vec<Roles>),
     Annotated,
 }
@@ -86,17 +86,18 @@ pub(crate) fn recognise(
     Ok(recognised)
 }
 
-/// What the columns are of files of a tag each.
-pub(crate) fn roles_of_files(
+/// The roles of the columns of files of a tag each, with the columns of quality of those that have one.
+pub(crate) fn with_quality(
     heads: &[Head],
-    times: &[usize],
+    roles: Vec<Roles>,
     data: &DataConfig,
 ) -> Result<Vec<Roles>, DataError> {
-    let asked = DataConfig { shape: Some(Shape::FilePerTag), ..data.clone() };
-    match recognise(heads, times, &asked)? {
-        Recognised::Samples(_, roles) | Recognised::OneColumn(roles) => Ok(roles),
-        Recognised::Wide | Recognised::Annotated => Ok(Vec::new()),
-    }
+    let files = heads.iter().zip(roles);
+    let known = files.map(|(head, roles)| {
+        let column = quality_column(head, &head.columns(), roles.time, data)?;
+        Ok(Roles { quality: quality_of(head, column, data)?, ..roles })
+    });
+    known.collect()
 }
 
 /// What the files are, each by its own first rows.

@@ -214,63 +214,6 @@ fn one_file_per_tag_never_loses_tags() {
     assert_eq!(profile.channel("b").expect("a channel").missing, 5);
 }
 
-/// A file of one column, which is recorded every minute from a second of the day on.
-fn minutes(header: &str, from: u32, level: f64) -> String {
-    let mut text = format!("Zeitstempel;{header}\n");
-    for minute in 0..40 {
-        let second = from + 60 * minute;
-        let [hours, minutes, seconds] = [second / 3_600, second / 60 % 60, second % 60];
-        let value = (level + f64::from(minute % 7) / 4.0).to_string().replace('.', ",");
-        writeln!(text, "2024-03-11 {hours:02}:{minutes:02}:{seconds:02};{value}").expect("memory");
-    }
-    text
-}
-
-#[test]
-fn files_of_one_time_are_of_a_tag_each_whatever_their_column_is_called() {
-    let names = |data: &DataConfig| -> Vec<String> {
-        profile(data).channels.into_iter().map(|channel| channel.name).collect()
-    };
-    for header in ["Wert", "Valeur", "y", "Value [bar]"] {
-        // On one clock, and on two.
-        for from in [0, 30] {
-            let folder = Folder::of_text("FIT100.csv", &minutes(header, 0, 120.25));
-            folder.write_file("PIT300.csv", &minutes(header, from, 434.25));
-            let data = folder.data();
-            assert_eq!(names(&data), ["FIT100", "PIT300"], "{header}, from {from} on");
-            let found = profile(&data);
-            assert_eq!((found.shape, found.contradictions.count), (Shape::FilePerTag, 0));
-            let pressures = found.channel("PIT300").expect("a tag").values.as_ref();
-            assert!(pressures.is_some_and(|values| values.min > 400.0), "no flow among them");
-            let wide = DataConfig { shape: Some(Shape::Wide), ..data };
-            assert_eq!(names(&wide).len(), 1, "if the study says so");
-        }
-    }
-}
-
-#[test]
-fn files_that_follow_one_another_are_of_one_tag_unless_the_study_says_otherwise() {
-    let folder = Folder::of_text("export 1.csv", &minutes("Wert", 0, 120.25));
-    folder.write_file("export 2.csv", &minutes("Wert", 2_400, 122.25));
-    let data = folder.data();
-    let found = profile(&data);
-    assert_eq!((found.shape, found.channels.len(), found.rows), (Shape::Wide, 1, 80));
-    // An export that has the rows of another again is of the same sensor.
-    folder.write_file("export 3.csv", &minutes("Wert", 0, 120.25));
-    let found = profile(&data);
-    assert_eq!((found.shape, found.duplicates.identical), (Shape::Wide, 40));
-    let asked = [
-        DataConfig { shape: Some(Shape::FilePerTag), ..data.clone() },
-        DataConfig { value: Some("Wert".to_owned()), ..data },
-    ];
-    for data in asked {
-        let found = profile(&data);
-        let names: Vec<&str> = found.channels.iter().map(|channel| channel.name.as_str()).collect();
-        assert_eq!(names, ["export 1", "export 2", "export 3"]);
-        assert_eq!(found.shape, Shape::FilePerTag);
-    }
-}
-
 #[test]
 fn wide_files_of_different_channels_are_merged_by_column() {
     let values: Vec<f64> = (0..20_u8).map(f64::from).collect();

@@ -12,3 +12,4 @@ mod ranges;
 mod real;
 mod shapes;
 mod support;
+mod tags_of_files;
