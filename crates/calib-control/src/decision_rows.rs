@@ -176,12 +176,7 @@ impl DecisionRows {
             lengths.push(decisions.len() + 1);
         }
         if lengths.is_empty() {
-            let are_terminals = log.endings.iter().all(|&ending| ending == Ending::Terminal);
-            return Err(if are_terminals {
-                ControlError::OnlyTerminals
-            } else {
-                ControlError::NoDecisions { every }
-            });
+            return Err(ControlError::NoDecisions { every }.or_only_terminals(&log.endings));
         }
         let mut acted: Vec<Vec<f64>> = log.acted.iter().map(|column| at(column, &rows)).collect();
         for column in &mut acted {

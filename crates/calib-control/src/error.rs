@@ -2,6 +2,8 @@ use calib_core::{Cancelled, SegmentError, StatesError};
 use calib_knn::KnnError;
 use calib_stats::StatsError;
 
+use crate::Ending;
+
 /// Why something of agents that act cannot be done.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlError {
@@ -56,8 +58,12 @@ pub enum ControlError {
     NoActions,
     /// A column that is two things.
     #[error(
-        "control.{key} names {column}, which control.{before} names already; name another column, or make it a term of the reward, such as \
-         reward = [{{ column = \"{column}\", weight = 1 }}]"
+        "control.{key} names {column}, which control.{before} names already; name another column{}",
+        if [*key, *before].contains(&"reward") {
+            format!(", or make it a term of the reward: reward = [{{ column = \"{column}\", weight = 1 }}]")
+        } else {
+            String::new()
+        }
     )]
     RepeatedColumn {
         /// The key that names it again.
@@ -259,6 +265,16 @@ impl ControlError {
                 Self::SectionField { section, field, got, expected }
             }
             other => other,
+        }
+    }
+
+    /// That every row is a terminal, where steps with these endings are none but terminals; else this error, for a log of which no transition
+    /// is left.
+    pub(crate) fn or_only_terminals(self, endings: &[Ending]) -> Self {
+        if endings.iter().all(|&ending| ending == Ending::Terminal) {
+            Self::OnlyTerminals
+        } else {
+            self
         }
     }
 }

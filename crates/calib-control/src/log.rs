@@ -82,12 +82,7 @@ impl Decisions {
             endings.push(columns.endings[next]);
         }
         if actions.is_empty() {
-            let are_terminals = columns.endings.iter().all(|&ending| ending == Ending::Terminal);
-            return Err(if are_terminals {
-                ControlError::OnlyTerminals
-            } else {
-                ControlError::NoTransitions
-            });
+            return Err(ControlError::NoTransitions.or_only_terminals(columns.endings));
         }
         let probabilities = None;
         let settings = None;
