@@ -100,7 +100,7 @@ fn draw_rows(
         Scene { width: picture, height: 0.0, plot: Rect::default(), groups: Vec::new() };
     let above = Sides { left: MARGIN + 4.0, width: picture - 2.0 * MARGIN };
     if legend_place == LegendPlace::Inside {
-        scene.height = heading(&mut scene.groups, legend_of, &legend_of.title, above);
+        heading(&mut scene, legend_of, above);
     }
     for row in rows {
         let headings: Vec<Vec<String>> = row

@@ -37,7 +37,7 @@ pub(crate) fn draw(chart: &Chart, legend_place: LegendPlace, width: f64) -> Scen
     let side = Sides::of(std::slice::from_ref(chart), width);
     let mut scene = Scene { width, height: MARGIN, plot: Rect::default(), groups: Vec::new() };
     if legend_place == LegendPlace::Inside {
-        scene.height = heading(&mut scene.groups, chart, &chart.title, side);
+        heading(&mut scene, chart, side);
     }
     let height = if width < WIDE { NARROW_PLOT_HEIGHT } else { PLOT_HEIGHT };
     panel(&mut scene, chart, side, height);
@@ -48,7 +48,7 @@ pub(crate) fn draw(chart: &Chart, legend_place: LegendPlace, width: f64) -> Scen
 pub(crate) fn draw_panels(legend_of: &Chart, panels: &[Chart]) -> Scene {
     let sides = Sides::of(panels, WIDE);
     let mut scene = Scene { width: WIDE, height: 0.0, plot: Rect::default(), groups: Vec::new() };
-    scene.height = heading(&mut scene.groups, legend_of, &legend_of.title, sides);
+    heading(&mut scene, legend_of, sides);
     for chart in panels {
         panel(&mut scene, chart, sides, PANEL_HEIGHT);
     }
@@ -73,21 +73,15 @@ impl Sides {
     }
 }
 
-/// Title and legend; returns where the picture goes on below them.
-pub(super) fn heading(
-    groups: &mut Vec<MarkGroup>,
-    chart: &Chart,
-    title: &str,
-    sides: Sides,
-) -> f64 {
-    let mut title = Text::new(sides.left, MARGIN + 16.0, title, 17, Anchor::Start);
+/// Begins `scene` with the title and the legend of `chart`.
+pub(super) fn heading(scene: &mut Scene, chart: &Chart, sides: Sides) {
+    let mut title = Text::new(sides.left, MARGIN + 16.0, &*chart.title, 17, Anchor::Start);
     title.weight = Weight::Bold;
     let top = MARGIN + 28.0;
     let entries = legend::place(legend::keys(chart), sides.left, top, sides.width);
-    let bottom = top + legend::height(&entries, top) + 6.0;
     let marks = std::iter::once(Mark::Text(title)).chain(legend::marks(&entries)).collect();
-    groups.push(MarkGroup { kind: GroupKind::Heading, plot: Rect::default(), marks });
-    bottom
+    scene.groups.push(MarkGroup { kind: GroupKind::Heading, plot: Rect::default(), marks });
+    scene.height = top + legend::height(&entries, top) + 6.0;
 }
 
 /// Adds one plot with its axes below what `scene` already has.
@@ -126,7 +120,10 @@ pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sid
 
 /// The text above a vertical line, in a row where it does not cover another one; row 0 is nearest to the plot.
 struct RuleLabel {
+    /// Its middle.
     x: f64,
+    /// Half of its width.
+    half: f64,
     row: usize,
 }
 
@@ -140,8 +137,7 @@ fn height_of(labels: &[RuleLabel]) -> f64 {
 }
 
 fn rule_rows(chart: &Chart, Sides { left, width }: Sides, picture: f64) -> Vec<RuleLabel> {
-    let mut placed: Vec<(f64, f64, usize)> = Vec::new();
-    let mut labels = Vec::with_capacity(chart.rules.len());
+    let mut labels: Vec<RuleLabel> = Vec::with_capacity(chart.rules.len());
     for rule in &chart.rules {
         let half = text_width(&rule.label, RULE_SIZE) / 2.0;
         let line = left + chart.x.scale.fraction(rule.x) * width;
@@ -151,13 +147,13 @@ fn rule_rows(chart: &Chart, Sides { left, width }: Sides, picture: f64) -> Vec<R
         let x = line.clamp((from + half).min(middle), (picture - MARGIN - half).max(middle));
         let mut rows = 0..chart.rules.len();
         let free = rows.find(|&row| {
-            !placed.iter().any(|&(from, to, taken)| {
-                taken == row && x - half < to + 8.0 && from - 8.0 < x + half
+            !labels.iter().any(|other| {
+                other.row == row
+                    && x - half < other.x + other.half + 8.0
+                    && other.x - other.half - 8.0 < x + half
             })
         });
-        let row = free.unwrap_or(0);
-        placed.push((x - half, x + half, row));
-        labels.push(RuleLabel { x, row });
+        labels.push(RuleLabel { x, half, row: free.unwrap_or(0) });
     }
     labels
 }
