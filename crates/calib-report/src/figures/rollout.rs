@@ -45,10 +45,9 @@ impl RolloutFigure {
     /// There is no trajectory with values, or a sample period is not positive.
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: rollouts over the true trajectory", self.sensor);
-        let all = || self.truth.iter().chain(&self.rollouts);
-        let length = checked_length(all(), &title)?;
+        let length = checked_length(self.trajectories(), &title)?;
         let (unit_secs, unit_name) = time_unit(length);
-        let curves = all().count();
+        let curves = self.trajectories().count();
         let points = (FULL_CURVES * MAX_POINTS / curves).clamp(MIN_POINTS, MAX_POINTS);
         let truth = self.truth.iter().map(|t| t.series(unit_secs, points, Colour::Truth, 2.2));
         let rollouts = self.rollouts.iter().enumerate().map(|(index, t)| {
@@ -69,6 +68,11 @@ impl RolloutFigure {
         Ok(Figure::with_panels(chart, panels))
     }
 
+    /// What the plant did, if it is shown, then what the models did.
+    pub(crate) fn trajectories(&self) -> impl Iterator<Item = &Trajectory> {
+        self.truth.iter().chain(&self.rollouts)
+    }
+
     /// Names of the rollouts that leave the plot somewhere.
     pub(crate) fn runaways(&self) -> Vec<&str> {
         let (low, high) = limits(self.truth.iter());
@@ -82,9 +86,7 @@ impl RolloutFigure {
     /// What is drawn, and between which values each curve moves, for those who cannot see it.
     fn description(&self, length: f64) -> String {
         let curves: Vec<String> = self
-            .truth
-            .iter()
-            .chain(&self.rollouts)
+            .trajectories()
             .map(|trajectory| match extent(&trajectory.values) {
                 Some((low, high)) => {
                     format!("{} between {} and {}", trajectory.label, number(low), number(high))
@@ -97,15 +99,9 @@ impl RolloutFigure {
 
     /// Every value of every curve, in the order and the unit of the chart.
     pub(crate) fn details(&self) -> Vec<Detail<'_>> {
-        let all = || self.truth.iter().chain(&self.rollouts);
-        let (unit_secs, _) = time_unit(
-            all()
-                .map(|trajectory| {
-                    trajectory.period_secs * trajectory.values.len().saturating_sub(1) as f64
-                })
-                .fold(0.0, f64::max),
-        );
-        all()
+        let (unit_secs, _) =
+            time_unit(self.trajectories().map(Trajectory::secs).fold(0.0, f64::max));
+        self.trajectories()
             .map(|trajectory| Detail {
                 step: trajectory.period_secs / unit_secs,
                 values: &trajectory.values,
@@ -133,6 +129,11 @@ impl RolloutFigure {
 }
 
 impl Trajectory {
+    /// Seconds from the first value to the last one.
+    pub(crate) fn secs(&self) -> f64 {
+        self.period_secs * self.values.len().saturating_sub(1) as f64
+    }
+
     pub(super) fn series(
         &self,
         unit_secs: f64,
@@ -164,8 +165,8 @@ pub(super) fn checked_length<'a>(
             let (trajectory, got) = (trajectory.label.clone(), trajectory.period_secs.to_string());
             return Err(ReportError::Period { trajectory, got });
         }
-        if let Some(steps) = trajectory.values.len().checked_sub(1) {
-            longest = Some(longest.unwrap_or(0.0_f64).max(trajectory.period_secs * steps as f64));
+        if !trajectory.values.is_empty() {
+            longest = Some(longest.unwrap_or(0.0_f64).max(trajectory.secs()));
         }
     }
     longest.ok_or_else(|| ReportError::Empty { figure: title.to_owned(), missing: "values" })

@@ -32,8 +32,9 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     let mut figures = Vec::new();
     let mut parts = Vec::new();
     let captions: Vec<String> = report.sensitivities.iter().map(Sensitivity::caption).collect();
-    let (common, own) = apart(&captions);
-    for (index, (sensitivity, caption)) in report.sensitivities.iter().zip(own).enumerate() {
+    let common = shared(&captions);
+    for (index, (sensitivity, caption)) in report.sensitivities.iter().zip(&captions).enumerate() {
+        let caption = if caption == common { "" } else { caption.as_str() };
         let id = format!("sensitivity-{index}");
         if sensitivity.is_of_several() {
             figures.push(several::markup(
@@ -75,13 +76,13 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     Ok(Section { id: "sensitivity", title: "Sensitivity curves", parts, body })
 }
 
-/// What the captions of several figures have in common, if they are all the same, and what each then says itself.
-pub(super) fn apart(captions: &[String]) -> (&str, Vec<&str>) {
+/// The caption of several figures, if all have the same; nothing otherwise.
+fn shared(captions: &[String]) -> &str {
     match captions {
         [first, others @ ..] if !others.is_empty() && others.iter().all(|other| other == first) => {
-            (first, vec![""; captions.len()])
+            first
         }
-        _ => ("", captions.iter().map(String::as_str).collect()),
+        _ => "",
     }
 }
 
@@ -134,8 +135,9 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
     let all = || report.rollouts.iter().zip(&details);
     let captions: Vec<String> =
         all().map(|(rollout, details)| rollout.caption(!details.is_empty())).collect();
-    let (common, own) = apart(&captions);
-    for (index, ((rollout, details), caption)) in all().zip(own).enumerate() {
+    let common = shared(&captions);
+    for (index, ((rollout, details), caption)) in all().zip(&captions).enumerate() {
+        let caption = if caption == common { "" } else { caption.as_str() };
         let figure = rollout.figure()?;
         let id = format!("rollout-{index}");
         let drawn = Drawn {
@@ -206,9 +208,7 @@ impl Sensitivity {
         }
         caption
     }
-}
 
-impl Sensitivity {
     /// What means are over: "windows".
     fn samples(&self) -> &'static str {
         let counted = self.errors.iter().filter(|curve| curve.source != ErrorSource::Evidence);
@@ -222,8 +222,7 @@ impl Sensitivity {
 
 impl RolloutFigure {
     fn caption(&self, whole: bool) -> String {
-        let longest =
-            self.truth.iter().chain(&self.rollouts).map(|t| t.values.len()).max().unwrap_or(0);
+        let longest = self.trajectories().map(|t| t.values.len()).max().unwrap_or(0);
         let mut caption = format!("{} steps.", count(longest as u64));
         if longest > crate::MAX_POINTS {
             caption.push_str(if whole {
@@ -241,7 +240,7 @@ impl RolloutFigure {
                 runaways.join(", ")
             );
         }
-        if usize::from(self.truth.is_some()) + self.rollouts.len() > MANY_CURVES {
+        if self.trajectories().count() > MANY_CURVES {
             caption.push_str(" Switch further rollouts on by their names.");
         }
         caption
@@ -289,9 +288,8 @@ fn sensitivity_table(sensitivity: &Sensitivity) -> Table {
 
 /// Values of all trajectories at evenly spaced times of the longest one.
 fn rollout_table(rollout: &RolloutFigure) -> Table {
-    let all: Vec<&Trajectory> = rollout.truth.iter().chain(&rollout.rollouts).collect();
-    let ends = all.iter().map(|t| t.period_secs * t.values.len().saturating_sub(1) as f64);
-    let length = ends.fold(0.0, f64::max);
+    let all: Vec<&Trajectory> = rollout.trajectories().collect();
+    let length = all.iter().map(|t| t.secs()).fold(0.0, f64::max);
     let longest = all.iter().map(|t| t.values.len()).max().unwrap_or(0);
     let rows = longest.min(ROLLOUT_ROWS);
     let last = rows.saturating_sub(1).max(1);

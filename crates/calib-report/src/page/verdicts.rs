@@ -98,6 +98,14 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
     }
 }
 
+/// Other ways to choose that a card has, and what they are called there.
+const OTHER_WAYS: [(&str, ChoiceBaseline); 4] = [
+    ("Default", ChoiceBaseline::Default),
+    ("Log replay", ChoiceBaseline::LogReplay),
+    ("Another held-out window", ChoiceBaseline::AnotherWindow),
+    ("Any setting, on average", ChoiceBaseline::Random),
+];
+
 /// What the choice and other ways to choose cost.
 fn costs(verdict: &Verdict) -> Markup {
     let unknown = if verdict.has_all_diverged() { "diverged" } else { "not checked" };
@@ -106,9 +114,9 @@ fn costs(verdict: &Verdict) -> Markup {
             @if let Some(online) = &verdict.online {
                 (cost("This choice", Some(&verdict.chosen), online.regret, unknown))
             }
-            @for baseline in [ChoiceBaseline::Default, ChoiceBaseline::LogReplay, ChoiceBaseline::AnotherWindow, ChoiceBaseline::Random] {
+            @for (name, baseline) in OTHER_WAYS {
                 @if let Some(other) = verdict.alternative(baseline) {
-                    (cost(name(baseline), other.value.as_ref(), other.regret, unknown))
+                    (cost(name, other.value.as_ref(), other.regret, unknown))
                 }
             }
         }
@@ -147,18 +155,6 @@ fn error(name: &str, error: f64) -> Markup {
     }
 }
 
-/// What a way to choose is called on a card.
-const fn name(baseline: ChoiceBaseline) -> &'static str {
-    match baseline {
-        ChoiceBaseline::Default => "Default",
-        ChoiceBaseline::LogReplay => "Log replay",
-        ChoiceBaseline::LatestWindow => "Latest window of the log",
-        ChoiceBaseline::Random => "Any setting, on average",
-        ChoiceBaseline::Hindsight => "Best fixed setting, in hindsight",
-        ChoiceBaseline::AnotherWindow => "Another held-out window",
-    }
-}
-
 /// One way to choose, with its cost as a number, or as the word for an `unknown` one, and as a bar that is full at 50 %.
 fn cost(name: &str, value: Option<&Setting>, regret: Option<Bounded>, unknown: &str) -> Markup {
     html! {
@@ -191,13 +187,6 @@ fn bar_percent(regret: f64) -> f64 {
     (regret / 0.5).clamp(0.0, 1.0) * 100.0
 }
 
-/// How a choice is written: alone where the column names the hyperparameter.
-#[derive(Clone, Copy)]
-enum Choice {
-    Value,
-    FieldAndValue,
-}
-
 fn comparison(report: &Report) -> Table {
     let field = common_field(&report.verdicts);
     let columns = [
@@ -228,11 +217,7 @@ fn comparison(report: &Report) -> Table {
             }
         ),
         columns: columns.map(ToOwned::to_owned).to_vec(),
-        rows: report
-            .verdicts
-            .iter()
-            .map(|verdict| row(verdict, field.map_or(Choice::FieldAndValue, |_| Choice::Value)))
-            .collect(),
+        rows: report.verdicts.iter().map(|verdict| row(verdict, field)).collect(),
         best: None,
     }
 }
@@ -261,10 +246,10 @@ fn parts(report: &Report) -> Option<Table> {
 fn row_of_parts(verdict: &Verdict) -> Vec<Cell> {
     let start_up = percent_cell(verdict.start_up_share);
     let head = [Cell::Text(verdict.sensor.clone()), model(verdict), start_up];
-    let of_parts = verdict.parts.iter().flat_map(|part| {
-        let error = part.error.map_or(Cell::Missing, Cell::Number);
-        [Cell::Text(part.chosen.to_string()), error]
-    });
+    let of_parts = verdict
+        .parts
+        .iter()
+        .flat_map(|part| [Cell::Text(part.chosen.to_string()), part.error.into()]);
     head.into_iter().chain(of_parts).collect()
 }
 
@@ -334,7 +319,8 @@ fn common_field(verdicts: &[Verdict]) -> Option<&str> {
     verdicts.iter().all(|verdict| verdict.field == *first).then_some(first)
 }
 
-fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
+/// `field` is the hyperparameter of all rows, which then stands above their choices.
+fn row(verdict: &Verdict, field: Option<&str>) -> Vec<Cell> {
     let online = verdict.online.as_ref();
     let ties: Vec<String> = verdict
         .tie_set
@@ -349,9 +335,9 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         Cell::Text(verdict.sensor.clone()),
         model(verdict),
         Cell::Text(verdict.advice()),
-        match choice {
-            Choice::Value => Cell::Setting(verdict.chosen.clone()),
-            Choice::FieldAndValue => Cell::Text(format!("{} = {}", verdict.field, verdict.chosen)),
+        match field {
+            Some(_) => Cell::Setting(verdict.chosen.clone()),
+            None => Cell::Text(format!("{} = {}", verdict.field, verdict.chosen)),
         },
         Cell::Text(verdict.grade.word().to_owned()),
         if ties.is_empty() { Cell::Missing } else { Cell::Text(ties.join(", ")) },
@@ -360,7 +346,7 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         } else {
             Cell::Missing
         },
-        online.map_or(Cell::Missing, |online| Cell::Number(online.chosen_error)),
+        online.map(|online| online.chosen_error).into(),
         online.map_or(Cell::Missing, |online| {
             Cell::Text(format!("{} ({})", number(online.best_error), online.best))
         }),
