@@ -18,8 +18,8 @@ pub struct Cleaning {
     pub gap_tolerance: (f64, String),
     /// `preprocess.fill_limit`, and why.
     pub fill_limit: (usize, String),
-    /// `data.contradictions`, and why; `None` where it stays as it is.
-    pub contradictions: Option<(&'static str, String)>,
+    /// Why `data.contradictions = "first"`; `None` where it stays as it is.
+    pub contradictions: Option<String>,
 }
 
 impl Cleaning {
@@ -113,17 +113,16 @@ impl Contradicting {
     }
 }
 
-/// A few rows of the same time that say different things, as where a clock was set back, recordings overlap, or two devices share a name (data.where chooses one), are no reason to have no study; many are a log
-/// that is read wrongly, and stay refused.
-fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<(&'static str, String)> {
+/// A few rows of the same time that say different things are no reason to have no study. Many are a log that is read wrongly, and stay
+/// refused.
+fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<String> {
     let channels = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
     let found =
         Contradicting::of(sketch, channels).filter(|found| found.share <= FEW_CONTRADICT)?;
-    let why = format!(
+    Some(format!(
         "{}, as where a clock was set back, recordings overlap, or two devices share a name (data.where chooses one)",
         found.told()
-    );
-    Some(("first", why))
+    ))
 }
 
 /// What is said where so many rows were left out, because `data.contradictions` was given, that they are hardly a mistake of the
@@ -215,8 +214,7 @@ mod tests {
         let found = |log: &Sketch| Cleaning::of(log, &scope).contradictions;
         assert_eq!(found(&log), None);
         log.channels[1].contradicting = 10;
-        let (keep, why) = found(&log).expect("a percent");
-        assert_eq!(keep, "first");
+        let why = found(&log).expect("a percent");
         assert!(
             why.starts_with("10 rows contradict another of the same time (0.99 %) in B,"),
             "{why}"

@@ -92,7 +92,8 @@ fn toml(value: &str) -> String {
     if parsed(value).is_some() { value.to_owned() } else { quoted(value) }
 }
 
-fn parsed(value: &str) -> Option<Value> {
+/// A value, if it is TOML.
+pub(crate) fn parsed(value: &str) -> Option<Value> {
     toml::from_str::<Table>(&format!("value = {value}")).ok()?.remove("value")
 }
 

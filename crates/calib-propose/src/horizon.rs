@@ -29,9 +29,7 @@ impl Horizon {
         let gamma = ((1.0 - rest) * scale).round() / scale;
         Self { secs: spacing_secs / (1.0 - gamma).max(1e-9), states: 1.0 / (1.0 - gamma), gamma }
     }
-}
 
-impl Horizon {
     /// Whether it is shorter than `secs` by more than rounding.
     pub fn is_shorter_than(&self, secs: f64) -> bool {
         self.secs < 0.8 * secs

@@ -61,7 +61,7 @@ pub use given::with_given;
 pub use horizon::{Horizon, horizon};
 pub use log_draft::{LogDraft, exclusions};
 pub use model::ProposedModel;
-pub use scope::{Lacking, LeftOut, Scope, Why};
+pub use scope::{Lacking, LeftOut, LeftOutReason, Scope};
 pub use sensors::Sensors;
 pub use size::{Costs, MOST_RUNS, Size};
 pub use spacing::{SPACINGS, spacing_by_log, spacings};

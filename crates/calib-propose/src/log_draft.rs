@@ -82,8 +82,8 @@ impl LogDraft<'_> {
         ranges(text);
         let (tolerance, why) = &self.cleaning.gap_tolerance;
         text.key("gap_tolerance", &number(*tolerance), why);
-        if let Some((keep, why)) = &self.cleaning.contradictions {
-            text.key("contradictions", &quoted(keep), why);
+        if let Some(why) = &self.cleaning.contradictions {
+            text.key("contradictions", "\"first\"", why);
         }
         if !scope.left_out.is_empty() {
             text.line("exclude = [");

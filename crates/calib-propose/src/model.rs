@@ -1,4 +1,6 @@
-use toml::Table;
+use toml::Value;
+
+use crate::given::parsed;
 
 /// Members of an ensemble.
 const MEMBERS: usize = 5;
@@ -73,9 +75,7 @@ fn is_about_a_model(key: &str, value: &str) -> bool {
 
 /// A value without the quotes that it may have.
 fn plain(value: &str) -> String {
-    let parsed = toml::from_str::<Table>(&format!("value = {value}")).ok();
-    let text = parsed.as_ref().and_then(|table| table.get("value")?.as_str());
-    text.unwrap_or(value).to_owned()
+    parsed(value).as_ref().and_then(Value::as_str).unwrap_or(value).to_owned()
 }
 
 #[cfg(test)]

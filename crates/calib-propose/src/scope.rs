@@ -29,17 +29,15 @@ pub struct Scope {
 /// A channel that is not used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// Its position.
-    pub channel: usize,
     /// Its name.
     pub name: String,
     /// Why not.
-    pub why: Why,
+    pub why: LeftOutReason,
 }
 
 /// Why a channel is left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Why {
+pub enum LeftOutReason {
     /// It has no value there.
     Empty,
     /// It never changes there.
@@ -56,7 +54,7 @@ pub enum Why {
     Missing(f64),
 }
 
-impl fmt::Display for Why {
+impl fmt::Display for LeftOutReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Empty => write!(f, "has no numbers: it is empty, or text"),
@@ -133,8 +131,8 @@ impl Scope {
             .map(|channel| {
                 let sketched = &sketch.channels[channel];
                 let why = unusable(sketched)
-                    .unwrap_or_else(|| Why::Missing(1.0 - share(sketched, &part)));
-                LeftOut { channel, name: sketched.name.clone(), why }
+                    .unwrap_or_else(|| LeftOutReason::Missing(1.0 - share(sketched, &part)));
+                LeftOut { name: sketched.name.clone(), why }
             });
         Ok(Self {
             rows: sketch.bins[part.start].start..sketch.bins[part.end - 1].end,
@@ -155,9 +153,9 @@ pub struct Lacking {
 }
 
 /// A bin that misses a smaller share of a channel's values misses them here and there: these are filled.
-const HERE_AND_THERE: f64 = 0.1;
+const LEAST_LEFT_OUT: f64 = 0.1;
 /// Fewer rows of a range, as a share, are not worth a word.
-const WORTH_A_WORD: f64 = 0.05;
+const LEAST_LACKING: f64 = 0.05;
 
 impl Lacking {
     /// Of the rows `range` of a sketch; `None` where hardly any lacks a value.
@@ -165,7 +163,7 @@ impl Lacking {
         let channels = scope.channels.iter();
         let most = channels.map(|&channel| (missing_rows(sketch, channel, range), channel));
         let (rows, channel) = most.max_by(|left, right| left.0.total_cmp(&right.0))?;
-        (rows >= WORTH_A_WORD * range.len() as f64).then(|| Self {
+        (rows >= LEAST_LACKING * range.len() as f64).then(|| Self {
             rows: rows.round() as usize,
             channel: sketch.channels[channel].name.clone(),
         })
@@ -176,7 +174,7 @@ impl Lacking {
 fn missing_rows(sketch: &Sketch, channel: usize, range: &Range<usize>) -> f64 {
     let present = sketch.bins.iter().zip(&sketch.channels[channel].present);
     present
-        .filter(|(_, present)| 1.0 - **present >= HERE_AND_THERE)
+        .filter(|(_, present)| 1.0 - **present >= LEAST_LEFT_OUT)
         .map(|(bin, present)| {
             let inside = bin.end.min(range.end).saturating_sub(bin.start.max(range.start));
             (1.0 - present) * inside as f64
@@ -200,29 +198,29 @@ fn nothing(sketch: &Sketch) -> ProposeError {
         (Some(_), Some(said)) => said,
         (Some(channel), None) => {
             let missing = 1.0 - share(channel, &(0..sketch.bins.len()));
-            format!("{} {}", channel.name, Why::Missing(missing))
+            format!("{} {}", channel.name, LeftOutReason::Missing(missing))
         }
     };
     ProposeError::NoChannel(said)
 }
 
 /// Why a channel is of no use anywhere.
-fn unusable(channel: &ChannelSketch) -> Option<Why> {
-    let Some([low, high]) = channel.range else { return Some(Why::Empty) };
+fn unusable(channel: &ChannelSketch) -> Option<LeftOutReason> {
+    let Some([low, high]) = channel.range else { return Some(LeftOutReason::Empty) };
     if is_same(low, high) {
-        return Some(Why::Constant);
+        return Some(LeftOutReason::Constant);
     }
     if channel.wraps.is_some() {
-        return Some(Why::Angle);
+        return Some(LeftOutReason::Angle);
     }
     let many = channel.distinct.is_none_or(|distinct| distinct > FEW);
     let one_way = channel.rises >= ONE_WAY || channel.rises <= 1.0 - ONE_WAY;
     // A clock that starts anew at midnight goes back once a day.
     match (channel.even >= EVEN, one_way, channel.restarts) {
         _ if !many => None,
-        (true, ..) => Some(Why::Clock),
-        (false, true, _) => Some(Why::Total),
-        (false, false, true) => Some(Why::Restarting),
+        (true, ..) => Some(LeftOutReason::Clock),
+        (false, true, _) => Some(LeftOutReason::Total),
+        (false, false, true) => Some(LeftOutReason::Restarting),
         (false, false, false) => None,
     }
 }
@@ -315,13 +313,13 @@ mod tests {
         );
         let scope = Scope::of(&log).expect("one channel");
         assert_eq!(scope.channels, [0, 5], "a switch that is thrown once is no total");
-        let why: Vec<(&str, Why)> =
+        let why: Vec<(&str, LeftOutReason)> =
             scope.left_out.iter().map(|channel| (channel.name.as_str(), channel.why)).collect();
         let expected = [
-            ("clock", Why::Clock),
-            ("total", Why::Total),
-            ("still", Why::Constant),
-            ("dead", Why::Empty),
+            ("clock", LeftOutReason::Clock),
+            ("total", LeftOutReason::Total),
+            ("still", LeftOutReason::Constant),
+            ("dead", LeftOutReason::Empty),
         ];
         assert_eq!(why, expected);
     }
@@ -346,7 +344,10 @@ mod tests {
             channel.angle = Some(wind);
         }
         let scope = Scope::of(&log).expect("three channels");
-        assert_eq!((scope.channels.clone(), scope.left_out[0].why), (vec![1, 2, 3], Why::Angle));
+        assert_eq!(
+            (scope.channels.clone(), scope.left_out[0].why),
+            (vec![1, 2, 3], LeftOutReason::Angle)
+        );
         let sensors = Sensors::of(&log, &scope).expect("one sensor");
         assert_eq!((sensors.proposed, sensors.others), (vec![3], vec![]), "inputs alone");
         assert!(Scope::with(&log, &[1]).is_ok(), "unless one is asked for");
@@ -359,7 +360,7 @@ mod tests {
             &[("A", wave(40.0)), ("NSM", Box::new(|row| (row % 1_440) as f64 * 60.0))],
         );
         let scope = Scope::of(&log).expect("one channel");
-        assert_eq!((scope.channels, scope.left_out[0].why), (vec![0], Why::Clock));
+        assert_eq!((scope.channels, scope.left_out[0].why), (vec![0], LeftOutReason::Clock));
         let refused = Scope::with(&log, &[1]).expect_err("a clock").to_string();
         assert!(refused.contains("NSM") && refused.contains("counts on evenly"), "{refused}");
     }
@@ -401,7 +402,7 @@ mod tests {
         let scope = Scope::of(&log).expect("a part");
         assert_eq!((scope.rows, scope.channels), (3_200..6_400, vec![0, 1, 2]));
         assert!(scope.is_part);
-        assert_eq!(scope.left_out[0].why, Why::Missing(1.0));
+        assert_eq!(scope.left_out[0].why, LeftOutReason::Missing(1.0));
     }
 
     #[test]

@@ -9,11 +9,11 @@ const PROPOSED: usize = 3;
 /// Fewer distinct values are a mode, not a measurement.
 const FEW: u32 = 20;
 /// A sensor that rests in more than this share of steps has little to predict.
-const RESTS: f64 = 0.95;
+const MOST_RESTING: f64 = 0.95;
 /// The share of the bins in which a sensor has to move.
-const MOVES: f64 = 0.9;
+const LEAST_MOVING: f64 = 0.9;
 /// A sensor of less autocorrelation from row to row is mostly noise.
-const NOISE: f64 = 0.3;
+const LEAST_AUTOCORRELATION: f64 = 0.3;
 
 /// What is left of the worth of a sensor that no other channel explains, such as the weather.
 const UNEXPLAINED: f64 = 0.4;
@@ -59,11 +59,12 @@ impl Sensors {
                 // Half of a direction is an input, and nothing that somebody waits for.
                 let is_sensor = sketched.angle.is_none()
                     && sketched.distinct.is_none_or(|distinct| distinct > FEW)
-                    && sketched.unchanged <= RESTS
-                    && moving(&bins) >= MOVES
-                    && moving(held_out) >= MOVES;
-                is_sensor
-                    .then(|| (channel, liveliness(sketched) * familiar(sketch, scope, sketched)))
+                    && sketched.unchanged <= MOST_RESTING
+                    && moving(&bins) >= LEAST_MOVING
+                    && moving(held_out) >= LEAST_MOVING;
+                is_sensor.then(|| {
+                    (channel, moving_share(sketched) * known_share(sketch, scope, sketched))
+                })
             })
             .collect();
         worth.sort_by(by_worth);
@@ -91,10 +92,7 @@ impl Sensors {
                         .fold(0.0, f64::max);
                     (channel, worth * (1.0 - most))
                 })
-                .fold(None, |best: Option<(usize, f64)>, next| match best {
-                    Some(best) if best.1 >= next.1 => Some(best),
-                    _ => Some(next),
-                });
+                .reduce(|best, next| if best.1 >= next.1 { best } else { next });
             let Some((channel, _)) = next else { break };
             proposed.push(channel);
         }
@@ -115,14 +113,14 @@ fn by_worth(left: &(usize, f64), right: &(usize, f64)) -> Ordering {
 }
 
 /// The share of steps in which a sensor moves, a fifth of it where that is noise.
-fn liveliness(channel: &ChannelSketch) -> f64 {
+fn moving_share(channel: &ChannelSketch) -> f64 {
     let near = channel.autocorrelation.first().map_or(0.0, |(_, value)| *value);
-    (1.0 - channel.unchanged) * if near < NOISE { 0.2 } else { 1.0 }
+    (1.0 - channel.unchanged) * if near < LEAST_AUTOCORRELATION { 0.2 } else { 1.0 }
 }
 
 /// The share of the last third of the values that lie between the extremes of the others: where a sensor has never been, nobody can
 /// know what it does.
-fn familiar(sketch: &Sketch, scope: &Scope, channel: &ChannelSketch) -> f64 {
+fn known_share(sketch: &Sketch, scope: &Scope, channel: &ChannelSketch) -> f64 {
     let step = sketch.timestamps.len().div_ceil(channel.thinned.len().max(1)).max(1);
     let inside =
         scope.rows.start.div_ceil(step)..(scope.rows.end / step).min(channel.thinned.len());

@@ -7,20 +7,7 @@ use toml_writer::{ToTomlValue as _, TomlStringBuilder};
 /// As TOML has it, on one line, whatever is in it.
 pub(crate) fn quoted(text: &str) -> String {
     let quoted = TomlStringBuilder::new(text).as_basic().to_toml_value();
-    if quoted.contains(breaks_out) {
-        quoted
-            .chars()
-            .map(|letter| {
-                if breaks_out(letter) {
-                    format!("\\u{:04X}", u32::from(letter))
-                } else {
-                    letter.to_string()
-                }
-            })
-            .collect()
-    } else {
-        quoted
-    }
+    escaped(&quoted, |letter| format!("\\u{:04X}", u32::from(letter)))
 }
 
 /// As a key of TOML, on one line, whatever is in it: in quotes, where it needs them.
@@ -35,21 +22,14 @@ pub(crate) fn key(text: &str) -> Cow<'_, str> {
 }
 
 /// A comment, which ends where its line does.
-pub(crate) fn comment(text: &str) -> Cow<'_, str> {
-    if !text.contains(breaks_out) {
-        return Cow::Borrowed(text);
-    }
-    Cow::Owned(
-        text.chars()
-            .map(|letter| {
-                if breaks_out(letter) {
-                    letter.escape_unicode().to_string()
-                } else {
-                    letter.to_string()
-                }
-            })
-            .collect(),
-    )
+pub(crate) fn comment(text: &str) -> String {
+    escaped(text, |letter| letter.escape_unicode().to_string())
+}
+
+/// `text` with what breaks out of a line escaped.
+fn escaped(text: &str, escape: impl Fn(char) -> String) -> String {
+    let letters = text.chars();
+    letters.map(|c| if breaks_out(c) { escape(c) } else { c.to_string() }).collect()
 }
 
 /// Control characters, separators of lines, and marks that turn the direction of what follows: all of them have four digits.

@@ -169,9 +169,9 @@ fn warn_of_cleaning(
     printer: &Printer,
 ) {
     let contradictions = cleaning.contradictions.as_ref();
-    if let Some((keep, why)) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
+    if let Some(why) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
         printer.warn(&format!(
-            "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
+            "{why}: the first of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
         ));
     }
     if let Some(bridged) = bridged(sketch, scope) {
