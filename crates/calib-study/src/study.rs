@@ -6,7 +6,7 @@ use calib_data::{DataConfig, Description, PreprocessConfig, TimeRange};
 use calib_dynamics::{DynamicsConfig, Noise};
 use calib_model::{ModelFamily, RolloutConfig, StartKind};
 use calib_represent::{RepresentationConfig, RepresentationKind};
-use calib_sweep::{Beginning, Rule, SweepConfig};
+use calib_sweep::{Rule, SweepConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -155,10 +155,11 @@ impl Study {
         sweep.sensors.iter().filter(move |sensor| agent.gamma_for(sensor) == gamma)
     }
 
-    /// Which part of a run is scored.
+    /// The part of a run that is scored: what the study says, or else the whole run for agents that begin from scratch, because
+    /// learning is what their deployment consists of, and the final quarter for those that are fine-tuned (the paper).
     pub fn part(&self) -> Part {
-        let tuned = self.pretrain.is_on();
-        self.sweep.part(if tuned { Beginning::Pretrained } else { Beginning::Scratch })
+        let usual = if self.pretrain.is_on() { Part::FinalQuarter } else { Part::WholeRun };
+        self.sweep.scored.unwrap_or(usual)
     }
 
     /// What the model is called in figures and tables, or what chooses in its place.

@@ -59,15 +59,6 @@ pub enum RaceKind {
     Halving,
 }
 
-/// Whether agents have learnt before they are deployed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Beginning {
-    /// They begin with random parameters.
-    Scratch,
-    /// They begin with what pre-training left, and are fine-tuned.
-    Pretrained,
-}
-
 /// What to write where a study asks for the race that there was, `"sure"` or `true`.
 const RACE_BY_CERTAINTY: &str = "the race by certainty is gone. Write \"halving\", which saves more \
     runs and chooses as well, or \"none\", which makes all runs";
@@ -100,15 +91,6 @@ impl SweepConfig {
     /// Runs of every value in a network.
     pub fn runs_of_network(&self) -> usize {
         self.network_runs.unwrap_or(self.member_runs)
-    }
-
-    /// The part of a run that is scored: what the study says, or else the whole run for agents that begin from scratch, because
-    /// learning is what their deployment consists of, and the final quarter for those that are fine-tuned (the paper).
-    pub fn part(&self, beginning: Beginning) -> Part {
-        self.scored.unwrap_or(match beginning {
-            Beginning::Scratch => Part::WholeRun,
-            Beginning::Pretrained => Part::FinalQuarter,
-        })
     }
 }
 

@@ -64,7 +64,7 @@ pub use baselines::{
 pub use calib_agent::CurvePoint;
 pub use calib_model::NotFinite;
 pub use candidate::{Candidate, candidates, written};
-pub use config::{Beginning, RaceKind, SweepConfig};
+pub use config::{RaceKind, SweepConfig};
 pub use environment::{Environment, EnvironmentId, RunStream};
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
