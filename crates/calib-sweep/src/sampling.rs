@@ -104,8 +104,7 @@ fn sample(
 }
 
 fn compare(a: &[f64], b: &[f64]) -> Ordering {
-    let differing = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
-    differing.unwrap_or(Ordering::Equal)
+    a.iter().zip(b).fold(Ordering::Equal, |order, (a, b)| order.then(a.total_cmp(b)))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Sensors whose returns have one discount factor.
 
-use crate::{Candidate, Environment, EnvironmentId, Span, race::Streams};
+use crate::{Candidate, Environment, EnvironmentId, Span, race::RacedStreams};
 
 /// What the agents of some sensors are and are trained in: those whose return has one discount factor.
 pub struct SensorGroup<'a> {
@@ -30,7 +30,7 @@ impl SensorGroup<'_> {
     }
 
     /// The streams that a race orders.
-    pub(super) fn raced_streams(&self) -> Streams {
+    pub(super) fn raced_streams(&self) -> RacedStreams {
         let mut members = Vec::new();
         let mut runs = usize::MAX;
         let mut windows = 0;
@@ -45,6 +45,6 @@ impl SensorGroup<'_> {
             }
         }
         let runs = if members.is_empty() { 0 } else { runs };
-        Streams { members, runs, windows }
+        RacedStreams { members, runs, windows }
     }
 }

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use calib_agent::Part;
 
-pub(crate) use rounds::Streams;
+pub(crate) use rounds::RacedStreams;
 
 use self::rounds::Rounds;
 use crate::{EnvironmentId, Unit, UnitResult};
@@ -21,13 +21,13 @@ pub(crate) struct Race {
 
 impl Race {
     /// Of `values` values on these streams.
-    pub(crate) fn new(streams: &Streams, values: usize, part: Part) -> Self {
+    pub(crate) fn new(streams: &RacedStreams, values: usize, part: Part) -> Self {
         Self { rounds: streams.rounds(values), values, part }
     }
 
     /// The round in which a run is made; none for those that are made whatever happens.
     pub(crate) fn round(&self, environment: EnvironmentId, run: usize) -> Option<usize> {
-        self.rounds.of((environment, run))
+        self.rounds.round_of((environment, run))
     }
 
     /// The values that are left after each round whose results are there, as far as there is more than one.
@@ -70,7 +70,7 @@ fn best(left: BTreeSet<usize>, logs: &[Vec<f64>], most: usize) -> BTreeSet<usize
 }
 
 /// How a value stands: in how many streams it diverged, and its mean logarithm in the others.
-fn standing(logs: &[f64]) -> (usize, f64) {
+pub(crate) fn standing(logs: &[f64]) -> (usize, f64) {
     let finite: Vec<f64> = logs.iter().copied().filter(|log| *log < f64::INFINITY).collect();
     let mean = finite.iter().sum::<f64>() / finite.len().max(1) as f64;
     (logs.len() - finite.len(), mean)
@@ -95,7 +95,7 @@ pub fn raced(results: &[UnitResult], values: usize, part: Part) -> Vec<UnitResul
             EnvironmentId::Online => {}
         }
     }
-    let streams = Streams { members: members.into_iter().collect(), runs, windows };
+    let streams = RacedStreams { members: members.into_iter().collect(), runs, windows };
     let race = Race::new(&streams, values, part);
     let left: BTreeMap<&String, Vec<BTreeSet<usize>>> =
         sensors.into_iter().map(|sensor| (sensor, race.survivors(sensor, &by_unit))).collect();

@@ -9,7 +9,7 @@ pub(super) type Run = (EnvironmentId, usize);
 
 /// What values are told apart by: runs in members, and windows of the replayed log.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Streams {
+pub(crate) struct RacedStreams {
     /// Numbers of the members.
     pub(crate) members: Vec<usize>,
     /// Runs in each of them.
@@ -18,7 +18,7 @@ pub(crate) struct Streams {
     pub(crate) windows: usize,
 }
 
-impl Streams {
+impl RacedStreams {
     /// The first round has N / 2^⌈log₂ values⌉ of the N streams, rounded up and at least two, and each one after it as many as all before, so
     /// that all rounds take the same work when half of the values go after each.
     pub(super) fn rounds(&self, values: usize) -> Rounds {
@@ -86,7 +86,7 @@ impl Rounds {
         0..self.runs.len()
     }
 
-    pub(super) fn of(&self, run: Run) -> Option<usize> {
+    pub(super) fn round_of(&self, run: Run) -> Option<usize> {
         self.round_of.get(&run).copied()
     }
 
@@ -104,7 +104,7 @@ mod tests {
     proptest! {
         #[test]
         fn each_stream_is_in_one_round(members in 1_usize..8, runs in 1_usize..6, windows in 0_usize..40, values in 2_usize..40) {
-            let rounds = Streams { members: (0..members).collect(), runs, windows }.rounds(values);
+            let rounds = RacedStreams { members: (0..members).collect(), runs, windows }.rounds(values);
             let mut all: Vec<Run> = rounds.numbers().flat_map(|round| rounds.runs(round).to_vec()).collect();
             prop_assert_eq!(all.len(), members * runs + windows);
             all.sort_unstable();
@@ -112,7 +112,7 @@ mod tests {
             prop_assert_eq!(all.len(), members * runs + windows);
             for round in rounds.numbers() {
                 for &run in rounds.runs(round) {
-                    prop_assert_eq!(rounds.of(run), Some(round));
+                    prop_assert_eq!(rounds.round_of(run), Some(round));
                 }
             }
         }
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_halving_doubles_what_is_known() {
-        let streams = Streams { members: (0..5).collect(), runs: 3, windows: 15 };
+        let streams = RacedStreams { members: (0..5).collect(), runs: 3, windows: 15 };
         let rounds = streams.rounds(11);
         let sizes: Vec<usize> = rounds.numbers().map(|round| rounds.runs(round).len()).collect();
         assert_eq!(sizes, [2, 2, 4, 8, 14]);
@@ -133,19 +133,19 @@ mod tests {
 
     #[test]
     fn without_members_the_windows_are_halved_alone() {
-        let rounds = Streams { members: Vec::new(), runs: 0, windows: 8 }.rounds(4);
+        let rounds = RacedStreams { members: Vec::new(), runs: 0, windows: 8 }.rounds(4);
         let sizes: Vec<usize> = rounds.numbers().map(|round| rounds.runs(round).len()).collect();
         assert_eq!(sizes, [2, 2, 4]);
         let log = EnvironmentId::LogReplay;
         assert_eq!(rounds.runs(0), [(log, 0), (log, 4)]);
-        let none = Streams { members: Vec::new(), runs: 0, windows: 0 };
+        let none = RacedStreams { members: Vec::new(), runs: 0, windows: 0 };
         assert_eq!(none.rounds(4).numbers().count(), 0);
     }
 
     #[test]
     fn the_first_round_has_members_and_log() {
         for (members, runs, windows) in [(1, 1, 10), (1, 2, 30), (5, 10, 2), (5, 1, 1)] {
-            let streams = Streams { members: (0..members).collect(), runs, windows };
+            let streams = RacedStreams { members: (0..members).collect(), runs, windows };
             let first = streams.rounds(11).runs(0).to_vec();
             assert!(first.contains(&(EnvironmentId::Member(0), 0)), "{first:?}");
             assert!(first.contains(&(EnvironmentId::LogReplay, 0)), "{first:?}");

@@ -3,6 +3,7 @@ use calib_stats::{Nested, StatsError, Summary, summarise, summarise_overlapping}
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Judging;
 use crate::{Candidate, EnvironmentId, ErrorScale, RunRow, SweepError, UnitResult};
 
 /// Errors of all candidates in one environment.
@@ -72,9 +73,10 @@ impl Errors {
     pub(super) fn new(
         environment: EnvironmentId,
         results: &[&UnitResult],
-        (part, scales): (Part, &[ErrorScale]),
+        judging: &Judging<'_>,
         candidates: &[Candidate],
     ) -> Result<Self, SweepError> {
+        let Judging { part, scales, .. } = *judging;
         let own = results.iter().filter(|result| result.unit.environment == environment);
         let mut streams = Vec::<Stream>::new();
         let mut totals = vec![(0.0, 0.0); candidates.len()];

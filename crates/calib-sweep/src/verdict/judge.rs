@@ -56,8 +56,7 @@ pub fn verdict(
         _ => Vec::new(),
     };
     let compared = all.online.as_ref().map(|online| {
-        let chosen = (sensor, judging.part, &candidates[chosen]);
-        simple::compared(judging.simple, online, all.log.as_ref(), chosen, judging.scales)
+        simple::compared(judging, sensor, &candidates[chosen], online, all.log.as_ref())
     });
     let simple = compared.transpose()?.unwrap_or_default();
     let learning_off = learning_off(candidates, chosen, truth.as_ref());
@@ -74,8 +73,8 @@ pub fn verdict(
     let grade = Grade::of(standing, truth.as_ref(), &simple, judging.stands_still);
     // Which part of a run counts is no question where no agent is to be deployed.
     if matches!(grade, Grade::Good | Grade::Fair | Grade::Unchecked) && learning_off.is_none() {
-        let measured = (judging.part, chosen);
-        warnings.extend(warnings::of_parts(candidates, &parts, start_up_share, measured));
+        let of_parts = warnings::of_parts(candidates, &parts, start_up_share, judging.part, chosen);
+        warnings.extend(of_parts);
     }
     Ok(SensorVerdict {
         sensor: sensor.to_owned(),
@@ -143,7 +142,7 @@ impl MeasuredErrors {
             results.iter().map(|result| result.unit.environment).collect();
         ids.sort_unstable();
         ids.dedup();
-        let errors = |id| Errors::new(id, results, (judging.part, judging.scales), candidates);
+        let errors = |id| Errors::new(id, results, judging, candidates);
         let one = |id: EnvironmentId| ids.contains(&id).then(|| errors(id)).transpose();
         Ok(Self {
             members: ids

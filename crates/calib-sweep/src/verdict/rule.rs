@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Dropped, dropped::select_among};
+use crate::race::standing;
 
 /// How a setting is chosen from the evidence: the runs in the models, and those on the replayed log.
 #[derive(
@@ -181,10 +182,9 @@ impl<'a> Evidence<'_, 'a> {
 fn least_divergent(streams: &[&[f64]]) -> usize {
     let values = streams.first().map_or(0, |errors| errors.len());
     let keys = (0..values).map(|value| {
-        let logs = streams.iter().map(|errors| errors[value].ln());
-        let finite: Vec<f64> = logs.filter(|log| *log < f64::INFINITY).collect();
-        let diverged = streams.len() - finite.len();
-        [diverged as f64, finite.iter().sum::<f64>() / finite.len().max(1) as f64]
+        let logs: Vec<f64> = streams.iter().map(|errors| errors[value].ln()).collect();
+        let (diverged, mean) = standing(&logs);
+        [diverged as f64, mean]
     });
     first_smallest(&keys.collect::<Vec<_>>())
 }

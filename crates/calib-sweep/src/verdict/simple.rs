@@ -1,10 +1,13 @@
-use calib_agent::{Part, SimplePredictor};
+use calib_agent::SimplePredictor;
 use calib_stats::{Estimate, summarise};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::errors::{Errors, Stream};
-use crate::{Candidate, EnvironmentId, ErrorScale, SimpleScore, SweepError};
+use super::{
+    Judging,
+    errors::{Errors, Stream},
+};
+use crate::{Candidate, EnvironmentId, ErrorScale, SweepError};
 
 /// An agent is recommended only if it has at most this many times the error of the simple predictor that the log prefers.
 pub const NO_WORSE: f64 = 1.02;
@@ -50,21 +53,21 @@ impl SimpleComparison {
 
 /// The simple predictors that were scored on the held-out windows, beside a candidate.
 pub(super) fn compared(
-    scores: &[SimpleScore],
+    judging: &Judging<'_>,
+    sensor: &str,
+    chosen: &Candidate,
     online: &Errors,
     log: Option<&Errors>,
-    (sensor, part, chosen): (&str, Part, &Candidate),
-    scales: &[ErrorScale],
 ) -> Result<Vec<SimpleComparison>, SweepError> {
-    let scale = ErrorScale::find(scales, sensor, chosen);
+    let scale = ErrorScale::find(judging.scales, sensor, chosen);
     let rmse = |predictor: SimplePredictor, environment: EnvironmentId, stream: &Stream| {
-        let own = scores.iter().find(|score| {
+        let own = judging.simple.iter().find(|score| {
             score.sensor == sensor
                 && score.predictor == predictor
                 && score.environment == environment
                 && score.start_row == stream.start_row
         });
-        own.and_then(|score| Some(score.scores.of(part)?.rmse))
+        own.and_then(|score| Some(score.scores.of(judging.part)?.rmse))
     };
     let mut compared = Vec::new();
     for predictor in SimplePredictor::ALL {

@@ -33,7 +33,8 @@ pub(super) fn of_parts(
     candidates: &[Candidate],
     parts: &[PartChoice],
     start_up_share: Option<f64>,
-    (part, chosen): (Part, usize),
+    part: Part,
+    chosen: usize,
 ) -> Vec<String> {
     let mut warnings = Vec::new();
     if let Some(share) = start_up_share.filter(|&share| share > MUCH_AT_THE_START)
