@@ -9,7 +9,7 @@
 //!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
 //! - [`Baselines`]: simple predictors that agents start from; [`simple_scores`]: what those come to alone.
 //! - [`Plan::race`]: values that are behind make no more runs.
-//! - [`Plan::on`]: all runs side by side, on an accelerator.
+//! - [`Plan::with_accelerator`]: all runs side by side, on an accelerator.
 //! - [`Program`]: agents of another program, which are trained in the place of calib's own.
 //! - [`UnitStore`]: one small file a unit, with the run of each setting under a key of its own. [`Plan::run`] does only what is
 //!   missing there: one more value in the grid leaves the runs of the others as they are.
@@ -33,20 +33,20 @@
 mod axis;
 mod baselines;
 mod candidate;
+mod closed_environment;
 mod cohorts;
 mod config;
 mod environment;
 mod error;
 mod error_scale;
-mod kept;
 mod member;
-mod opaque_environment;
 mod pass;
 mod plan;
 mod program;
 mod race;
 mod range;
 mod replay;
+mod run_checkpoint;
 mod sampling;
 mod sink;
 mod sobol;
@@ -64,13 +64,12 @@ pub use baselines::{
 pub use calib_agent::CurvePoint;
 pub use calib_model::NotFinite;
 pub use candidate::{Candidate, candidates, written};
+pub use closed_environment::ClosedEnvironment;
 pub use config::{RaceKind, SweepConfig};
 pub use environment::{Environment, EnvironmentId, RunStream};
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
-pub use kept::WORK_BETWEEN;
 pub use member::{MemberEnvironment, RolloutOptions};
-pub use opaque_environment::ClosedEnvironment;
 pub use pass::Start;
 pub use plan::{
     CompletedSweep, PassId, Plan, PlanOptions, PlannedSensor, RESULT_VERSION, ReadyPass,
@@ -80,6 +79,7 @@ pub use program::{PredictionRequest, Program, ProgramPredictions, ProgramStopped
 pub use race::raced;
 pub use range::{Range, Scale};
 pub use replay::ReplayEnvironment;
+pub use run_checkpoint::WORK_BETWEEN;
 pub use sampling::Sampling;
 pub use sink::UnitSink;
 pub use span::Span;

@@ -9,7 +9,7 @@ use calib_files::Fingerprint;
 
 use crate::{
     Baselines, PlanOptions, Program, RunStream, SettingRun, SweepError, UnitRuns, UnitSink,
-    kept::RunCheckpoint, plan::UnitJob, program::outcomes,
+    plan::UnitJob, program::outcomes, run_checkpoint::RunCheckpoint,
 };
 
 /// What the agents of one sensor start from.

@@ -104,14 +104,14 @@ impl<'a> Plan<'a> {
 
     /// The same plan for agents of a program, if there is one.
     #[must_use]
-    pub fn by(mut self, program: Option<&'a dyn Program>) -> Self {
+    pub fn with_program(mut self, program: Option<&'a dyn Program>) -> Self {
         self.program = program;
         self
     }
 
     /// The same plan with passes side by side on an accelerator, if there is one. Its results are not those of a plan without.
     #[must_use]
-    pub fn on(mut self, accelerator: Option<&'a dyn Accelerator>) -> Self {
+    pub fn with_accelerator(mut self, accelerator: Option<&'a dyn Accelerator>) -> Self {
         self.accelerator = accelerator;
         self
     }

@@ -129,7 +129,7 @@ impl UnitStore {
     fn path(&self, unit: &Unit) -> PathBuf {
         self.directory
             .join(file_name(&unit.sensor))
-            .join(environment(unit))
+            .join(environment_name(unit))
             .join(format!("run-{:04}.json", unit.run))
     }
 }
@@ -150,9 +150,12 @@ pub(crate) type StatesKept = BTreeMap<PathBuf, SystemTime>;
 /// Whether a file is called `run-0000.json`.
 fn is_unit(name: &str) -> bool {
     let number = name.strip_prefix("run-").and_then(|rest| rest.strip_suffix(".json"));
-    number.is_some_and(|number| {
-        number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit())
-    })
+    number.is_some_and(is_run_number)
+}
+
+/// Whether a part of a name is the number of a run.
+fn is_run_number(text: &str) -> bool {
+    text.len() >= 4 && text.bytes().all(|digit| digit.is_ascii_digit())
 }
 
 /// Whether a file is called as the state of an unfinished run, or as what a kill leaves of one.
@@ -160,9 +163,7 @@ fn is_state(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
     let number_and_key = name.and_then(number_and_key_of_state);
     let is_ours = number_and_key.is_some_and(|(number, key)| {
-        number.len() >= 4
-            && number.bytes().all(|digit| digit.is_ascii_digit())
-            && key.bytes().all(|digit| digit.is_ascii_hexdigit())
+        is_run_number(number) && key.bytes().all(|digit| digit.is_ascii_hexdigit())
     });
     is_ours || is_temporary(path)
 }
@@ -202,7 +203,7 @@ fn folders(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
 const UNFINISHED: &str = ".unfinished";
 
 /// What files of an environment are called.
-pub(crate) fn environment(unit: &Unit) -> String {
+pub(crate) fn environment_name(unit: &Unit) -> String {
     match unit.environment {
         EnvironmentId::Member(member) => format!("member-{member}"),
         EnvironmentId::Online => "online".to_owned(),

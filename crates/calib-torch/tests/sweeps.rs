@@ -104,7 +104,7 @@ fn with_plan<T>(accelerator: Option<&dyn Accelerator>, then: impl FnOnce(Plan<'_
     let seed = Seed::new(4);
     let options = PlanOptions { part: Part::WholeRun, span: span(), curve_points: 5, seed };
     let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
-    then(Plan::new(&candidates, environments, sensors, options).on(accelerator))
+    then(Plan::new(&candidates, environments, sensors, options).with_accelerator(accelerator))
 }
 
 fn rmses(results: &[UnitResult]) -> Vec<f64> {

@@ -218,7 +218,7 @@ impl SweepContext {
         let plan = Plan::of_groups(&self.candidates, groups.collect(), sensors, options);
         let program = self.program.as_ref().map(|program| program as &dyn Program);
         let plan = plan.starting_from(self.starts.clone()).with_baselines(Some(baselines));
-        raced(plan.by(program).on(accelerator), study)
+        raced(plan.with_program(program).with_accelerator(accelerator), study)
     }
 }
 

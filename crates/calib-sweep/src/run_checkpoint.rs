@@ -1,7 +1,7 @@
 use calib_agent::{Checkpointer, RunState, StateFile};
 use calib_files::Fingerprinter;
 
-use crate::{UnitSink, plan::UnitJob, store::environment};
+use crate::{UnitSink, plan::UnitJob, store::environment_name};
 
 /// Work between two states of a long run that are kept: about a minute of one core, some megabytes.
 ///
@@ -27,7 +27,8 @@ impl RunCheckpoint {
         }
         let key = key.finish();
         let unit = &jobs[0].unit;
-        let name = format!("{}-run-{:04}-{}.safetensors", environment(unit), unit.run, key.short());
+        let name =
+            format!("{}-run-{:04}-{}.safetensors", environment_name(unit), unit.run, key.short());
         Self { file: StateFile::new(sink.state(&name), key.to_string()), work_between }
     }
 
