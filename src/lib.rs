@@ -50,7 +50,7 @@ pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
     let terminal = output::Terminal::new(cli.global.color);
     let journal = match output::Journal::open(
         terminal,
-        output::Voice::of(&cli.global),
+        output::Verbosity::of(&cli.global),
         cli.global.log.as_deref(),
     ) {
         Ok(journal) => Arc::new(journal),
@@ -63,8 +63,7 @@ pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
     hush_readers();
     let outcome = panic::catch_unwind(panic::AssertUnwindSafe(|| {
         faults::arm()?;
-        let is_verbose = cli.global.verbose;
-        let printer = if is_verbose { printer.clone().explaining() } else { printer.clone() };
+        let printer = commands::explaining(&printer, cli.global.verbose);
         commands::run(cli, &printer)
     }));
     let status = match outcome {

@@ -8,7 +8,7 @@ use calib_pipeline::{
     cluster_plan, cluster_run, cluster_status, cluster_submit, ensure,
 };
 
-use super::share::number;
+use super::share::{environment, number};
 use crate::cli::{ClusterCommand, ClusterEngine, MissingAs};
 
 /// Do what is asked of a plan.
@@ -24,12 +24,9 @@ pub(super) fn run(command: ClusterCommand, printer: &Printer) -> Result<Outcome,
             };
             cluster_plan(&study.job()?, &options, printer)?.outcome()
         }
-        ClusterCommand::Run { plan, shard } => cluster_run(
-            &plan,
-            number("--shard", &shard, |name| std::env::var(name).ok())?,
-            printer,
-        )?
-        .outcome(),
+        ClusterCommand::Run { plan, shard } => {
+            cluster_run(&plan, number("--shard", &shard, environment)?, printer)?.outcome()
+        }
         ClusterCommand::Status { plan, missing, clean, json: _ } => {
             let missing = missing.map(|missing| match missing {
                 MissingAs::Slurm => ArrayOf::Slurm,

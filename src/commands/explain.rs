@@ -27,15 +27,15 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepE
         return Ok(Outcome::Done);
     };
     let path = path.trim().trim_matches(['[', ']']);
-    let Some(found) = found(&schema, path) else {
+    let Some(found) = find_key(&schema, path) else {
         let all = keys(&schema, &schema, "");
-        let near = match value_above(&schema, path) {
+        let meant = match value_above(&schema, path) {
             Some(key) => vec![key],
-            None => near(path, &all),
+            None => similar_keys(path, &all),
         };
-        let hint = match near.as_slice() {
+        let hint = match meant.as_slice() {
             [] => "`calib explain` lists all sections".to_owned(),
-            near => format!("did you mean {}?", near.join(", ")),
+            meant => format!("did you mean {}?", meant.join(", ")),
         };
         bail!("no key `{path}`; {hint}");
     };
@@ -48,8 +48,8 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepE
 }
 
 /// The part of the schema that describes a key.
-fn found<'a>(schema: &'a Value, path: &str) -> Option<&'a Value> {
-    path.split('.').try_fold(schema, |at, part| inside(schema, at, part))
+fn find_key<'a>(schema: &'a Value, path: &str) -> Option<&'a Value> {
+    path.split('.').try_fold(schema, |at, part| child(schema, at, part))
 }
 
 /// The key of a value in which `path` looks for further keys, as in `control.reward.column`.
@@ -57,8 +57,8 @@ fn value_above<'a>(schema: &Value, path: &'a str) -> Option<&'a str> {
     // Messages count terms of a list, as in `control.reward[0].column`.
     let mut above = path.split('[').next().unwrap_or(path);
     loop {
-        if let Some(node) = found(schema, above) {
-            let is_section = target(schema, node)["properties"].is_object();
+        if let Some(node) = find_key(schema, above) {
+            let is_section = dereferenced(schema, node)["properties"].is_object();
             return (!is_section).then_some(above);
         }
         (above, _) = above.rsplit_once('.')?;
@@ -66,7 +66,7 @@ fn value_above<'a>(schema: &Value, path: &'a str) -> Option<&'a str> {
 }
 
 /// What a reference stands for.
-fn target<'a>(schema: &'a Value, node: &'a Value) -> &'a Value {
+fn dereferenced<'a>(schema: &'a Value, node: &'a Value) -> &'a Value {
     let reference = node["$ref"].as_str().or_else(|| {
         ["allOf", "anyOf", "oneOf"].iter().find_map(|key| node[*key][0]["$ref"].as_str())
     });
@@ -77,15 +77,15 @@ fn target<'a>(schema: &'a Value, node: &'a Value) -> &'a Value {
 }
 
 /// A key in a section, or a name in a table of names.
-fn inside<'a>(schema: &'a Value, at: &'a Value, part: &str) -> Option<&'a Value> {
-    let at = target(schema, at);
+fn child<'a>(schema: &'a Value, at: &'a Value, part: &str) -> Option<&'a Value> {
+    let at = dereferenced(schema, at);
     let named = at["additionalProperties"].as_object().map(|_| &at["additionalProperties"]);
     at["properties"].get(part).or(named)
 }
 
 /// A definition with what stands beside its reference.
 fn resolved(schema: &Value, node: &Value) -> Value {
-    let mut whole = target(schema, node).clone();
+    let mut whole = dereferenced(schema, node).clone();
     if let (Some(whole), Some(own)) = (whole.as_object_mut(), node.as_object()) {
         whole.extend(own.iter().map(|(key, value)| (key.clone(), value.clone())));
     }
@@ -95,7 +95,7 @@ fn resolved(schema: &Value, node: &Value) -> Value {
 /// Every key below one, as `section.key`.
 fn keys(schema: &Value, at: &Value, above: &str) -> Vec<String> {
     let mut all = Vec::new();
-    for (name, node) in target(schema, at)["properties"].as_object().into_iter().flatten() {
+    for (name, node) in dereferenced(schema, at)["properties"].as_object().into_iter().flatten() {
         let path = if above.is_empty() { name.clone() } else { format!("{above}.{name}") };
         // Two levels: profiles and models hold all of it again.
         if above.is_empty() {
@@ -107,7 +107,7 @@ fn keys(schema: &Value, at: &Value, above: &str) -> Vec<String> {
 }
 
 /// Keys that are called nearly so, the nearest first.
-fn near<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
+fn similar_keys<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
     let wanted = path.rsplit('.').next().unwrap_or(path).to_lowercase();
     let mut found: Vec<(f64, &str)> = all
         .iter()
@@ -125,7 +125,7 @@ fn near<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
 
 /// The keys of a section, each with the first sentence about it.
 fn list(schema: &Value, at: &Value, above: &str) -> String {
-    let keys = target(schema, at)["properties"].as_object();
+    let keys = dereferenced(schema, at)["properties"].as_object();
     let rows: Vec<[String; 2]> = keys
         .into_iter()
         .flatten()
@@ -144,7 +144,8 @@ fn list(schema: &Value, at: &Value, above: &str) -> String {
 /// What is said of a key: paragraphs, of one line each but for tables.
 fn about(schema: &Value, node: &Value) -> String {
     let own = node["description"].as_str();
-    let text = own.or_else(|| target(schema, node)["description"].as_str()).unwrap_or_default();
+    let text =
+        own.or_else(|| dereferenced(schema, node)["description"].as_str()).unwrap_or_default();
     text.split("\n\n")
         .map(|text| match text {
             table if table.starts_with('|') => table.to_owned(),
@@ -155,7 +156,7 @@ fn about(schema: &Value, node: &Value) -> String {
 }
 
 fn describe(schema: &Value, node: &Value, path: &str) -> String {
-    let is_section = target(schema, node)["properties"].is_object();
+    let is_section = dereferenced(schema, node)["properties"].is_object();
     let text = format!("{path}: {}\n", about(schema, node));
     if is_section {
         return format!("{text}\n{}", list(schema, node, path));
@@ -175,7 +176,7 @@ fn describe(schema: &Value, node: &Value, path: &str) -> String {
 
 /// Which values a key may have, in words.
 fn allowed(schema: &Value, node: &Value) -> String {
-    let node = target(schema, node);
+    let node = dereferenced(schema, node);
     for alternatives in ["oneOf", "anyOf"] {
         if let Some(all) = node[alternatives].as_array() {
             let all: Vec<String> = all.iter().map(|one| allowed(schema, one)).collect();
@@ -216,7 +217,7 @@ mod tests {
 
     fn explained(path: &str) -> String {
         let schema = calib_study::schema();
-        describe(&schema, found(&schema, path).expect(path), path)
+        describe(&schema, find_key(&schema, path).expect(path), path)
     }
 
     #[test]
@@ -261,9 +262,9 @@ mod tests {
     fn near_keys_are_suggested() {
         let schema = calib_study::schema();
         let all = keys(&schema, &schema, "");
-        assert_eq!(near("agent.gama", &all)[0], "agent.gamma");
-        assert!(near("batch_size", &all).contains(&"agent.batch_size"));
-        assert!(near("zz", &all).is_empty());
+        assert_eq!(similar_keys("agent.gama", &all)[0], "agent.gamma");
+        assert!(similar_keys("batch_size", &all).contains(&"agent.batch_size"));
+        assert!(similar_keys("zz", &all).is_empty());
         for (path, above) in [
             ("control.reward.column", Some("control.reward")),
             ("control.reward[0].column", Some("control.reward")),

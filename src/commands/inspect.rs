@@ -69,7 +69,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
 
 /// A study's own sections, or the defaults for data alone.
 fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
-    let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
+    if args.data.extension().is_some_and(|extension| extension == "toml") {
         let job = Job::resolve(Request {
             set: args.set.clone(),
             profile: args.profile.clone(),
@@ -84,14 +84,13 @@ fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
         let deployments = deployments.collect();
         let preprocess = study.preprocess.clone();
         return Ok(Settings { data, preprocess, deployments, job: Some(job) });
-    } else {
-        ensure!(
-            args.profile.is_none(),
-            "--profile is of a study, and {} is not one; leave it out",
-            args.data.display()
-        );
-        calib_study::of_data(&args.data, &args.set)?
-    };
+    }
+    ensure!(
+        args.profile.is_none(),
+        "--profile is of a study, and {} is not one; leave it out",
+        args.data.display()
+    );
+    let study = calib_study::of_data(&args.data, &args.set)?;
     let data = on_this_machine(study.data);
     Ok(Settings { data, preprocess: study.preprocess, deployments: Vec::new(), job: None })
 }

@@ -32,7 +32,8 @@ use crate::{
 /// More threads than any machine gains from; each takes memory and time to start.
 const MANY_THREADS: usize = 1024;
 
-fn explaining(printer: &Printer, why: bool) -> Printer {
+/// The printer, which prints all reasons if `why`.
+pub(crate) fn explaining(printer: &Printer, why: bool) -> Printer {
     if why { printer.clone().explaining() } else { printer.clone() }
 }
 
@@ -115,8 +116,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         Command::Cluster { command } => cluster::run(command, printer)?,
         Command::Validity(args) => {
             let share = args.share.as_ref();
-            let share = share.map(|typed| share::share(typed, |name| std::env::var(name).ok()));
-            let share = share.transpose()?;
+            let share = share.map(|typed| share::share(typed, share::environment)).transpose()?;
             let options = ValidityOptions { share, ..args.into() };
             calib_pipeline::validity(&options, printer)?.outcome()
         }

@@ -26,6 +26,8 @@ const LOOK: Duration = Duration::from_millis(100);
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' data: blob:; \
                       connect-src 'self'; font-src data:; frame-ancestors 'none'; form-action 'none'; base-uri 'none'";
 
+type PageResponse = Response<std::io::Cursor<Vec<u8>>>;
+
 /// A page that is shown until it is dropped.
 pub(super) struct Page {
     ends: Arc<AtomicBool>,
@@ -113,7 +115,7 @@ impl Shown {
         self.pool.install(|| calib_pipeline::status(&self.request, &Printer::nobody()))
     }
 
-    fn status(&self) -> Response<std::io::Cursor<Vec<u8>>> {
+    fn status(&self) -> PageResponse {
         let told = match self.standing() {
             Ok(standing) => serde_json::to_vec(&standing),
             Err(error) => serde_json::to_vec(&json!({ "error": error.to_string() })),
@@ -121,7 +123,7 @@ impl Shown {
         content("application/json", told.unwrap_or_default())
     }
 
-    fn report(&self) -> Response<std::io::Cursor<Vec<u8>>> {
+    fn report(&self) -> PageResponse {
         let report =
             self.standing().ok().and_then(|standing| read_regular(standing.report()?).ok());
         match report {
@@ -144,7 +146,7 @@ fn is_for_this_machine(asked: &Request) -> bool {
     })
 }
 
-fn content(kind: &str, bytes: Vec<u8>) -> Response<std::io::Cursor<Vec<u8>>> {
+fn content(kind: &str, bytes: Vec<u8>) -> PageResponse {
     let headers = [
         ("Content-Type", kind),
         ("Cache-Control", "no-store"),
@@ -157,7 +159,7 @@ fn content(kind: &str, bytes: Vec<u8>) -> Response<std::io::Cursor<Vec<u8>>> {
     headers.fold(Response::from_data(bytes), Response::with_header)
 }
 
-fn refusal(status: u16, reason: &str) -> Response<std::io::Cursor<Vec<u8>>> {
+fn refusal(status: u16, reason: &str) -> PageResponse {
     content("text/plain; charset=utf-8", format!("{reason}\n").into_bytes())
         .with_status_code(status)
 }

@@ -14,6 +14,11 @@ const NUMBERS: [(&str, usize); 5] = [
     ("PARALLEL_SEQ", 1),
 ];
 
+/// What the environment says of a name.
+pub(super) fn environment(name: &str) -> Option<String> {
+    std::env::var(name).ok()
+}
+
 /// A number that was given for `option`, or "auto" for what the system says in the environment.
 pub(super) fn number(
     option: &str,
@@ -66,7 +71,7 @@ pub(super) fn shared(job: Job, typed: Option<&str>) -> Result<Job, StepError> {
         !policy.redoes(),
         "--force makes everything again, also what other shares have made; remove the results, and run the shares without it"
     );
-    let share = share(typed, |name| std::env::var(name).ok())?;
+    let share = share(typed, environment)?;
     Ok(job.under(Policy { share: Some(share), ..policy }))
 }
 

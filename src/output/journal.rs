@@ -22,7 +22,7 @@ use crate::cli::GlobalArgs;
 
 /// How much a terminal shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Voice {
+pub(crate) enum Verbosity {
     /// Results and errors.
     Quiet,
     Usual,
@@ -30,7 +30,7 @@ pub(crate) enum Voice {
     Verbose,
 }
 
-impl Voice {
+impl Verbosity {
     pub(crate) const fn of(args: &GlobalArgs) -> Self {
         match (args.quiet, args.verbose) {
             (true, _) => Self::Quiet,
@@ -44,7 +44,7 @@ impl Voice {
 #[derive(Debug)]
 pub(crate) struct Journal {
     terminal: Terminal,
-    voice: Voice,
+    verbosity: Verbosity,
     started: Stopwatch,
     stage: Mutex<Option<Stage>>,
     file: Option<Arc<Mutex<File>>>,
@@ -55,14 +55,14 @@ impl Journal {
     /// If the file cannot be appended to, or something else than a journal stands in it.
     pub(crate) fn open(
         terminal: Terminal,
-        voice: Voice,
+        verbosity: Verbosity,
         path: Option<&Path>,
     ) -> std::result::Result<Self, StepError> {
         let file = path.map(open).transpose()?;
         let started = Stopwatch::start();
         let stage = Mutex::new(None);
         let file = file.map(|file| Arc::new(Mutex::new(file)));
-        Ok(Self { terminal, voice, started, stage, file })
+        Ok(Self { terminal, verbosity, started, stage, file })
     }
 
     /// Keep `text`, each of its lines with the time and what it is.
@@ -125,13 +125,13 @@ impl Observer for Journal {
         };
         self.keep(kind, text);
         let secs = self.started.elapsed().as_secs_f64();
-        match (self.voice, remark) {
-            (Voice::Quiet, Remark::Error(_)) => self.terminal.remark(remark),
-            (Voice::Quiet, _) | (Voice::Usual, Remark::Detail(_)) => {}
-            (Voice::Verbose, Remark::Talk(text)) => {
+        match (self.verbosity, remark) {
+            (Verbosity::Quiet, Remark::Error(_)) => self.terminal.remark(remark),
+            (Verbosity::Quiet, _) | (Verbosity::Usual, Remark::Detail(_)) => {}
+            (Verbosity::Verbose, Remark::Talk(text)) => {
                 self.terminal.remark(Remark::Talk(&format!("{secs:8.2} s  {text}")));
             }
-            (Voice::Verbose, Remark::Heading(text)) => {
+            (Verbosity::Verbose, Remark::Heading(text)) => {
                 self.terminal.remark(Remark::Heading(&format!("{secs:8.2} s  {text}")));
             }
             _ => self.terminal.remark(remark),
@@ -149,7 +149,7 @@ impl Observer for Journal {
     }
 
     fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
-        let shown = if self.voice == Voice::Quiet { Shown::No } else { shown };
+        let shown = if self.verbosity == Verbosity::Quiet { Shown::No } else { shown };
         let stage = *self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         let file = self.file.clone();
         let keep =

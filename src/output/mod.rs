@@ -9,5 +9,5 @@ pub(crate) use calib_pipeline::output::{Lines, harmless};
 pub(crate) use interrupts::{
     AfterInterruption, interrupted, is_asked_to_stop, is_to_be_tried_again, watch_for_interrupts,
 };
-pub(crate) use journal::{Journal, Voice};
+pub(crate) use journal::{Journal, Verbosity};
 pub(crate) use terminal::{Terminal, excerpt};
