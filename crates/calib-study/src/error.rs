@@ -166,6 +166,12 @@ impl fmt::Display for Problem {
     }
 }
 
+impl From<Problem> for StudyError {
+    fn from(problem: Problem) -> Self {
+        Self::Value(problem.to_string())
+    }
+}
+
 /// An error of another package with all its causes, each told once.
 impl<E: std::error::Error> From<E> for Problem {
     fn from(error: E) -> Self {

@@ -1,5 +1,4 @@
 use std::{
-    borrow::Cow,
     path::{Component, Path},
     sync::Arc,
 };
@@ -160,10 +159,12 @@ impl Job {
         let [path] = &self.study.data.path.0[..] else { return None };
         let parts = Path::new(path).components().rev();
         let stems = parts.filter_map(|part| match part {
-            Component::Normal(name) => Some(Path::new(name).file_stem()?.to_string_lossy()),
+            Component::Normal(name) => {
+                Some(Path::new(name).file_stem()?.to_string_lossy().into_owned())
+            }
             _ => None,
         });
-        stems.into_iter().map(Cow::into_owned).find(|stem| says_something(stem))
+        stems.into_iter().find(|stem| says_something(stem))
     }
 
     /// "PIT300, TIT101 and 3 more sensors".

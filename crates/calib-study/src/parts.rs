@@ -1,6 +1,6 @@
 //! The models and deployments of a study, each as a job of its own.
 
-use crate::{Job, Scope, StudyError, error::Problem};
+use crate::{Job, Scope, StudyError};
 
 impl Job {
     /// Each of the models that the study compares, with the deployment that is chosen; the job itself where a model is
@@ -124,12 +124,6 @@ fn once_where_shared(parts: Vec<Job>) -> Result<Vec<Job>, StudyError> {
         }
     }
     Ok(kept)
-}
-
-impl From<Problem> for StudyError {
-    fn from(problem: Problem) -> Self {
-        Self::Value(problem.to_string())
-    }
 }
 
 #[cfg(test)]

@@ -13,8 +13,8 @@ const NONE: &str = "model.kind = \"none\"";
 /// What makes it one with a model.
 const REMEDY: &str = "remove it, or set model.kind = \"knn\"";
 
-/// Sections that are about models alone.
-const SECTIONS: [&str; 3] = ["representation", "dynamics", "rollout"];
+/// Sections with keys that are about models alone.
+const SECTIONS: [&str; 5] = ["model", "sweep", "representation", "dynamics", "rollout"];
 
 /// Keys of `[sweep]` that are about models alone.
 const SWEEP_KEYS: [&str; 3] = ["member_runs", "network_runs", "start"];
@@ -75,20 +75,19 @@ fn check_models(table: &Table) -> Result<(), Problem> {
 }
 
 fn check_layer(layer: &Table, acts: bool) -> Result<(), Problem> {
-    let keys = |section: &str| {
+    for section in SECTIONS {
         let keys = layer.get(section).and_then(Value::as_table).into_iter().flat_map(Table::keys);
-        keys.cloned().collect::<Vec<_>>()
-    };
-    let of_model = keys("model").into_iter().filter(|key| !MODEL_KEYS.contains(&key.as_str()));
-    let of_model = of_model.map(|key| format!("model.{key}"));
-    let of_sweep = keys("sweep").into_iter().filter(|key| SWEEP_KEYS.contains(&key.as_str()));
-    let of_sweep = of_sweep.map(|key| format!("sweep.{key}"));
-    let sections = SECTIONS.into_iter().filter(|section| !(acts && *section == "representation"));
-    let of_sections = sections.flat_map(|section| {
-        keys(section).into_iter().map(move |key| format!("{section}.{key}")).collect::<Vec<_>>()
-    });
-    if let Some(key) = of_model.chain(of_sweep).chain(of_sections).next() {
-        refuse!("{key} has no effect, because {NONE} is a study without a model; {REMEDY}");
+        let unused = keys.into_iter().find(|key| match section {
+            "model" => !MODEL_KEYS.contains(&key.as_str()),
+            "sweep" => SWEEP_KEYS.contains(&key.as_str()),
+            "representation" => !acts,
+            _ => true,
+        });
+        if let Some(key) = unused {
+            refuse!(
+                "{section}.{key} has no effect, because {NONE} is a study without a model; {REMEDY}"
+            );
+        }
     }
     Ok(())
 }

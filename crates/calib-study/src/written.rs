@@ -143,13 +143,12 @@ impl WrittenStudy {
     fn place_of(&self, key: &str, model: Option<&str>) -> Option<crate::Place> {
         let model = model.map(|name| format!("models.{name}.{key}"));
         let keys: Vec<String> = model.into_iter().chain([key.to_owned()]).collect();
-        let of_profile: Vec<String> = keys
+        let of_profile = self
+            .request
+            .profile
             .iter()
-            .filter_map(|key| {
-                self.request.profile.as_ref().map(|name| format!("profiles.{name}.{key}"))
-            })
-            .collect();
-        of_profile.iter().chain(&keys).find_map(|key| self.source.place_of(key))
+            .flat_map(|name| keys.iter().map(move |key| format!("profiles.{name}.{key}")));
+        of_profile.chain(keys.iter().cloned()).find_map(|key| self.source.place_of(&key))
     }
 
     /// The file, with what was given beside it.
