@@ -55,7 +55,7 @@ pub struct Asked {
 
 impl Draft<'_> {
     /// States of the held-out range, about.
-    pub fn held_out_states(&self) -> usize {
+    fn held_out_states(&self) -> usize {
         self.cut.rows[1] / self.spacing.0
     }
 

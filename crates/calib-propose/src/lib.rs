@@ -64,7 +64,7 @@ pub use model::ProposedModel;
 pub use scope::{Lacking, LeftOut, LeftOutReason, Scope};
 pub use sensors::Sensors;
 pub use size::{Costs, MOST_RUNS, Size};
-pub use spacing::{SPACINGS, spacing_by_log, spacings};
+pub use spacing::{spacing_by_log, spacings};
 
 #[cfg(test)]
 mod testing;

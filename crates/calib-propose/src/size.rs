@@ -96,13 +96,13 @@ impl Size {
         steps: usize,
         sensors: usize,
     ) -> Self {
-        let runs = Self {
+        Self {
             per_decade: 1,
+            hidden_units: 32,
             online_runs: 4,
             log_replay_runs: 4,
-            ..Self::trial(agent, model, steps, sensors)
-        };
-        Self { steps: steps.min(COMPARED_STEPS), hidden_units: 32, ..runs }
+            ..Self::trial(agent, model, steps.min(COMPARED_STEPS), sensors)
+        }
     }
 
     /// The least that says anything, where runs have at most `most_steps` and there are so many `sensors`.

@@ -3,7 +3,7 @@ use calib_data::Sketch;
 use crate::{Scope, Size};
 
 /// Rows of the log from one state to the next that are tried.
-pub const SPACINGS: [usize; 11] = [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 200];
+const SPACINGS: [usize; 11] = [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 200];
 /// Neighbouring states that are more alike than this, for most of the fastest channels, hardly tell anything apart.
 const ALIKE: f64 = 0.98;
 /// States that a horizon has at least, if the log is as dense as that.

@@ -87,7 +87,7 @@ pub use store::{UnitStore, remove_states};
 pub use unit::{PlannedUnit, RunRow, SettingRun, Unit, UnitResult, UnitRuns};
 pub use verdict::{
     Agreement, BaselineRegret, ChoiceBaseline, Dropped, ENOUGH_WINDOWS, EnvironmentScores, Grade,
-    Judging, NO_WORSE, PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share,
-    SimpleComparison, Truth, WindowTruth, verdict,
+    Judging, PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share, SimpleComparison,
+    Truth, WindowTruth, verdict,
 };
 pub use windows::{ScoringDemand, Windows};

@@ -38,7 +38,7 @@ pub(crate) fn keys(chart: &Chart) -> Vec<Key> {
             marker: series.marker,
         })
         .collect();
-    if chart.series.iter().flat_map(|series| &series.points).any(|point| point.y.is_infinite()) {
+    if chart.diverges() {
         let marker = Some(Marker::Cross);
         keys.push(Key { label: "diverged".to_owned(), colour: Colour::Ink, line: None, marker });
     }

@@ -64,6 +64,11 @@ impl Chart {
         Self { title, description, x, left, right: None, series, rules: Vec::new() }
     }
 
+    /// Whether a curve diverges somewhere.
+    pub(crate) fn diverges(&self) -> bool {
+        self.series.iter().flat_map(|series| &series.points).any(|point| point.y.is_infinite())
+    }
+
     /// The chart with fewer points in its dense curves, which a narrow picture could not show; peaks stay.
     pub(crate) fn thinned(&self) -> Self {
         let shared = NARROW_CURVES * NARROW_POINTS / self.series.len().max(1);

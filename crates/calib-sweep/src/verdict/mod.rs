@@ -25,7 +25,7 @@ pub use grade::{Grade, Recommendation};
 pub use judge::verdict;
 pub use parts::PartChoice;
 pub use rule::Rule;
-pub use simple::{NO_WORSE, SimpleComparison};
+pub use simple::SimpleComparison;
 pub use truth::{Agreement, BaselineRegret, ChoiceBaseline, Truth, WindowTruth};
 pub use warnings::ENOUGH_WINDOWS;
 
@@ -172,7 +172,7 @@ impl SensorVerdict {
     }
 
     /// Whether the evidence prefers any value to another. A single one has none to differ from.
-    pub fn prefers_a_value(&self) -> bool {
+    fn prefers_a_value(&self) -> bool {
         differ(&self.scores)
     }
 

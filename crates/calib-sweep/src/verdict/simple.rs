@@ -10,7 +10,7 @@ use super::{
 use crate::{Candidate, EnvironmentId, ErrorScale, SweepError};
 
 /// An agent is recommended only if it has at most this many times the error of the simple predictor that the log prefers.
-pub const NO_WORSE: f64 = 1.02;
+const NO_WORSE: f64 = 1.02;
 
 /// Of predictors whose errors on the log are within this factor, the simplest is preferred.
 const ALIKE: f64 = 1.01;
@@ -42,7 +42,7 @@ impl SimpleComparison {
     }
 
     /// Whether the chosen agent is known to have at most two per cent more error.
-    pub fn is_matched(&self) -> bool {
+    fn is_matched(&self) -> bool {
         match self.ratio {
             Some(Estimate { interval: Some(interval), .. }) => interval.high <= NO_WORSE,
             Some(Estimate { value, interval: None }) => value <= NO_WORSE,

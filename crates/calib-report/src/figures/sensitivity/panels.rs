@@ -29,8 +29,7 @@ impl Sensitivity {
         let field = &all[0].field;
         let same_field = all.iter().all(|one| one.field == *field);
         head.title = if same_field { format!("{title} to {field}") } else { title };
-        head.description =
-            charts.iter().map(|chart| chart.description.as_str()).collect::<Vec<_>>().join(" ");
+        head.description = descriptions(&charts);
         // The sign for diverged values is explained if any plot has one.
         head.series = widest(&charts);
         let columns = if all.len() == 4 { 2 } else { all.len().min(COLUMNS) };
@@ -71,23 +70,21 @@ impl Sensitivity {
             .collect();
         let charts: Vec<Chart> =
             rows.iter().flatten().filter_map(|cell| cell.chart.clone()).collect();
-        head.description =
-            charts.iter().map(|chart| chart.description.as_str()).collect::<Vec<_>>().join(" ");
+        head.description = descriptions(&charts);
         head.series = widest(&charts);
         Ok(Some(Figure::with_grid(head, rows, HEIGHT)))
     }
 }
 
-/// Whether a curve of the chart diverges somewhere.
-pub(super) fn diverges(chart: &Chart) -> bool {
-    chart.series.iter().flat_map(|series| &series.points).any(|point| point.y.is_infinite())
+fn descriptions(charts: &[Chart]) -> String {
+    charts.iter().map(|chart| chart.description.as_str()).collect::<Vec<_>>().join(" ")
 }
 
 /// The curves of the chart that has most of them, and a diverged point if any chart has one.
 fn widest(charts: &[Chart]) -> Vec<crate::Series> {
     let most = charts.iter().map(|chart| chart.series.len()).max().unwrap_or(0);
     let mut fullest = charts.iter().filter(|chart| chart.series.len() == most);
-    let chosen = fullest.clone().find(|chart| diverges(chart)).or_else(|| fullest.next());
+    let chosen = fullest.clone().find(|chart| chart.diverges()).or_else(|| fullest.next());
     chosen.map(|chart| chart.series.clone()).unwrap_or_default()
 }
 

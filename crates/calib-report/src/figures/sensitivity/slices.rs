@@ -65,7 +65,7 @@ impl Sensitivity {
     }
 
     /// The best combination by the first curve of errors, or else of ranks.
-    pub(super) fn best(&self) -> Option<usize> {
+    fn best(&self) -> Option<usize> {
         let places = 0..self.values.len();
         match (self.errors.first(), self.worst_ranks.first()) {
             (Some(curve), _) => {
@@ -112,7 +112,7 @@ impl Sensitivity {
         };
         head.title = title;
         head.description = slices.iter().map(Self::description).collect::<Vec<_>>().join(" ");
-        if let Some(chart) = charts().find(|chart| super::panels::diverges(chart)) {
+        if let Some(chart) = charts().find(|chart| chart.diverges()) {
             head.series.clone_from(&chart.series);
         }
         Ok(Figure::with_grid(head, rows, HEIGHT))
