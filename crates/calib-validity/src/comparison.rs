@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::{
     Method,
-    chosen::Chosen,
+    choices::Choices,
     over_plants::{OverPlants, mean_of},
 };
 
@@ -71,8 +71,8 @@ pub struct Comparison {
 impl Comparison {
     /// `None` if no pair has both.
     pub(crate) fn of(
-        method: &Chosen,
-        against: &Chosen,
+        method: &Choices,
+        against: &Choices,
         plants: &OverPlants,
     ) -> Result<Option<Self>, StatsError> {
         let both = |pair: usize| method.regrets[pair].zip(against.regrets[pair]);

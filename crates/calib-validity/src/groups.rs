@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::{
     Method, Pair, TaskValue,
-    chosen::Chosen,
+    choices::Choices,
     comparison::{quotient, quotient_interval},
     over_plants::{OverPlants, mean_of},
 };
@@ -48,14 +48,14 @@ struct PairGroup {
 /// Each of `methods` over each group of each feature.
 pub(crate) fn groups(
     pairs: &[Pair],
-    methods: &[Chosen],
+    methods: &[Choices],
     plants: &OverPlants,
 ) -> Result<Vec<GroupSummary>, StatsError> {
     let default = methods.iter().find(|method| method.method == Method::Default);
     let shown = methods
         .iter()
         .filter(|method| method.method.is_model() || method.method == Method::LogReplay);
-    let shown: Vec<&Chosen> = shown.collect();
+    let shown: Vec<&Choices> = shown.collect();
     let mut all = Vec::new();
     for group in all_groups(pairs)? {
         for method in &shown {
@@ -67,8 +67,8 @@ pub(crate) fn groups(
 
 fn summary(
     group: &PairGroup,
-    method: &Chosen,
-    default: Option<&Chosen>,
+    method: &Choices,
+    default: Option<&Choices>,
     plants: &OverPlants,
 ) -> Result<Option<GroupSummary>, StatsError> {
     let has = |pair: usize| group.pairs.contains(&pair) && method.regrets[pair].is_some();

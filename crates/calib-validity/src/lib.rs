@@ -29,7 +29,7 @@
 //! ```
 
 mod accuracy;
-mod chosen;
+mod choices;
 mod claims;
 mod comparison;
 mod defaults;

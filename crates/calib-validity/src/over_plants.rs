@@ -82,16 +82,14 @@ fn without_each(
     statistic: impl Fn(&[usize]) -> Option<f64>,
 ) -> Option<Vec<f64>> {
     if plants.len() < FEWEST_PLANTS {
-        None
-    } else {
-        (0..plants.len())
-            .map(|left_out: usize| {
-                let others = plants.iter().enumerate().filter(|(plant, _)| *plant != left_out);
-                let pairs: Vec<usize> = others.flat_map(|(_, pairs)| pairs).copied().collect();
-                statistic(&pairs)
-            })
-            .collect()
+        return None;
     }
+    (0..plants.len())
+        .map(|left_out| {
+            let others: Vec<Vec<usize>> = [&plants[..left_out], &plants[left_out + 1..]].concat();
+            statistic(&others.concat())
+        })
+        .collect()
 }
 
 /// The mean of `value` over `pairs`; `None` for none.

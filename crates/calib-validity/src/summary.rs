@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::{
     CAP, Method, Pair,
-    chosen::Chosen,
+    choices::Choices,
     over_plants::{OverPlants, mean_of},
 };
 
@@ -58,7 +58,7 @@ pub struct RankAgreement {
 }
 
 impl MethodSummary {
-    pub(crate) fn of(chosen: &Chosen, plants: &OverPlants) -> Result<Self, StatsError> {
+    pub(crate) fn of(chosen: &Choices, plants: &OverPlants) -> Result<Self, StatsError> {
         let regrets: Vec<f64> = chosen.regrets.iter().flatten().copied().collect();
         let counted: Vec<f64> =
             (0..chosen.regrets.len()).filter_map(|pair| chosen.counted(pair)).collect();

@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::{
     Accuracy, Comparison, GroupSummary, Method, MethodSummary, OptimiserDefault, Pair, Power,
     RankAgreement, Test, ValidityError, accuracy,
-    chosen::{Chosen, Judged},
+    choices::{Choices, JudgedPairs},
     claims,
     defaults::{best_default, of_optimisers},
     groups::groups,
@@ -99,14 +99,14 @@ pub fn judge(
     };
     let models = models(&judged);
     let rules = rules(&judged);
-    let all = Judged { pairs: &judged, regrets: &regrets, models: &models, rules: &rules };
+    let all = JudgedPairs { pairs: &judged, regrets: &regrets, models: &models, rules: &rules };
     let over = |copies: usize| {
         OverPlants::new((0..copies).flat_map(|_| judged.iter().map(|pair| &*pair.plant)))
     };
     let plants = over(1);
     let methods = all.methods()?;
     let comparisons = comparisons(&methods, |chosen| chosen.method.is_model(), &plants)?;
-    let of_models: Vec<Chosen> = models.iter().flat_map(|model| all.rules_of(model)).collect();
+    let of_models: Vec<Choices> = models.iter().flat_map(|model| all.rules_in(model)).collect();
     let agreement = models.iter().map(|model| RankAgreement::of(model, &judged, &plants));
     let agreement = agreement.collect::<Result<Vec<_>, _>>()?;
     let summaries = summaries(&methods, &plants)?;
@@ -124,7 +124,11 @@ pub fn judge(
         power: comparisons.iter().map(Power::of).collect::<Result<_, _>>()?,
         agreement: agreement.into_iter().flatten().collect(),
         rules: self::summaries(&of_models, &plants)?,
-        rule_comparisons: self::comparisons(&all.rules_of_all(), |_| true, &over(models.len()))?,
+        rule_comparisons: self::comparisons(
+            &all.rules_in_all_models(),
+            |_| true,
+            &over(models.len()),
+        )?,
         groups: groups(&judged, &methods, &plants)?,
         accuracy: accuracy::accuracies(&judged, &regrets, &plants)?,
         each: each(&methods),
@@ -136,15 +140,15 @@ pub fn judge(
     })
 }
 
-fn summaries(all: &[Chosen], plants: &OverPlants) -> Result<Vec<MethodSummary>, StatsError> {
+fn summaries(all: &[Choices], plants: &OverPlants) -> Result<Vec<MethodSummary>, StatsError> {
     let known = all.iter().filter(|chosen| chosen.regrets.iter().any(Option::is_some));
     known.map(|chosen| MethodSummary::of(chosen, plants)).collect()
 }
 
 /// Each method that `is_own` holds for against all others, each two of them once.
 fn comparisons(
-    methods: &[Chosen],
-    is_own: impl Fn(&Chosen) -> bool,
+    methods: &[Choices],
+    is_own: impl Fn(&Choices) -> bool,
     plants: &OverPlants,
 ) -> Result<Vec<Comparison>, StatsError> {
     let mut all = Vec::new();
@@ -179,11 +183,11 @@ fn names<'a>(all: impl Iterator<Item = &'a String>) -> Vec<String> {
     names
 }
 
-fn each(methods: &[Chosen]) -> Vec<PairRegret> {
+fn each(methods: &[Choices]) -> Vec<PairRegret> {
     let pairs = methods.first().map_or(0, |chosen| chosen.regrets.len());
     let mut each = Vec::new();
     for pair in 0..pairs {
-        for Chosen { method, values, regrets } in methods {
+        for Choices { method, values, regrets } in methods {
             let regret = regrets[pair];
             each.extend(regret.map(|regret| PairRegret {
                 pair,

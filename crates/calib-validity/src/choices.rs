@@ -5,7 +5,7 @@ use calib_stats::{StatsError, mean};
 use crate::{Method, ModelPair, Pair, defaults::best_default, pair::capped};
 
 /// Pairs with the regrets of all values, and the models and rules that they have.
-pub(crate) struct Judged<'a> {
+pub(crate) struct JudgedPairs<'a> {
     pub(crate) pairs: &'a [Pair],
     /// `[pairs, values]`.
     pub(crate) regrets: &'a [Vec<f64>],
@@ -13,29 +13,29 @@ pub(crate) struct Judged<'a> {
     pub(crate) rules: &'a [String],
 }
 
-/// The choice of a method in every pair, and its regret; `None` where it has none.
+/// The choices of a method, one for each pair, and their regrets; `None` where it has none.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Chosen {
+pub(crate) struct Choices {
     pub(crate) method: Method,
     /// The value; none for a mean over values.
     pub(crate) values: Vec<Option<usize>>,
     pub(crate) regrets: Vec<Option<f64>>,
 }
 
-impl Chosen {
+impl Choices {
     /// The regret in a pair as it counts.
     pub(crate) fn counted(&self, pair: usize) -> Option<f64> {
         self.regrets[pair].map(capped)
     }
 }
 
-impl Judged<'_> {
+impl JudgedPairs<'_> {
     /// All methods: models first, then what one would do without calib, then floors. What no pair has is no method here.
-    pub(crate) fn methods(&self) -> Result<Vec<Chosen>, StatsError> {
+    pub(crate) fn methods(&self) -> Result<Vec<Choices>, StatsError> {
         let models = self.models.iter().map(|name| {
             self.chosen(Method::Model(name.clone()), |pair| Some(pair.model(name)?.chosen))
         });
-        let mut all: Vec<Chosen> = models.collect();
+        let mut all: Vec<Choices> = models.collect();
         if self.models.len() > 1 {
             all.push(self.chosen(Method::MostAccurate, |pair| least(pair, |model| model.one_step)));
             all.push(self.chosen(Method::LeastWarped, |pair| least(pair, |model| model.dtw)));
@@ -55,30 +55,28 @@ impl Judged<'_> {
     }
 
     /// One value for several pairs. Those of optimisers say nothing of their own where all agents have the same.
-    fn defaults(&self) -> Vec<Chosen> {
+    fn defaults(&self) -> Vec<Choices> {
         let best_where =
             |counts: &dyn Fn(&Pair) -> bool| best_default(self.pairs, self.regrets, counts);
         let mut all = vec![
             self.chosen(Method::BestDefault, |_| best_where(&|_| true)),
             self.chosen(Method::OtherPlants, |pair| {
-                best_where(&|other| are_of_two_plants(pair, other))
+                best_where(&|other| differ_in_plant(pair, other))
             }),
         ];
-        if self.pairs.windows(2).any(|pair| !have_one_optimiser(&pair[0], &pair[1])) {
+        if self.pairs.windows(2).any(|pair| !share_optimiser(&pair[0], &pair[1])) {
             let own = self.chosen(Method::BestDefaultOfOptimiser, |pair| {
-                best_where(&|other| have_one_optimiser(pair, other))
+                best_where(&|other| share_optimiser(pair, other))
             });
             all.insert(1, own);
             all.push(self.chosen(Method::OtherPlantsWithOptimiser, |pair| {
-                best_where(&|other| {
-                    are_of_two_plants(pair, other) && have_one_optimiser(pair, other)
-                })
+                best_where(&|other| differ_in_plant(pair, other) && share_optimiser(pair, other))
             }));
         }
         all
     }
 
-    fn floors(&self) -> [Chosen; 2] {
+    fn floors(&self) -> [Choices; 2] {
         let another = self.pairs.iter().map(|pair| pair.another_window);
         [
             self.without_values(
@@ -93,7 +91,7 @@ impl Judged<'_> {
     }
 
     /// What each rule chooses in `model`.
-    pub(crate) fn rules_of(&self, model: &str) -> Vec<Chosen> {
+    pub(crate) fn rules_in(&self, model: &str) -> Vec<Choices> {
         self.rules
             .iter()
             .map(|rule| {
@@ -105,18 +103,18 @@ impl Judged<'_> {
     }
 
     /// What each rule chooses in every model: one entry a model and pair, model by model.
-    pub(crate) fn rules_of_all(&self) -> Vec<Chosen> {
+    pub(crate) fn rules_in_all_models(&self) -> Vec<Choices> {
         self.rules
             .iter()
             .map(|rule| {
-                let each: Vec<Chosen> = self
+                let each: Vec<Choices> = self
                     .models
                     .iter()
                     .map(|model| {
                         self.chosen(Method::Rule(rule.clone()), |pair| pair.model(model)?.by(rule))
                     })
                     .collect();
-                Chosen {
+                Choices {
                     method: Method::Rule(rule.clone()),
                     values: each.iter().flat_map(|chosen| chosen.values.clone()).collect(),
                     regrets: each.iter().flat_map(|chosen| chosen.regrets.clone()).collect(),
@@ -125,23 +123,23 @@ impl Judged<'_> {
             .collect()
     }
 
-    fn chosen(&self, method: Method, choice: impl Fn(&Pair) -> Option<usize>) -> Chosen {
+    fn chosen(&self, method: Method, choice: impl Fn(&Pair) -> Option<usize>) -> Choices {
         let values: Vec<Option<usize>> = self.pairs.iter().map(choice).collect();
         let regrets = values.iter().zip(self.regrets);
         let regrets = regrets.map(|(value, regrets)| value.map(|value| regrets[value])).collect();
-        Chosen { method, values, regrets }
+        Choices { method, values, regrets }
     }
 
-    fn without_values(&self, method: Method, regrets: Vec<Option<f64>>) -> Chosen {
-        Chosen { method, values: vec![None; self.pairs.len()], regrets }
+    fn without_values(&self, method: Method, regrets: Vec<Option<f64>>) -> Choices {
+        Choices { method, values: vec![None; self.pairs.len()], regrets }
     }
 }
 
-fn are_of_two_plants(pair: &Pair, other: &Pair) -> bool {
+fn differ_in_plant(pair: &Pair, other: &Pair) -> bool {
     other.plant != pair.plant
 }
 
-fn have_one_optimiser(pair: &Pair, other: &Pair) -> bool {
+fn share_optimiser(pair: &Pair, other: &Pair) -> bool {
     other.optimiser == pair.optimiser
 }
 
