@@ -4,6 +4,12 @@ use super::sentence::listed;
 use super::{ChoiceBaseline, Grade, Separation, Verdict};
 use crate::number::percent;
 
+/// Rankings that agree less than this contradict each other. Our choice.
+const CONTRADICTS: f64 = -0.5;
+
+/// A random setting that is better by less says nothing.
+const AS_GOOD: f64 = 0.01;
+
 /// What stands in the way of verdicts: their notes, and held-out data that tells nothing apart. What holds of all of them is said once,
 /// and of some with their sensors; and models, where other models of the sensor are not concerned.
 pub fn caveats(verdicts: &[Verdict]) -> Vec<String> {
@@ -53,15 +59,7 @@ impl Verdict {
         });
         alike.into_iter().chain(self.misordered()).chain(self.notes.iter().cloned()).collect()
     }
-}
 
-/// Rankings that agree less than this contradict each other. Our choice.
-const CONTRADICTS: f64 = -0.5;
-
-/// A random setting that is better by less says nothing.
-const AS_GOOD: f64 = 0.01;
-
-impl Verdict {
     /// That held-out data ranks the settings otherwise than the evidence of a choice that is to be deployed.
     fn misordered(&self) -> Option<String> {
         let is_deployed = matches!(self.grade, Grade::Good | Grade::Fair)

@@ -125,39 +125,27 @@ impl Surface {
         let (row_values, row_of) = rows.distinct();
         let (column_values, column_of) = columns.distinct();
         let cell_of: Vec<(usize, usize)> = row_of.into_iter().zip(column_of).collect();
-        let values: Vec<Vec<Option<f64>>> = (0..row_values.len())
-            .map(|row| {
-                let cells = (0..column_values.len()).map(|column| (row, column));
-                cells.map(|cell| self.best_in(&cell_of, cell)).collect()
-            })
-            .collect();
-        let places = Places::of(values.iter().flatten().flatten().copied());
+        let all = (0..row_values.len())
+            .flat_map(|row| (0..column_values.len()).map(move |column| (row, column)));
+        let places = Places::of(all.filter_map(|cell| self.best_in(&cell_of, cell)));
         let chosen_cell = chosen.map(|candidate| cell_of[candidate]);
-        let cells = values.iter().enumerate().map(|(row, row_values)| {
-            let row_values = row_values.iter().enumerate();
-            row_values
-                .map(|(column, value)| {
-                    value.map(|value| HeatCell {
-                        value,
-                        place: places.place(value),
-                        is_chosen: chosen_cell == Some((row, column)),
-                    })
-                })
-                .collect()
-        });
         let (row_order, rows_sorted) = sorted(&row_values);
         let (column_order, columns_sorted) = sorted(&column_values);
-        let cells: Vec<Vec<Option<HeatCell>>> = cells.collect();
-        let ordered = row_order
-            .iter()
-            .map(|&row| column_order.iter().map(|&column| cells[row][column]).collect());
+        let cells = row_order.iter().map(|&row| {
+            let row_cells = column_order.iter().map(|&column| {
+                let value = self.best_in(&cell_of, (row, column))?;
+                let is_chosen = chosen_cell == Some((row, column));
+                Some(HeatCell { value, place: places.place(value), is_chosen })
+            });
+            row_cells.collect()
+        });
         Heat {
             label: self.label.clone(),
             row_field: rows.field.clone(),
             rows: rows_sorted,
             column_field: columns.field.clone(),
             columns: columns_sorted,
-            cells: ordered.collect(),
+            cells: cells.collect(),
         }
     }
 
