@@ -3,7 +3,10 @@ use serde::{Deserialize, Serialize};
 
 use calib_stats::RankRule;
 
-use crate::{ActionModelConfig, ActionModelKind, AgentConfig, ControlError, Grid, Reward, Support};
+use crate::{
+    ActionModelConfig, ActionModelKind, AgentConfig, ControlError, Grid, Reward, Support,
+    error::check_fields,
+};
 
 /// Levels of a column of continuous actions at least: with fewer there is nothing to choose.
 pub const LEAST_LEVELS: usize = 2;
@@ -157,9 +160,7 @@ impl ControlConfig {
                 "from 0 to 1",
             ),
         ];
-        if let Some((field, got, _, expected)) = checks.into_iter().find(|check| !check.2) {
-            return Err(ControlError::Field { field, got, expected });
-        }
+        check_fields(&checks)?;
         if self.models.is_empty() {
             return Err(ControlError::NoModels);
         }

@@ -279,6 +279,19 @@ impl ControlError {
     }
 }
 
+/// Check fields in turn: each with its name, its value, whether that is valid, and what is expected.
+///
+/// # Errors
+/// The first field that is not valid.
+pub(crate) fn check_fields(
+    checks: &[(&'static str, f64, bool, &'static str)],
+) -> Result<(), ControlError> {
+    match checks.iter().find(|check| !check.2) {
+        Some(&(field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
+        None => Ok(()),
+    }
+}
+
 impl From<KnnError> for ControlError {
     fn from(error: KnnError) -> Self {
         match error {

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Network, Pairs, Tiles, weights::Weights};
-use crate::ControlError;
+use crate::{ControlError, error::check_fields};
 
 /// How an agent that acts learns and chooses. Every field can be swept.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -131,10 +131,7 @@ impl AgentConfig {
             whole("replay", self.replay, &(self.batch..=10_000_000), "from batch to 10,000,000"),
             whole("target_steps", self.target_steps, &(1..=usize::MAX), "at least 1"),
         ];
-        match checks.into_iter().find(|check| !check.2) {
-            Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
-            None => Ok(()),
-        }
+        check_fields(&checks)
     }
 
     /// Memory of an agent for states of so many columns, in bytes: weights with their moments, or networks and what they replay.

@@ -24,7 +24,7 @@ pub use walk::{Coverage, Walk};
 
 use table::{ActionTable, FillingTable};
 
-use crate::{ControlError, Decisions};
+use crate::{ControlError, Decisions, error::check_fields};
 
 /// How a model with actions is made.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -107,10 +107,7 @@ impl ActionModelConfig {
                 "a positive number",
             ),
         ];
-        match checks.into_iter().find(|check| !check.2) {
-            Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
-            None => Ok(()),
-        }
+        check_fields(&checks)
     }
 }
 

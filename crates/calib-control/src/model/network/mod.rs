@@ -8,7 +8,7 @@ use calib_nn::{Mlp, Workspace};
 use rayon::prelude::*;
 
 use super::{ActionModel, ActionModelKind, Coverage, Ensemble, Walked};
-use crate::{ControlError, Decisions, Ending, Environment, Outcome};
+use crate::{ControlError, Decisions, Ending, Environment, Outcome, error::check_fields};
 use train::{Scales, train};
 
 /// How networks learn what follows.
@@ -54,10 +54,7 @@ impl NetworkConfig {
             ("batch", self.batch as f64, self.batch > 0, "at least 1"),
             ("updates", self.updates as f64, self.updates > 0, "at least 1"),
         ];
-        match checks.into_iter().find(|check| !check.2) {
-            Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
-            None => Ok(()),
-        }
+        check_fields(&checks)
     }
 }
 
