@@ -2,10 +2,7 @@
 
 use calib_core::{States, TransitionIndex};
 
-use crate::{
-    Decisions, Ending,
-    agent::{Pairs, Tiles},
-};
+use crate::{Decisions, Ending, agent::Tiles};
 
 /// Tilings, tiles and step size of the fitted values; fewer tilings than agents have, for the sake of time.
 const TILINGS: usize = 4;
@@ -88,8 +85,7 @@ impl FittedQ {
     }
 
     fn tiles(columns: usize) -> Tiles {
-        let pairs = if columns > PAIRED_COLUMNS { Pairs::No } else { Pairs::Too };
-        Tiles::new(TILINGS, TILES, columns, pairs)
+        Tiles::new(TILINGS, TILES, columns, columns <= PAIRED_COLUMNS)
     }
 
     /// The mean of v̂ over `states`, in which its policy has the probabilities `policies`, `[states, actions]`.

@@ -3,7 +3,7 @@ use std::ops::RangeInclusive;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Network, Pairs, Tiles, weights::Weights};
+use super::{Network, Tiles, weights::Weights};
 use crate::{ControlError, error::check_fields};
 
 /// How an agent that acts learns and chooses. Every field can be swept.
@@ -165,8 +165,7 @@ impl AgentConfig {
 
     /// Its tile coding of states of so many columns.
     pub(super) fn tiling(&self, columns: usize) -> Tiles {
-        let pairs = if self.pairs { Pairs::Too } else { Pairs::No };
-        Tiles::new(self.tilings, self.tiles, columns, pairs)
+        Tiles::new(self.tilings, self.tiles, columns, self.pairs)
     }
 }
 

@@ -12,7 +12,7 @@ use calib_core::{Rng, Seed};
 pub use config::{AgentConfig, Algorithm};
 use linear::Linear;
 use network::Network;
-pub(crate) use tiles::{Pairs, Tiles};
+pub(crate) use tiles::Tiles;
 
 use crate::Outcome;
 

@@ -11,22 +11,16 @@ pub(crate) struct Tiles {
     /// Tiles of a column in a tiling.
     cuts: usize,
     columns: usize,
-    pairs: Pairs,
+    /// Whether pairs of columns are tiled beside single ones.
+    has_pairs: bool,
     /// By how many tiles each tiling shifts each column.
     shifts: Vec<f32>,
     /// Where each column of the current tiling falls.
     at: Vec<u32>,
 }
 
-/// Whether pairs of columns are tiled beside single ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Pairs {
-    Too,
-    No,
-}
-
 impl Tiles {
-    pub(crate) fn new(tilings: usize, tiles: usize, columns: usize, pairs: Pairs) -> Self {
+    pub(crate) fn new(tilings: usize, tiles: usize, columns: usize, has_pairs: bool) -> Self {
         let shifts = (0..tilings * columns)
             .map(|place: usize| {
                 let tiling = place / columns;
@@ -34,7 +28,7 @@ impl Tiles {
                 ((1 + 2 * column) * tiling % tilings) as f32 / tilings as f32
             })
             .collect();
-        Self { tilings, cuts: tiles, columns, pairs, shifts, at: vec![0; columns] }
+        Self { tilings, cuts: tiles, columns, has_pairs, shifts, at: vec![0; columns] }
     }
 
     /// Tiles of one column in one tiling; one more than asked for, because tilings are shifted.
@@ -43,10 +37,7 @@ impl Tiles {
     }
 
     fn pairs(&self) -> usize {
-        match self.pairs {
-            Pairs::Too => self.columns * self.columns.saturating_sub(1) / 2,
-            Pairs::No => 0,
-        }
+        if self.has_pairs { self.columns * self.columns.saturating_sub(1) / 2 } else { 0 }
     }
 
     /// Number of features.
@@ -77,7 +68,7 @@ impl Tiles {
                 features.push(base + *at);
                 base += per;
             }
-            let paired = if self.pairs == Pairs::Too { self.columns } else { 0 };
+            let paired = if self.has_pairs { self.columns } else { 0 };
             for first in 0..paired {
                 for second in first + 1..self.columns {
                     features.push(base + self.at[first] * per + self.at[second]);
@@ -100,10 +91,9 @@ mod tests {
             state in proptest::collection::vec(-0.5_f32..1.5, 1..6),
             tilings in 1_usize..9,
             tiles in 1_usize..9,
-            paired in any::<bool>(),
+            has_pairs in any::<bool>(),
         ) {
-            let pairs = if paired { Pairs::Too } else { Pairs::No };
-            let mut coder = Tiles::new(tilings, tiles, state.len(), pairs);
+            let mut coder = Tiles::new(tilings, tiles, state.len(), has_pairs);
             let mut features = Vec::new();
             coder.of(&state, &mut features);
             prop_assert_eq!(features.len(), coder.active());
@@ -119,7 +109,7 @@ mod tests {
 
     #[test]
     fn near_states_share_features_and_far_ones_do_not() {
-        let mut coder = Tiles::new(16, 8, 2, Pairs::Too);
+        let mut coder = Tiles::new(16, 8, 2, true);
         let mut features_of = |state: [f32; 2]| {
             let mut features = Vec::new();
             coder.of(&state, &mut features);
