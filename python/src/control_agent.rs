@@ -2,7 +2,9 @@
 
 use std::{borrow::Cow, path::PathBuf, sync::Arc};
 
-use calib_control::{Actor, Agent, AgentConfig, Ending, Ensemble as _, Outcome, RunLength, live};
+use calib_control::{
+    Actor, Agent, AgentConfig, Ending, Ensemble as _, Outcome, RunLength, run_agent,
+};
 use calib_core::{Bounds, Monitor, Normalised, Physical, Rng, Seed};
 use calib_files::{read_tensors, write_tensors};
 use calib_pipeline::{ActingAgent, ControlEvaluation};
@@ -320,7 +322,7 @@ impl ControlAgent {
         let run = watched(py, Needs::Threads, None, |watch| {
             let monitor = Watching(Arc::clone(watch));
             let mut watched = WatchedAgent { agent, rescaled, monitor: &monitor };
-            live(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
+            run_agent(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
         })?;
         if run.diverged {
             self.has_diverged = true;

@@ -18,7 +18,7 @@ use std::{
 use calib_control::{
     ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Ensemble as _, Extent,
     Grid, Membrane, Quality, Question, RunLength, Simulated, Starts, Support, TaskKind, judge,
-    live, off_policy_values, record, regret, sweep, truth,
+    off_policy_values, record, regret, run_agent, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_stats::{RankRule, summarise};
@@ -182,12 +182,12 @@ impl Study {
         let mut agent = Agent::new(config, 4, 8);
         for member in 0..model.members() {
             let seed = seed.child("taught").number(member as u64);
-            live(&mut agent, &mut model.walk(member), span, seed);
+            run_agent(&mut agent, &mut model.walk(member), span, seed);
         }
         (0..self.truth_runs)
             .map(|run: usize| {
                 let seed = seed.child("truth").number(run as u64);
-                live(&mut agent.clone(), &mut make(), span, seed).mean_return()
+                run_agent(&mut agent.clone(), &mut make(), span, seed).mean_return()
             })
             .sum::<f64>()
             / self.truth_runs as f64

@@ -13,7 +13,7 @@ use std::error::Error;
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Algorithm, Begin, Behaviour,
     CartPole, Ending, Ensemble as _, Environment, PuddleWorld, RunLength, Simulated, Starts, Task,
-    TaskKind, live, record,
+    TaskKind, record, run_agent,
 };
 use calib_core::{Seed, Silent};
 use calib_knn::{KnnModel, ModelConfig};
@@ -84,6 +84,6 @@ fn deep() -> AgentConfig {
 fn learning(environment: &mut dyn Environment, config: AgentConfig, steps: usize) {
     let config = AgentConfig { tilings: 16, ..config };
     let mut agent = Agent::new(config, environment.columns(), environment.actions());
-    let life = live(&mut agent, environment, RunLength { steps, timeout: 500 }, Seed::new(3));
-    std::hint::black_box(life.mean_return());
+    let run = run_agent(&mut agent, environment, RunLength { steps, timeout: 500 }, Seed::new(3));
+    std::hint::black_box(run.mean_return());
 }

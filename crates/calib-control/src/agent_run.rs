@@ -1,10 +1,10 @@
-//! An agent's time in an environment.
+//! The run of an agent in an environment.
 
 use calib_core::{Rng, Seed};
 
 use crate::{Agent, Ending, Environment, Outcome};
 
-/// How long an agent lives, and when an episode is cut.
+/// How long an agent acts, and when an episode is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunLength {
     /// Steps in all.
@@ -67,7 +67,7 @@ impl Actor for Agent {
 }
 
 /// Let `agent` act and learn in `environment` for `span`. Its draws come from `seed`, those of the environment from another.
-pub fn live(
+pub fn run_agent(
     agent: &mut impl Actor,
     environment: &mut dyn Environment,
     span: RunLength,
@@ -75,15 +75,16 @@ pub fn live(
 ) -> AgentRun {
     let mut episodes = Episodes::new(environment, span, seed);
     while episodes.step(agent, environment) {}
-    episodes.life
+    episodes.run
 }
 
-/// What an agent lives through, step by step.
+/// The run of an agent, step by step.
 pub(crate) struct Episodes {
-    pub(crate) life: AgentRun,
+    /// The run so far.
+    pub(crate) run: AgentRun,
     span: RunLength,
-    acts: Rng,
-    world: Rng,
+    action_rng: Rng,
+    environment_rng: Rng,
     state: Vec<f32>,
     done: usize,
     /// Steps and reward of the episode.
@@ -96,10 +97,10 @@ pub(crate) struct Episodes {
 impl Episodes {
     pub(crate) fn new(environment: &dyn Environment, span: RunLength, seed: Seed) -> Self {
         Self {
-            life: AgentRun::default(),
+            run: AgentRun::default(),
             span,
-            acts: seed.child("actions").rng(),
-            world: seed.child("world").rng(),
+            action_rng: seed.child("actions").rng(),
+            environment_rng: seed.child("world").rng(),
             state: vec![0.0; environment.columns()],
             done: 0,
             length: 0,
@@ -111,7 +112,7 @@ impl Episodes {
     /// Begin an episode if none goes on.
     pub(crate) fn begin(&mut self, agent: &mut impl Actor, environment: &mut dyn Environment) {
         if self.length == 0 {
-            environment.start(&mut self.world, &mut self.state);
+            environment.start(&mut self.environment_rng, &mut self.state);
             agent.look(&self.state);
         }
     }
@@ -122,15 +123,15 @@ impl Episodes {
         agent: &mut impl Actor,
         environment: &mut dyn Environment,
     ) -> bool {
-        if self.done >= self.span.steps || self.life.diverged {
+        if self.done >= self.span.steps || self.run.diverged {
             return false;
         }
         self.begin(agent, environment);
-        let Some(action) = agent.act(&mut self.acts) else {
-            self.life.diverged = true;
+        let Some(action) = agent.act(&mut self.action_rng) else {
+            self.run.diverged = true;
             return false;
         };
-        let outcome = environment.step(action, &mut self.world, &mut self.state);
+        let outcome = environment.step(action, &mut self.environment_rng, &mut self.state);
         self.done += 1;
         self.length += 1;
         self.reward += outcome.reward;
@@ -138,12 +139,12 @@ impl Episodes {
         let terminal = outcome.ending == Ending::Terminal;
         self.over = terminal || self.length >= self.span.timeout;
         if self.over {
-            self.life.returns.push(self.reward);
-            self.life.terminals += usize::from(terminal);
+            self.run.returns.push(self.reward);
+            self.run.terminals += usize::from(terminal);
             (self.length, self.reward) = (0, 0.0);
         }
-        self.life.rest = self.reward;
-        self.life.rest_share = self.length as f64 / self.span.timeout as f64;
+        self.run.rest = self.reward;
+        self.run.rest_share = self.length as f64 / self.span.timeout as f64;
         true
     }
 }
@@ -153,37 +154,37 @@ mod tests {
     use super::*;
     use crate::{AgentConfig, Begin, CartPole, Simulated};
 
-    fn lived(seed: u64, span: RunLength) -> AgentRun {
+    fn cart_pole_run(seed: u64, span: RunLength) -> AgentRun {
         let mut world = Simulated::new(CartPole::default(), Begin::AsTheTask);
         let mut agent = Agent::new(AgentConfig::default(), 4, 2);
-        live(&mut agent, &mut world, span, Seed::new(seed))
+        run_agent(&mut agent, &mut world, span, Seed::new(seed))
     }
 
     #[test]
     fn every_step_counts_once() {
         let span = RunLength { steps: 3000, timeout: 50 };
-        let life = lived(1, span);
+        let run = cart_pole_run(1, span);
         // A reward of 1 a step.
-        assert_eq!(life.returns.iter().sum::<f64>() + life.rest, 3000.0);
-        assert!(life.returns.iter().all(|&value| value <= 50.0) && life.returns.len() > 50);
-        assert!(life.terminals < life.returns.len(), "some are cut at their timeout");
-        let episodes = life.returns.len() as f64 + life.rest / 50.0;
-        assert!((life.mean_return() - 3000.0 / episodes).abs() < 1e-9);
-        assert_eq!(life, lived(1, span));
-        assert_ne!(life, lived(2, span));
+        assert_eq!(run.returns.iter().sum::<f64>() + run.rest, 3000.0);
+        assert!(run.returns.iter().all(|&value| value <= 50.0) && run.returns.len() > 50);
+        assert!(run.terminals < run.returns.len(), "some are cut at their timeout");
+        let episodes = run.returns.len() as f64 + run.rest / 50.0;
+        assert!((run.mean_return() - 3000.0 / episodes).abs() < 1e-9);
+        assert_eq!(run, cart_pole_run(1, span));
+        assert_ne!(run, cart_pole_run(2, span));
     }
 
     #[test]
-    fn a_diverged_life_is_the_worst() {
-        let mut life = lived(1, RunLength { steps: 100, timeout: 50 });
-        assert!(life.mean_return().is_finite());
-        life.diverged = true;
-        assert_eq!(life.mean_return(), f64::NEG_INFINITY);
+    fn a_diverged_run_is_the_worst() {
+        let mut run = cart_pole_run(1, RunLength { steps: 100, timeout: 50 });
+        assert!(run.mean_return().is_finite());
+        run.diverged = true;
+        assert_eq!(run.mean_return(), f64::NEG_INFINITY);
     }
 
     #[test]
     fn less_than_an_episode_counts_as_one() {
-        let life = lived(1, RunLength { steps: 5, timeout: 500 });
-        assert_eq!(life.mean_return(), 5.0);
+        let run = cart_pole_run(1, RunLength { steps: 5, timeout: 500 });
+        assert_eq!(run.mean_return(), 5.0);
     }
 }

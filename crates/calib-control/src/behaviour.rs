@@ -97,7 +97,7 @@ impl Behaviour {
     ) -> Self {
         let mut episodes = Episodes::new(environment, span, seed);
         while episodes.step(&mut agent, environment) {
-            let returns = &episodes.life.returns;
+            let returns = &episodes.run.returns;
             if episodes.over && returns.len() >= JUDGED_EPISODES {
                 let last = &returns[returns.len() - JUDGED_EPISODES..];
                 if last.iter().sum::<f64>() / JUDGED_EPISODES as f64 >= wanted {

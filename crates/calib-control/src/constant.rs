@@ -60,7 +60,7 @@ pub fn constant_returns<M: Ensemble>(
     let policies = actions + 1;
     let units = model.members() * policies;
     monitor.begin("constant and random actions", units as u64);
-    let lived = (0..units).into_par_iter().map(|unit| -> Result<_, ControlError> {
+    let results = (0..units).into_par_iter().map(|unit| -> Result<_, ControlError> {
         let member = unit / policies;
         let action = unit % policies;
         let mut policy = if action == actions {
@@ -76,20 +76,20 @@ pub fn constant_returns<M: Ensemble>(
             let mut walk = model.walk(member);
             let mut episodes = Episodes::new(&walk, extent.span, seed);
             while episodes.step(&mut policy, &mut walk) {}
-            sum += episodes.life.mean_return();
+            sum += episodes.run.mean_return();
             coverage = coverage.and(walk.coverage());
         }
         monitor.advance(1);
         Ok((sum / extent.runs as f64, coverage))
     });
-    let lived: Vec<(f64, Coverage)> = lived.collect::<Result<_, _>>()?;
+    let results: Vec<(f64, Coverage)> = results.collect::<Result<_, _>>()?;
     let mut all = ConstantReturns {
         kind: model.kind(),
         members: Vec::with_capacity(model.members()),
         random: Vec::with_capacity(model.members()),
         coverage: vec![Coverage::default(); actions],
     };
-    for of_member in lived.chunks(policies) {
+    for of_member in results.chunks(policies) {
         let (of_member, random) = of_member.split_at(actions);
         all.random.extend(random.iter().map(|&(mean_return, _)| mean_return));
         all.members.push(of_member.iter().map(|&(mean_return, _)| mean_return).collect());

@@ -36,7 +36,7 @@ mod verdict;
 mod walkers;
 
 pub use agent::{Agent, AgentConfig, Algorithm};
-pub use agent_run::{Actor, AgentRun, RunLength, live};
+pub use agent_run::{Actor, AgentRun, RunLength, run_agent};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use column_findings::{ColumnFindings, LaggedDecisions, TerminalCells};
 pub use config::{ControlConfig, LEAST_LEVELS, StartRows};

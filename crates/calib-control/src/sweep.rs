@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     ActionModelKind, Agent, AgentConfig, AgentRun, ControlError, Coverage, Drift, Ensemble,
-    Environment, RunLength, Walked as _, live,
+    Environment, RunLength, Walked as _, run_agent,
 };
 
 /// What came of one candidate in one run of one member.
@@ -112,7 +112,7 @@ pub trait ActingAgents: Sync {
     ///
     /// # Errors
     /// If the monitor interrupts, or no agent can go on.
-    fn live(
+    fn run(
         &self,
         candidate: usize,
         environment: &mut dyn Environment,
@@ -132,7 +132,7 @@ impl ActingAgents for &[AgentConfig] {
         self.len()
     }
 
-    fn live(
+    fn run(
         &self,
         candidate: usize,
         environment: &mut dyn Environment,
@@ -140,7 +140,7 @@ impl ActingAgents for &[AgentConfig] {
         seed: Seed,
         _monitor: &dyn Monitor,
     ) -> Result<AgentRun, ControlError> {
-        Ok(one_life(self[candidate], environment, span, seed))
+        Ok(run_new_agent(self[candidate], environment, span, seed))
     }
 }
 
@@ -221,24 +221,24 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
             }
             let seed = run_seed(seed, member, run);
             let mut walk = model.walk(member);
-            let life = agents.live(candidate, &mut walk, span, seed, monitor)?;
-            let lived = Run {
+            let agent_run = agents.run(candidate, &mut walk, span, seed, monitor)?;
+            let finished = Run {
                 kind,
                 member,
                 run,
                 candidate,
-                mean_return: life.mean_return(),
-                episodes: life.returns.len(),
-                terminals: life.terminals,
+                mean_return: agent_run.mean_return(),
+                episodes: agent_run.returns.len(),
+                terminals: agent_run.terminals,
                 coverage: walk.coverage(),
-                curve: tenths(&life.returns),
+                curve: tenths(&agent_run.returns),
                 drift: walk.drift(),
             };
             if !agents.has_failed(candidate) {
-                keeper.keep(&lived)?;
+                keeper.keep(&finished)?;
             }
             monitor.advance(1);
-            Ok(lived)
+            Ok(finished)
         })
         .collect()
 }
@@ -263,9 +263,9 @@ pub fn truth<E: Environment>(
             let run = unit / candidates.len();
             let candidate = unit % candidates.len();
             let seed = seed.child("truth").number(run as u64);
-            let life = one_life(candidates[candidate], &mut make(), extent.span, seed);
+            let agent_run = run_new_agent(candidates[candidate], &mut make(), extent.span, seed);
             monitor.advance(1);
-            Ok(life.mean_return())
+            Ok(agent_run.mean_return())
         })
         .collect();
     Ok(flat?.chunks(candidates.len()).map(<[f64]>::to_vec).collect())
@@ -276,7 +276,7 @@ pub(crate) fn run_seed(seed: Seed, member: usize, run: usize) -> Seed {
     seed.child("member").number(member as u64).number(run as u64)
 }
 
-fn one_life(
+fn run_new_agent(
     config: AgentConfig,
     environment: &mut dyn Environment,
     span: RunLength,
@@ -284,7 +284,7 @@ fn one_life(
 ) -> AgentRun {
     let mut agent =
         Agent::seeded(config, environment.columns(), environment.actions(), seed.child("agent"));
-    live(&mut agent, environment, span, seed)
+    run_agent(&mut agent, environment, span, seed)
 }
 
 fn tenths(returns: &[f64]) -> Vec<f64> {

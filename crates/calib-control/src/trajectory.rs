@@ -49,7 +49,7 @@ pub fn trajectory<M: Ensemble, A: ActingAgents + ?Sized>(
         begins: Vec::new(),
     };
     let seed = run_seed(seed, 0, 0);
-    let run = agents.live(candidate, &mut recorded, span, seed, monitor)?;
+    let run = agents.run(candidate, &mut recorded, span, seed, monitor)?;
     let Recorded { states, actions, rewards, begins, environment, .. } = recorded;
     Ok(Trajectory { run, columns: environment.columns(), states, actions, rewards, begins })
 }

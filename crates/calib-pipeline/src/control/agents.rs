@@ -8,7 +8,7 @@ use std::{
 use calib_base::StepError;
 use calib_control::{
     ActingAgents, Actor, AgentConfig, AgentRun, ControlConfig, ControlError, Ending, Environment,
-    Outcome, RunLength, live,
+    Outcome, RunLength, run_agent,
 };
 use calib_core::{Monitor, Rng, Seed};
 use calib_files::Fingerprint;
@@ -244,8 +244,8 @@ impl<'a> ProgramAgents<'a> {
         Ok(actor)
     }
 
-    /// One agent's time, in a process that waits for the next one afterwards.
-    fn lived(
+    /// The run of one agent, in a process that waits for the next one afterwards.
+    fn run_in_process(
         &self,
         candidate: usize,
         environment: &mut dyn Environment,
@@ -283,12 +283,12 @@ impl<'a> ProgramAgents<'a> {
             },
             None => self.started(new_actor, &begin)?,
         };
-        let lived = live(&mut actor, environment, span, seed);
+        let run = run_agent(&mut actor, environment, span, seed);
         if let Some(stopped) = actor.stopped {
             return Err(stopped);
         }
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(actor.process);
-        Ok(lived)
+        Ok(run)
     }
 
     /// No agent is left to train: the processes end.
@@ -308,7 +308,7 @@ impl ActingAgents for ProgramAgents<'_> {
         self.candidates.len()
     }
 
-    fn live(
+    fn run(
         &self,
         candidate: usize,
         environment: &mut dyn Environment,
@@ -319,11 +319,11 @@ impl ActingAgents for ProgramAgents<'_> {
         if self.has_failed(candidate) {
             return Ok(could_not_act());
         }
-        match self.lived(candidate, environment, span, seed, monitor) {
-            Ok(lived) => {
+        match self.run_in_process(candidate, environment, span, seed, monitor) {
+            Ok(run) => {
                 // The run is kept under the program's fingerprint.
                 self.command.check_unchanged().map_err(failed)?;
-                Ok(lived)
+                Ok(run)
             }
             Err(ProgramStopped::CannotAnswer(reason)) => {
                 self.go_on_without(candidate, &reason.to_string())

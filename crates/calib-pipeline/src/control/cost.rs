@@ -6,7 +6,7 @@ use calib_base::{StepError, clock::Stopwatch};
 use calib_control::{
     ActionModel, ActionModelKind, Actor, Agent, AgentConfig, Algorithm, ControlConfig, Decisions,
     Ensemble as _, Environment as _, FixedPolicy, IncrementModel, Increments, NetworkConfig,
-    NetworkModel, RunLength, Walked, live, off_policy_values,
+    NetworkModel, RunLength, Walked, off_policy_values, run_agent,
 };
 use calib_core::{Monitor, Seed, Silent, States};
 
@@ -139,9 +139,9 @@ fn step_secs<W: Walked>(actor: &mut impl Actor, walk: &mut W, timeout: usize) ->
     loop {
         let before = walk.coverage().steps;
         let clock = Stopwatch::start();
-        let lived = live(actor, walk, RunLength { steps, timeout }, Seed::new(steps as u64));
+        let run = run_agent(actor, walk, RunLength { steps, timeout }, Seed::new(steps as u64));
         let took = clock.elapsed();
-        if took >= TIMED || steps >= LAST_STEPS || lived.diverged {
+        if took >= TIMED || steps >= LAST_STEPS || run.diverged {
             let taken = walk.coverage().steps - before;
             return took.as_secs_f64() / taken.max(1) as f64;
         }
@@ -308,7 +308,7 @@ impl AgentTiming<'_> {
         if config.algorithm == Algorithm::DeepQLearning {
             // Until there are enough transitions for a batch, a step costs next to nothing.
             let filling = RunLength { steps: config.batch, timeout: self.timeout };
-            live(&mut actor, &mut walk, filling, Seed::new(1));
+            run_agent(&mut actor, &mut walk, filling, Seed::new(1));
         }
         let both = step_secs(&mut actor, &mut walk, self.timeout);
         let step = times * (both - self.neighbors_step).max(0.0);
