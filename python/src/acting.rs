@@ -6,8 +6,8 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, ConstantReturns, Increments, Moves, NetworkModel, Pessimism, Question,
-    ReturnVerdict, Rules, Run, Support, Walkers, judge,
+    ActionModel, ConstantReturns, Increments, NetworkModel, Pessimism, Question, ReturnVerdict,
+    Rules, Run, StepModel, Support, Walkers, judge,
 };
 use calib_core::{Bounds, Seed, Silent};
 use calib_pipeline::{Advice, ControlModel, PYTHON, StepError};
@@ -98,7 +98,7 @@ impl PyActionModel {
         }
         let seed = Seed::new(self.kept.opened.names.seed).child("control");
         let trained = watched(py, Needs::Threads, None, |_| {
-            NetworkModel::beside(self.model(), seed, &Silent)
+            NetworkModel::for_model(self.model(), seed, &Silent)
         })?;
         let trained = Arc::new(trained.map_err(|error| errors::of_any(py, &error))?);
         Ok(Arc::clone(self.kept.networks.get_or_init(|| trained)))
@@ -294,10 +294,10 @@ impl PyActionModel {
         }
         let pessimism = if pessimistic { Pessimism::MinimumReturn } else { Pessimism::Nearest };
         let mut walkers = Walkers::new(self.model(), &members);
-        walkers = walkers.by(match kind {
-            "neighbors" => Moves::Recorded,
-            "increments" => Moves::Increments(self.increments(py)?),
-            "network" => Moves::by_network(self.networks(py)?),
+        walkers = walkers.with_step_model(match kind {
+            "neighbors" => StepModel::Recorded,
+            "increments" => StepModel::Increments(self.increments(py)?),
+            "network" => StepModel::by_network(self.networks(py)?),
             _ => {
                 let expected = "expected \"neighbors\", \"increments\" or \"network\"";
                 return Err(errors::value(format!("kind is {kind:?}, {expected}")));

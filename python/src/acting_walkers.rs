@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use calib_control::{At, Coverage, Drift, Rules, Target, Walkers, Went};
+use calib_control::{At, Coverage, Drift, Rules, Target, WalkerStep, Walkers};
 use calib_core::Normalised;
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -82,7 +82,7 @@ impl ActionWalkers {
         }
     }
 
-    fn arrays<'py>(&self, py: Python<'py>, went: &[Went]) -> PyResult<Arrays<'py>> {
+    fn arrays<'py>(&self, py: Python<'py>, went: &[WalkerStep]) -> PyResult<Arrays<'py>> {
         let count = went.len();
         let width = self.columns.len();
         let mut seen = Vec::with_capacity(count * width);
@@ -204,7 +204,7 @@ impl ActionWalkers {
         let count = self.walkers.walks().len();
         let which = marked(which, count)?;
         let model = Arc::clone(&self.kept.opened.model);
-        let mut went = vec![Went::BEGAN; count];
+        let mut went = vec![WalkerStep::BEGAN; count];
         for (number, _) in which.iter().enumerate().filter(|(_, begins)| **begins) {
             went[number] = self.walkers.begin(&model, number);
         }
@@ -221,7 +221,7 @@ impl ActionWalkers {
         let rules = self.rules;
         let timeout = self.timeout;
         let walkers = &mut self.walkers;
-        let went: Vec<Went> = (0..count)
+        let went: Vec<WalkerStep> = (0..count)
             .map(|number: usize| walkers.step(&model, number, done.of(number), rules, timeout))
             .collect();
         self.arrays(py, &went)
@@ -245,7 +245,7 @@ impl ActionWalkers {
         self.look(0, &mut seen, &mut displaced);
         let row = self.row(0);
         self.kept.since.check(py)?;
-        let Went { reward, terminated, truncated, distance, covered } = went;
+        let WalkerStep { reward, terminated, truncated, distance, covered } = went;
         let time = self.kept.opened.times[row as usize];
         let seen = owned(py, seen, &[width])?;
         let displaced = owned(py, displaced, &[width])?;

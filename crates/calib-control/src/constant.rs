@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ActionModelKind, ControlError, Coverage, Ensemble, Extent, Outcome, Walked as _,
+    ActionModelKind, ControlError, Coverage, Ensemble, Extent, ModelEnvironment as _, Outcome,
     agent_run::{Actor, Episodes},
     sweep::run_seed,
 };

@@ -25,9 +25,9 @@ pub enum Ending {
 }
 
 impl Ending {
-    /// Terminal if so.
-    pub(crate) fn terminal_if(so: bool) -> Self {
-        if so { Self::Terminal } else { Self::Continues }
+    /// A terminal, or none.
+    pub(crate) fn terminal_if(is_terminal: bool) -> Self {
+        if is_terminal { Self::Terminal } else { Self::Continues }
     }
 }
 

@@ -51,8 +51,8 @@ pub use levels::Levels;
 pub use log::{Columns, Decisions};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,
-    Distance, Ensemble, IncrementModel, IncrementWalk, Increments, NetworkConfig, NetworkModel,
-    NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step, Target, Walk, Walked,
+    Distance, Ensemble, IncrementModel, IncrementWalk, Increments, ModelEnvironment, NetworkConfig,
+    NetworkModel, NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step, Target, Walk,
     open_action_model, write_action_model,
 };
 pub use off_policy::{OffPolicyValues, off_policy_bytes, off_policy_values};
@@ -73,4 +73,4 @@ pub use verdict::{
     BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, KindReturns, OutlyingMember, Question,
     RandomActions, Regret, ReturnVerdict, Support, judge, regret,
 };
-pub use walkers::{Moves, Walker, Walkers, Went};
+pub use walkers::{StepModel, Walker, WalkerStep, Walkers};

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     ActionModelKind, Agent, AgentConfig, AgentRun, ControlError, Coverage, Drift, Ensemble,
-    Environment, RunLength, Walked as _, run_agent,
+    Environment, ModelEnvironment as _, RunLength, run_agent,
 };
 
 /// What came of one candidate in one run of one member.

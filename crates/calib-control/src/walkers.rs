@@ -12,7 +12,7 @@ use crate::{
 
 /// What a step of a walk does.
 #[derive(Clone, Debug, Default)]
-pub enum Moves {
+pub enum StepModel {
     /// It goes to the recorded next state of a neighbour.
     #[default]
     Recorded,
@@ -22,7 +22,7 @@ pub enum Moves {
     Network(Arc<NetworkModel>, Box<NetworkWorkplace>),
 }
 
-impl Moves {
+impl StepModel {
     /// By networks.
     pub fn by_network(networks: Arc<NetworkModel>) -> Self {
         let place = Box::new(networks.workplace());
@@ -43,7 +43,7 @@ pub struct Walkers {
     #[serde(default)]
     states: Vec<f32>,
     #[serde(skip)]
-    moves: Moves,
+    step_model: StepModel,
 }
 
 /// One walk.
@@ -64,7 +64,7 @@ pub struct Walker {
 
 /// What the last step of a walk was.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Went {
+pub struct WalkerStep {
     /// The reward; 0 where an episode began.
     pub reward: f64,
     /// Whether it ended in a terminal.
@@ -77,7 +77,7 @@ pub struct Went {
     pub covered: bool,
 }
 
-impl Went {
+impl WalkerStep {
     /// An episode began.
     pub const BEGAN: Self =
         Self { reward: 0.0, terminated: false, truncated: false, distance: 0.0, covered: true };
@@ -106,17 +106,19 @@ impl Walkers {
         let displacements = vec![0.0; walks.len() * columns];
         let drift = Drift::default();
         let states = Vec::new();
-        Self { walks, columns, displacements, drift, states, moves: Moves::Recorded }
+        Self { walks, columns, displacements, drift, states, step_model: StepModel::Recorded }
     }
 
-    /// The same, which move so; the moves are those of the model.
+    /// The same, whose steps are those of `step_model`, which is of the same model.
     #[must_use]
-    pub fn by(self, moves: Moves) -> Self {
-        let states = match moves {
-            Moves::Recorded => Vec::new(),
-            Moves::Increments(_) | Moves::Network(..) => vec![0.0; self.displacements.len()],
+    pub fn with_step_model(self, step_model: StepModel) -> Self {
+        let states = match step_model {
+            StepModel::Recorded => Vec::new(),
+            StepModel::Increments(_) | StepModel::Network(..) => {
+                vec![0.0; self.displacements.len()]
+            }
         };
-        Self { states, moves, ..self }
+        Self { states, step_model, ..self }
     }
 
     /// What is observed where walk `number` is.
@@ -165,7 +167,7 @@ impl Walkers {
 
     /// These walks, which were stored, where they could be walks through the same members of `model` as `like`.
     pub fn restored(self, model: &ActionModel, like: &Self) -> Option<Self> {
-        self.fits(model, like).then(|| Self { moves: like.moves.clone(), ..self })
+        self.fits(model, like).then(|| Self { step_model: like.step_model.clone(), ..self })
     }
 
     fn fits(&self, model: &ActionModel, like: &Self) -> bool {
@@ -189,7 +191,7 @@ impl Walkers {
     ///
     /// # Panics
     /// If there is no such walk.
-    pub fn begin(&mut self, model: &ActionModel, number: usize) -> Went {
+    pub fn begin(&mut self, model: &ActionModel, number: usize) -> WalkerStep {
         let walker = &mut self.walks[number];
         walker.at = At::Start(walker.rng.below(model.starts().rows()) as u32);
         (walker.steps, walker.over) = (0, false);
@@ -198,10 +200,10 @@ impl Walkers {
         if !self.states.is_empty() {
             self.states[of_walk].copy_from_slice(model.observed(walker.at));
         }
-        Went::BEGAN
+        WalkerStep::BEGAN
     }
 
-    /// A step of walk `number` by its moves, whose episode is cut after `timeout` steps; one whose episode is over begins another one.
+    /// A step of walk `number`, whose episode is cut after `timeout` steps; one whose episode is over begins another one.
     ///
     /// # Panics
     /// If there is no such walk or action, or a network is told settings.
@@ -212,20 +214,22 @@ impl Walkers {
         target: Target<'_>,
         rules: Rules,
         timeout: u64,
-    ) -> Went {
+    ) -> WalkerStep {
         if self.walks[number].over {
             return self.begin(model, number);
         }
         let of_walk = number * self.columns..(number + 1) * self.columns;
         let walker = &mut self.walks[number];
-        let Step { drawn, reward, ending, covered, distance } = match &mut self.moves {
-            Moves::Recorded => model.step(walker.member, walker.at, target, rules, &mut walker.rng),
-            Moves::Increments(increments) => {
+        let Step { drawn, reward, ending, covered, distance } = match &mut self.step_model {
+            StepModel::Recorded => {
+                model.step(walker.member, walker.at, target, rules, &mut walker.rng)
+            }
+            StepModel::Increments(increments) => {
                 let state = &mut self.states[of_walk.clone()];
                 let member = (model, walker.member);
                 increments.step(member, target, rules, &mut Vec::new(), &mut walker.rng, state)
             }
-            Moves::Network(networks, place) => {
+            StepModel::Network(networks, place) => {
                 let Target::Level(action) = target else { panic!("a network knows levels alone") };
                 let state = &mut self.states[of_walk.clone()];
                 let outcome = networks.step(walker.member, action, place, state);
@@ -250,7 +254,7 @@ impl Walkers {
         if walker.over {
             self.drift.count(&self.displacements[of_walk]);
         }
-        Went { reward, terminated, truncated, distance, covered: covered == Covered::Near }
+        WalkerStep { reward, terminated, truncated, distance, covered: covered == Covered::Near }
     }
 }
 
@@ -261,7 +265,7 @@ mod tests {
     use super::*;
     use crate::{
         ActionModelConfig, Columns, Decisions, Ensemble as _, Environment as _, IncrementModel,
-        Levels, NetworkConfig, Pessimism, Starts, Walked as _, open_action_model,
+        Levels, ModelEnvironment as _, NetworkConfig, Pessimism, Starts, open_action_model,
         write_action_model,
     };
 
@@ -343,8 +347,8 @@ mod tests {
         let model = model(None);
         let increments = Arc::new(Increments::new(&model, 0.95, &Silent).expect("made"));
         let ensemble = IncrementModel::new(&model, &increments);
-        let moves = Moves::Increments(Arc::clone(&increments));
-        let new = || Walkers::new(&model, &[1, 2]).by(moves.clone());
+        let step_model = StepModel::Increments(Arc::clone(&increments));
+        let new = || Walkers::new(&model, &[1, 2]).with_step_model(step_model.clone());
         let mut walkers = new();
         walkers.seed(0, 5);
         let mut walk = ensemble.walk(1);
@@ -381,8 +385,8 @@ mod tests {
         let networks = NetworkModel::train(model.log(), starts, &config, Seed::new(4), &Silent)
             .expect("learnt");
         let networks = Arc::new(networks);
-        let moves = Moves::by_network(Arc::clone(&networks));
-        let mut walkers = Walkers::new(&model, &[1, 2]).by(moves);
+        let step_model = StepModel::by_network(Arc::clone(&networks));
+        let mut walkers = Walkers::new(&model, &[1, 2]).with_step_model(step_model);
         walkers.seed(1, 5);
         let mut walk = networks.walk(2);
         let mut rng = draws(5);
@@ -442,7 +446,7 @@ mod tests {
     }
 
     /// 900 steps of three walks, where they led, and the walks.
-    fn way(model: &ActionModel) -> (Vec<(Went, At)>, Walkers) {
+    fn way(model: &ActionModel) -> (Vec<(WalkerStep, At)>, Walkers) {
         let mut walkers = Walkers::new(model, &[0, 1, 2]);
         let mut seen = Vec::new();
         for number in 0..900 {

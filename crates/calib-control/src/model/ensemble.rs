@@ -47,7 +47,7 @@ impl ActionModelKind {
 /// Models of one log that agents act in, one for each member. A sweep treats all kinds alike.
 pub trait Ensemble: Sync {
     /// A walk in one of them.
-    type Walk<'a>: Walked
+    type Walk<'a>: ModelEnvironment
     where
         Self: 'a;
 
@@ -64,8 +64,8 @@ pub trait Ensemble: Sync {
     fn walk(&self, member: usize) -> Self::Walk<'_>;
 }
 
-/// An environment that knows what its steps rested on.
-pub trait Walked: Environment {
+/// A member of a model as an environment, which knows what its steps rested on.
+pub trait ModelEnvironment: Environment {
     /// What they rested on so far.
     fn coverage(&self) -> Coverage;
 

@@ -5,7 +5,7 @@ use calib_knn::{Blocks, Sources};
 
 use super::step::{Draw, MOST_LIVE, Nearest};
 use super::{
-    ActionModel, ActionModelKind, Coverage, Ensemble, Rules, Step, Target, Walked, radius,
+    ActionModel, ActionModelKind, Coverage, Ensemble, ModelEnvironment, Rules, Step, Target, radius,
 };
 use crate::{ControlError, Decisions, Environment, Outcome};
 
@@ -253,7 +253,7 @@ pub struct IncrementWalk<'a> {
     coverage: Coverage,
 }
 
-impl Walked for IncrementWalk<'_> {
+impl ModelEnvironment for IncrementWalk<'_> {
     fn coverage(&self) -> Coverage {
         self.coverage
     }

@@ -15,7 +15,7 @@ use calib_knn::{Blocks, Weights};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use ensemble::{ActionModelKind, Ensemble, Walked};
+pub use ensemble::{ActionModelKind, Ensemble, ModelEnvironment};
 pub use increments::{IncrementModel, IncrementWalk, Increments};
 pub use network::{NetworkConfig, NetworkModel, NetworkWalk, NetworkWorkplace};
 pub use step::{At, Covered, Rules, Step, Target};

@@ -2,7 +2,7 @@ use calib_core::Rng;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ActionModel, At, Covered, Target, Walked};
+use super::{ActionModel, At, Covered, ModelEnvironment, Target};
 use crate::{Drift, Environment, Outcome};
 
 /// What the steps of a walk rested on.
@@ -69,7 +69,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-impl Walked for Walk<'_> {
+impl ModelEnvironment for Walk<'_> {
     fn coverage(&self) -> Coverage {
         self.coverage
     }

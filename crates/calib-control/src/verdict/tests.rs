@@ -302,8 +302,8 @@ fn a_wall_of_the_log_is_told_by_displacement() {
     use calib_core::{Segments, Silent, States};
 
     use crate::{
-        ActionModel, ActionModelConfig, Columns, Ensemble as _, Environment as _, Starts,
-        Walked as _,
+        ActionModel, ActionModelConfig, Columns, Ensemble as _, Environment as _,
+        ModelEnvironment as _, Starts,
     };
 
     let mut rng = Seed::new(4).rng();

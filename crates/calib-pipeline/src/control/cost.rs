@@ -5,8 +5,8 @@ use std::time::Duration;
 use calib_base::{StepError, clock::Stopwatch};
 use calib_control::{
     ActionModel, ActionModelKind, Actor, Agent, AgentConfig, Algorithm, ControlConfig, Decisions,
-    Ensemble as _, Environment as _, FixedPolicy, IncrementModel, Increments, NetworkConfig,
-    NetworkModel, RunLength, Walked, off_policy_values, run_agent,
+    Ensemble as _, Environment as _, FixedPolicy, IncrementModel, Increments, ModelEnvironment,
+    NetworkConfig, NetworkModel, RunLength, off_policy_values, run_agent,
 };
 use calib_core::{Monitor, Seed, Silent, States};
 
@@ -134,7 +134,7 @@ fn least_transitions(config: &ControlConfig) -> usize {
 }
 
 /// Seconds of a step that `actor` takes in `walk`, by more and more steps until they take a while.
-fn step_secs<W: Walked>(actor: &mut impl Actor, walk: &mut W, timeout: usize) -> f64 {
+fn step_secs<W: ModelEnvironment>(actor: &mut impl Actor, walk: &mut W, timeout: usize) -> f64 {
     let mut steps = FIRST_STEPS;
     loop {
         let before = walk.coverage().steps;

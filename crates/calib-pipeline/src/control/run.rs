@@ -394,7 +394,7 @@ fn swept(
                 if members.len() < model.members() {
                     printer.say(&share_of_networks(&members));
                 }
-                match NetworkModel::beside_members(model, &members, seed, &progress) {
+                match NetworkModel::for_members(model, &members, seed, &progress) {
                     Ok(model) => {
                         swept.add(&model, ids, &question)?;
                     }

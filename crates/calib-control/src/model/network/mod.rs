@@ -7,7 +7,7 @@ use calib_knn::Blocks;
 use calib_nn::{Mlp, Workspace};
 use rayon::prelude::*;
 
-use super::{ActionModel, ActionModelKind, Coverage, Ensemble, Walked};
+use super::{ActionModel, ActionModelKind, Coverage, Ensemble, ModelEnvironment};
 use crate::{ControlError, Decisions, Ending, Environment, Outcome, error::check_fields};
 use train::{Scales, train};
 
@@ -180,20 +180,20 @@ impl NetworkModel {
     ///
     /// # Errors
     /// As [`train`](Self::train).
-    pub fn beside(
+    pub fn for_model(
         model: &ActionModel,
         seed: Seed,
         monitor: &dyn Monitor,
     ) -> Result<Self, ControlError> {
         let members: Vec<usize> = (0..model.members()).collect();
-        Self::beside_members(model, &members, seed, monitor)
+        Self::for_members(model, &members, seed, monitor)
     }
 
     /// Those of these members alone, as [`train_members`](Self::train_members) makes them.
     ///
     /// # Errors
     /// As [`train`](Self::train).
-    pub fn beside_members(
+    pub fn for_members(
         model: &ActionModel,
         members: &[usize],
         seed: Seed,
@@ -231,7 +231,7 @@ pub struct NetworkWalk<'a> {
     steps: u64,
 }
 
-impl Walked for NetworkWalk<'_> {
+impl ModelEnvironment for NetworkWalk<'_> {
     /// A network knows nothing of what it does not know: no step counts as uncovered.
     fn coverage(&self) -> Coverage {
         Coverage { steps: self.steps, ..Coverage::default() }
