@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{check, check_length};
-use crate::summary::{mean, sample_std, t_interval};
-use crate::{Interval, StatsError};
+use crate::summary::{mean, summarise};
+use crate::{Interval, StatsError, Summary};
 
 /// What runs that come in clusters say about their mean: those of one cluster share what the others lack, such as the
 /// state that they start from, and are no independent evidence.
@@ -47,15 +47,14 @@ pub fn summarise_clusters<K: Ord>(
 ) -> Result<ClusterSummary, StatsError> {
     let means: Vec<f64> =
         cluster_means(clusters, runs)?.into_iter().map(|(_, mean)| mean).collect();
-    let mean = mean(&means)?;
-    let std = sample_std(&means)?;
+    let Summary { mean, std, interval, .. } = summarise(&means)?;
     Ok(ClusterSummary {
         runs: runs.len(),
         clusters: means.len(),
         diverged: runs.iter().filter(|run| run.is_infinite()).count(),
         mean,
         std,
-        interval: std.and_then(|std| t_interval(mean, std, means.len())),
+        interval,
     })
 }
 
@@ -82,7 +81,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::summarise;
 
     /// Mean and half the width of the interval.
     fn told(summary: &ClusterSummary) -> (f64, Option<f64>) {
