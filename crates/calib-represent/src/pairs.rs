@@ -9,8 +9,8 @@ use calib_core::{Rng, Segments};
 pub struct PairSampler {
     /// Rows that may be `u`, as runs: cumulative count before, first row, one past the last row of the segment.
     runs: Vec<(usize, usize, usize)>,
+    /// Rows that may be `u`.
     pairs: usize,
-    rows: usize,
     log_kappa: f64,
     longest: usize,
 }
@@ -31,36 +31,16 @@ impl PairSampler {
         assert!(kappa > 0.0 && kappa <= 1.0 && trajectory >= 2, "checked with the configuration");
         let mut runs = Vec::new();
         let mut pairs = 0;
-        let mut counted = 0;
         for segment in segments.iter() {
             let start = segment.rows().start.max(rows.start);
             let end = segment.rows().end.min(rows.end);
-            if start < end {
-                counted += end - start;
-            }
             if start + 1 < end {
                 runs.push((pairs, start, end));
                 pairs += end - 1 - start;
             }
         }
         let log_kappa = kappa.ln();
-        (pairs > 0).then_some(Self {
-            runs,
-            pairs,
-            rows: counted,
-            log_kappa,
-            longest: trajectory - 1,
-        })
-    }
-
-    /// Number of states that may begin a pair.
-    pub fn beginnings(&self) -> usize {
-        self.pairs
-    }
-
-    /// Number of states in all.
-    pub fn rows(&self) -> usize {
-        self.rows
+        (pairs > 0).then_some(Self { runs, pairs, log_kappa, longest: trajectory - 1 })
     }
 
     /// Rows (u, v) of a pair.
@@ -103,7 +83,7 @@ mod tests {
     fn pairs_stay_inside_segments_and_range() {
         let segments = Segments::from_lengths([4, 1, 30, 9]).expect("valid");
         let sampler = PairSampler::new(&segments, 2..40, 0.9, 6).expect("has pairs");
-        assert_eq!((sampler.beginnings(), sampler.rows()), (1 + 29 + 4, 38));
+        assert_eq!(sampler.pairs, 1 + 29 + 4);
         let mut rng = Seed::new(1).rng();
         let mut seen = [0_u32; 44];
         for _ in 0..50_000 {
