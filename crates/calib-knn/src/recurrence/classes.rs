@@ -7,7 +7,7 @@ use super::{
     Halt,
     anchor::Anchor,
     graph::Graph,
-    tarjan::{Shrinking, Verdict, settle},
+    tarjan::{ShrinkingGraph, Verdict, settle},
 };
 use crate::{KnnError, bits::Bits};
 
@@ -76,7 +76,7 @@ impl Listing<'_> {
     }
 }
 
-impl Shrinking for Listing<'_> {
+impl ShrinkingGraph for Listing<'_> {
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt> {
         self.graph.edges(node, edges);
         Ok(())
@@ -88,7 +88,7 @@ impl Shrinking for Listing<'_> {
 
     fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt> {
         self.add(class.len(), class.iter().copied());
-        Ok(Verdict::Keeps)
+        Ok(Verdict::Keep)
     }
 }
 

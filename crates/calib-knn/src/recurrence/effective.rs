@@ -5,8 +5,8 @@ use super::{
     exits::{Exits, left_out_of},
     graph::Graph,
     lists::Lists,
-    requery::Requery,
-    tarjan::{Shrinking, Verdict},
+    member_search::MemberSearch,
+    tarjan::{ShrinkingGraph, Verdict},
 };
 use crate::{
     bits::Bits,
@@ -32,7 +32,7 @@ pub(super) enum Rule {
 /// are come by.
 pub(super) struct Effective<'a> {
     graph: &'a Graph<'a>,
-    again: Requery<'a>,
+    search: MemberSearch<'a>,
     rule: Rule,
     /// Transitions of the smallest class that is no trap.
     enough: usize,
@@ -49,53 +49,53 @@ impl<'a> Effective<'a> {
     /// The graph without what is left out so far.
     pub(super) fn new(
         graph: &'a Graph<'a>,
-        again: Requery<'a>,
+        search: MemberSearch<'a>,
         rule: Rule,
         enough: usize,
         left_out: Bits,
         exits: &'a Exits,
     ) -> Self {
-        let lost = again.lost(left_out.iter());
-        let left_out = again.of_member(left_out);
+        let lost = search.lost(left_out.iter());
+        let left_out = search.of_member(left_out);
         let lists = Lists::default();
-        Self { graph, again, rule, enough, left_out, exits, lists, lost }
+        Self { graph, search, rule, enough, left_out, exits, lists, lost }
     }
 
     /// What is left out of the member at last.
     pub(super) fn into_left_out(mut self) -> Bits {
-        std::mem::take(&mut self.left_out[self.again.member])
+        std::mem::take(&mut self.left_out[self.search.member])
     }
 
     fn gone(&self) -> &Bits {
-        &self.left_out[self.again.member]
+        &self.left_out[self.search.member]
     }
 
     /// The nearest sources of what `node` leads to that are not left out, with the distances that tables hold.
     fn searched_again(&mut self, node: u32) -> Result<Vec<(f32, u32)>, Halt> {
-        let again = self.again;
-        let row = again.next(node);
+        let search = self.search;
+        let row = search.next(node);
         let k = self.graph.k;
         let mut apart = Lists::default();
         let nearest = if self.exits.contains_key(&node) {
-            let left_out = again.of_member(left_out_of(node, self.gone(), self.exits));
-            apart.first(&again, &[row], k, &left_out)?.to_vec()
+            let left_out = search.of_member(left_out_of(node, self.gone(), self.exits));
+            apart.first(&search, &[row], k, &left_out)?.to_vec()
         } else {
             // Traps grow against time: what leads to this row will be asked for next.
             let before = (node.saturating_sub(BESIDE)..node).rev();
-            let before = before.filter(|&node| self.graph.has(node)).map(|node| again.next(node));
+            let before = before.filter(|&node| self.graph.has(node)).map(|node| search.next(node));
             let rows: Vec<RowIndex> = std::iter::once(row).chain(before).collect();
-            self.lists.first(&again, &rows, k, &self.left_out)?.to_vec()
+            self.lists.first(&search, &rows, k, &self.left_out)?.to_vec()
         };
         if nearest.len() < k {
             return Err(Halt::Lost);
         }
-        let Some(states) = again.sources.measured else {
+        let Some(states) = search.sources.measured else {
             return Ok(nearest.into_iter().map(|(to, distance)| (distance, to)).collect());
         };
         let mut list: Vec<(f64, u32)> = nearest
             .into_iter()
             .map(|(to, _): (u32, f32)| {
-                (squared(states.row(row.get()), states.row(again.source(to).get())), to)
+                (squared(states.row(row.get()), states.row(search.source(to).get())), to)
             })
             .collect();
         list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -103,7 +103,7 @@ impl<'a> Effective<'a> {
     }
 }
 
-impl Shrinking for Effective<'_> {
+impl ShrinkingGraph for Effective<'_> {
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt> {
         if self.graph.row(node).iter().all(|&to| !self.gone().contains(to)) {
             self.graph.edges(node, edges);
@@ -122,16 +122,16 @@ impl Shrinking for Effective<'_> {
     }
 
     fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt> {
-        let lost = self.again.lost(class.iter().copied());
+        let lost = self.search.lost(class.iter().copied());
         if class.len() >= self.enough || (self.rule == Rule::Still && lost > 0) {
-            return Ok(Verdict::Keeps);
+            return Ok(Verdict::Keep);
         }
         self.lost += lost;
         match self.rule {
             Rule::All { bound } if self.lost > bound => Err(Halt::Lost),
             _ => {
-                self.left_out[self.again.member].extend(class.iter().copied());
-                Ok(Verdict::LeavesOut)
+                self.left_out[self.search.member].extend(class.iter().copied());
+                Ok(Verdict::LeaveOut)
             }
         }
     }

@@ -8,8 +8,8 @@ use calib_core::RowIndex;
 use super::{
     Halt,
     graph::Graph,
-    requery::{Distances, Requery},
-    tarjan::{Shrinking, Verdict},
+    member_search::{Distances, MemberSearch},
+    tarjan::{ShrinkingGraph, Verdict},
 };
 use crate::bits::Bits;
 
@@ -28,7 +28,7 @@ pub(super) fn left_out_of(node: u32, left_out: &Bits, exits: &Exits) -> Bits {
 /// The graph of a member as it becomes while traps are given exits.
 pub(super) struct Leading<'a> {
     pub(super) graph: &'a Graph<'a>,
-    pub(super) again: Requery<'a>,
+    pub(super) search: MemberSearch<'a>,
     /// Transitions of the smallest class that is no trap.
     pub(super) enough: usize,
     pub(super) left_out: &'a Bits,
@@ -43,7 +43,7 @@ impl Leading<'_> {
     /// Of the dead ends of a trap the one that is nearest to anything outside, or of all its transitions if what was recorded after
     /// each of them can be found.
     fn exit_of(&self, trap: &[u32]) -> Result<u32, Halt> {
-        let ends = trap.iter().copied().filter(|&node| !self.again.goes_on(node, self.left_out));
+        let ends = trap.iter().copied().filter(|&node| !self.search.goes_on(node, self.left_out));
         let mut among: Vec<u32> = ends.collect();
         if among.is_empty() {
             among = trap.to_vec();
@@ -62,25 +62,25 @@ impl Leading<'_> {
 
     /// Which of these rows is nearest to anything that is not left out, and how far that is.
     fn nearest(&self, nodes: &[u32], left_out: Bits) -> Result<Option<(f32, u32)>, Halt> {
-        let rows: Vec<RowIndex> = nodes.iter().map(|&node| self.again.next(node)).collect();
-        let left_out = self.again.of_member(left_out);
+        let rows: Vec<RowIndex> = nodes.iter().map(|&node| self.search.next(node)).collect();
+        let left_out = self.search.of_member(left_out);
         let mut best = None;
-        let exclusion = self.again.exclusion;
+        let exclusion = self.search.exclusion;
         let searched = Distances::Searched;
-        self.again.nearest(&rows, 1, exclusion, &left_out, searched, |row, _, distances| {
+        self.search.nearest(&rows, 1, exclusion, &left_out, searched, |row, _, distances| {
             best = nearer(best, distances.first().map(|&distance| (distance, nodes[row])));
         })?;
         Ok(best)
     }
 
     /// Search for the neighbours of an exit.
-    fn search(&mut self, node: u32) -> Result<(), Halt> {
-        let left_out = self.again.of_member(left_out_of(node, self.left_out, &self.exits));
-        let row = [self.again.next(node)];
+    fn search_row(&mut self, node: u32) -> Result<(), Halt> {
+        let left_out = self.search.of_member(left_out_of(node, self.left_out, &self.exits));
+        let row = [self.search.next(node)];
         let k = self.graph.k;
-        let exclusion = self.again.exclusion;
+        let exclusion = self.search.exclusion;
         let mut found = (Vec::new(), Vec::new());
-        self.again.nearest(&row, k, exclusion, &left_out, Distances::Stored, |_, to, far| {
+        self.search.nearest(&row, k, exclusion, &left_out, Distances::Stored, |_, to, far| {
             found = (to.to_vec(), far.to_vec());
         })?;
         if found.0.len() < k {
@@ -99,7 +99,7 @@ fn nearer(a: Option<(f32, u32)>, b: Option<(f32, u32)>) -> Option<(f32, u32)> {
     }
 }
 
-impl Shrinking for Leading<'_> {
+impl ShrinkingGraph for Leading<'_> {
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt> {
         if let Some((neighbors, distances)) = self.rows.get(&node) {
             let drawn = neighbors.iter().zip(self.graph.weights.possible(distances));
@@ -118,14 +118,14 @@ impl Shrinking for Leading<'_> {
     /// An exit leads to nothing in the trap from now on, nor to what it was led out of before.
     fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt> {
         if class.len() >= self.enough {
-            return Ok(Verdict::Keeps);
+            return Ok(Verdict::Keep);
         }
         self.most = self.most.checked_sub(1).ok_or(Halt::Lost)?;
         let exit = self.exit_of(class)?;
         let mut barred = left_out_of(exit, &Bits::new(self.left_out.len()), &self.exits);
         barred.extend(class.iter().copied());
         self.exits.insert(exit, barred.runs().collect());
-        self.search(exit)?;
-        Ok(Verdict::LeadsOut)
+        self.search_row(exit)?;
+        Ok(Verdict::AddExit)
     }
 }

@@ -4,7 +4,7 @@ use calib_core::RowIndex;
 
 use super::{
     Halt,
-    requery::{Distances, Requery},
+    member_search::{Distances, MemberSearch},
 };
 use crate::{Exclusion, bits::Bits, groups::hash};
 
@@ -49,15 +49,15 @@ impl Lists {
     /// that are likely to be asked for next: searched together they take little longer.
     pub(super) fn first(
         &mut self,
-        again: &Requery<'_>,
+        search: &MemberSearch<'_>,
         rows: &[RowIndex],
         k: usize,
         left_out: &[Bits],
     ) -> Result<&[(u32, f32)], Halt> {
-        let gone = &left_out[again.member];
-        let key = self.key(again, rows[0]);
+        let gone = &left_out[search.member];
+        let key = self.key(search, rows[0]);
         if !self.of_rows.entry(key).or_default().has(k, gone) {
-            self.search(again, key, &rows[1..], k, left_out)?;
+            self.search(search, key, &rows[1..], k, left_out)?;
         }
         let nearest = &self.of_rows[&key].nearest;
         Ok(&nearest[..k.min(nearest.len())])
@@ -66,7 +66,7 @@ impl Lists {
     /// Search for a longer list of row `key`, and for the first ones of the rows beside it.
     fn search(
         &mut self,
-        again: &Requery<'_>,
+        search: &MemberSearch<'_>,
         key: u32,
         beside: &[RowIndex],
         k: usize,
@@ -79,14 +79,14 @@ impl Lists {
         }
         let mut keys = vec![RowIndex(key)];
         for &row in beside {
-            let key = RowIndex(self.key(again, row));
+            let key = RowIndex(self.key(search, row));
             if !self.of_rows.contains_key(&key.0) && !keys.contains(&key) {
                 keys.push(key);
             }
         }
         let searched = Distances::Searched;
-        let exclusion = again.exclusion;
-        again.nearest(&keys, depth, exclusion, left_out, searched, |row, to, distances| {
+        let exclusion = search.exclusion;
+        search.nearest(&keys, depth, exclusion, left_out, searched, |row, to, distances| {
             let nearest: Vec<_> = to.iter().copied().zip(distances.iter().copied()).collect();
             self.kept += nearest.len();
             let complete = nearest.len() < depth;
@@ -96,13 +96,13 @@ impl Lists {
     }
 
     /// The row whose list `row` has: the first that was asked for with the same state, unless something is forbidden to it alone.
-    fn key(&mut self, again: &Requery<'_>, row: RowIndex) -> u32 {
-        if again.exclusion != Exclusion::default() {
+    fn key(&mut self, search: &MemberSearch<'_>, row: RowIndex) -> u32 {
+        if search.exclusion != Exclusion::default() {
             return row.0;
         }
-        let state = again.state(row);
+        let state = search.state(row);
         let rows = self.rows.entry(hash(state)).or_default();
-        let same = rows.iter().copied().find(|&other| again.state(RowIndex(other)) == state);
+        let same = rows.iter().copied().find(|&other| search.state(RowIndex(other)) == state);
         same.unwrap_or_else(|| {
             rows.push(row.0);
             row.0

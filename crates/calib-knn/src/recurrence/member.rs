@@ -4,13 +4,13 @@ use calib_files::Scratch;
 use rayon::prelude::*;
 
 use super::{
-    ClosedClasses, Ends, Filling, Halt, Recurrence, Recurrent, SHARE, TableSearch,
+    ClosedClasses, Ends, Filling, Halt, MemberResult, Recurrence, SHARE, TableSearch,
     anchor::Anchor,
     classes::{Classes, closed},
     effective::{Effective, Rule},
     exits::{Exits, Leading, left_out_of},
     graph::Graph,
-    requery::{Distances, Requery},
+    member_search::{Distances, MemberSearch},
     tarjan::settle,
 };
 use crate::{KnnError, LeftOut, PART_QUERIES, bits::Bits};
@@ -32,8 +32,8 @@ pub(super) struct Survey {
 
 /// One member whose walks should not be trapped.
 pub(super) struct Member<'a> {
-    search: TableSearch<'a>,
-    again: Requery<'a>,
+    tables: TableSearch<'a>,
+    search: MemberSearch<'a>,
     /// Its transitions that can be neighbours.
     pub(super) candidates: usize,
     /// Transitions of the smallest closed class that is no trap.
@@ -41,36 +41,36 @@ pub(super) struct Member<'a> {
 }
 
 impl<'a> Member<'a> {
-    pub(super) fn new(search: TableSearch<'a>, member: usize) -> Self {
-        let TableSearch { planned, sources, exclusion, monitor, .. } = search;
-        let again = Requery { planned, sources, exclusion, member, monitor };
-        let candidates = again.candidates();
-        Self { search, again, candidates, enough: candidates.div_ceil(SHARE) }
+    pub(super) fn new(tables: TableSearch<'a>, member: usize) -> Self {
+        let TableSearch { planned, sources, exclusion, monitor, .. } = tables;
+        let search = MemberSearch { planned, sources, exclusion, member, monitor };
+        let candidates = search.candidates();
+        Self { tables, search, candidates, enough: candidates.div_ceil(SHARE) }
     }
 
     fn graph<'t>(&self, table: &'t Filling) -> Graph<'t> {
-        let dropped = self.search.sources.blocks.dropped(self.again.member);
-        Graph::new(&table.0, &table.1, self.search.k, dropped, self.search.weights)
+        let dropped = self.tables.sources.blocks.dropped(self.search.member);
+        Graph::new(&table.0, &table.1, self.tables.k, dropped, self.tables.weights)
     }
 
     pub(super) fn survey(&self, table: &Filling) -> Result<Survey, KnnError> {
         let graph = self.graph(table);
-        let TableSearch { place, monitor, .. } = self.search;
+        let TableSearch { place, monitor, .. } = self.tables;
         let anchor = Anchor::find(&graph, self.enough, place, monitor)?;
         let classes = self.closed(&graph, &anchor)?;
         Ok(Survey { anchor, classes })
     }
 
     fn closed(&self, graph: &Graph<'_>, anchor: &Anchor) -> Result<Classes, KnnError> {
-        closed(graph, anchor, self.enough, self.search.place, self.search.monitor)
+        closed(graph, anchor, self.enough, self.tables.place, self.tables.monitor)
     }
 
     /// Leave traps out of the table, or lead walks out of them. Where neither helps, the table stays as it was found.
-    pub(super) fn untrap(
+    pub(super) fn remove_traps(
         &self,
         table: &mut Filling,
         survey: &Survey,
-    ) -> Result<Recurrent, KnnError> {
+    ) -> Result<MemberResult, KnnError> {
         if survey.classes.traps(self.enough) == 0 {
             return Ok(self.as_found(survey));
         }
@@ -87,28 +87,28 @@ impl<'a> Member<'a> {
     }
 
     /// What is known of a table that stays as it was found.
-    pub(super) fn as_found(&self, survey: &Survey) -> Recurrent {
+    pub(super) fn as_found(&self, survey: &Survey) -> MemberResult {
         let classes = ClosedClasses::of(&survey.classes, self.enough);
         let before = classes.clone();
         let after = classes;
         let candidates = self.candidates;
         let recurrence = Recurrence { candidates, before, after, ..Recurrence::default() };
         let ends = Ends(survey.classes.ends.clone());
-        Recurrent { left_out: LeftOut::default(), recurrence, ends }
+        MemberResult { left_out: LeftOut::default(), recurrence, ends }
     }
 
     fn copy(&self, table: &Filling) -> Result<Filling, KnnError> {
         let len = table.0.len();
-        let place = self.search.place;
+        let place = self.tables.place;
         let mut copy = (Scratch::zeroed(len, place)?, Scratch::zeroed(len, place)?);
         copy.0.copy_from_slice(&table.0);
         copy.1.copy_from_slice(&table.1);
         Ok(copy)
     }
 
-    fn without_traps(&self, table: &mut Filling, survey: &Survey) -> Result<Recurrent, Halt> {
+    fn without_traps(&self, table: &mut Filling, survey: &Survey) -> Result<MemberResult, Halt> {
         let mut anchor = survey.anchor.clone();
-        let mut left_out = Bits::new(table.0.len() / self.search.k);
+        let mut left_out = Bits::new(table.0.len() / self.tables.k);
         let mut exits = Exits::new();
         for _ in 0..ROUNDS {
             // Where hardly anything returns, one trap opens the next one for ever.
@@ -124,7 +124,7 @@ impl<'a> Member<'a> {
                 Err(Halt::Lost) => {
                     left_out = self.leave_out(table, Rule::Still, &left_out, &exits, &anchor)?;
                     self.search_again(table, &left_out, &exits)?;
-                    exits = self.lead_out(table, &left_out, exits, &anchor)?;
+                    exits = self.add_exits(table, &left_out, exits, &anchor)?;
                 }
             }
             self.search_again(table, &left_out, &exits)?;
@@ -136,11 +136,11 @@ impl<'a> Member<'a> {
                     before: ClosedClasses::of(&survey.classes, self.enough),
                     after: ClosedClasses::of(&classes, self.enough),
                     left_out: left_out.count(),
-                    lost: self.again.lost(left_out.iter()),
+                    lost: self.search.lost(left_out.iter()),
                     exits: exits.len(),
                 };
                 let left_out = LeftOut::new(left_out, exits);
-                return Ok(Recurrent { left_out, recurrence, ends: Ends(classes.ends) });
+                return Ok(MemberResult { left_out, recurrence, ends: Ends(classes.ends) });
             }
         }
         Err(Halt::Lost)
@@ -148,7 +148,7 @@ impl<'a> Member<'a> {
 
     fn survey_again(&self, table: &Filling, anchor: Anchor) -> Result<(Anchor, Classes), KnnError> {
         let graph = self.graph(table);
-        let TableSearch { place, monitor, .. } = self.search;
+        let TableSearch { place, monitor, .. } = self.tables;
         let anchor = anchor.in_graph(&graph, self.enough, place, monitor)?;
         let classes = self.closed(&graph, &anchor)?;
         Ok((anchor, classes))
@@ -177,13 +177,13 @@ impl<'a> Member<'a> {
         let graph = self.graph(table);
         let (nodes, mut settled) = self.unsettled(&graph, left_out, anchor);
         let left_out = left_out.clone();
-        let mut graph = Effective::new(&graph, self.again, rule, self.enough, left_out, exits);
-        settle(&nodes, &mut settled, &mut graph, self.search.place, self.search.monitor)?;
+        let mut graph = Effective::new(&graph, self.search, rule, self.enough, left_out, exits);
+        settle(&nodes, &mut settled, &mut graph, self.tables.place, self.tables.monitor)?;
         Ok(graph.into_left_out())
     }
 
     /// Give exits to all traps of the table.
-    fn lead_out(
+    fn add_exits(
         &self,
         table: &mut Filling,
         left_out: &Bits,
@@ -193,13 +193,13 @@ impl<'a> Member<'a> {
         let graph = self.graph(table);
         let (nodes, mut settled) = self.unsettled(&graph, left_out, anchor);
         let [most, least] = EXITS;
-        let again = self.again;
+        let search = self.search;
         let enough = self.enough;
-        let k = self.search.k;
+        let k = self.tables.k;
         let most = (self.candidates / (RAMP * k)).clamp(least, most);
         let rows = HashMap::new();
-        let mut leading = Leading { graph: &graph, again, enough, left_out, exits, rows, most };
-        settle(&nodes, &mut settled, &mut leading, self.search.place, self.search.monitor)?;
+        let mut leading = Leading { graph: &graph, search, enough, left_out, exits, rows, most };
+        settle(&nodes, &mut settled, &mut leading, self.tables.place, self.tables.monitor)?;
         let exits = leading.exits;
         let rows = leading.rows;
         for (node, (neighbors, distances)) in rows {
@@ -217,7 +217,7 @@ impl<'a> Member<'a> {
         left_out: &Bits,
         exits: &Exits,
     ) -> Result<(), Halt> {
-        let rows = table.0.par_chunks_exact(self.search.k).enumerate();
+        let rows = table.0.par_chunks_exact(self.tables.k).enumerate();
         let rows: Vec<u32> = rows
             .filter(|(_, row)| row.iter().any(|&to| left_out.contains(to)))
             .map(|(number, _)| number as u32)
@@ -225,11 +225,11 @@ impl<'a> Member<'a> {
         let (exit, plain): (Vec<u32>, Vec<u32>) =
             rows.into_iter().partition(|node| exits.contains_key(node));
         if !plain.is_empty() {
-            self.search.monitor.begin("rows that led into traps", plain.len() as u64);
+            self.tables.monitor.begin("rows that led into traps", plain.len() as u64);
         }
         for part in plain.chunks(PART_QUERIES) {
             self.put(table, part, left_out.clone())?;
-            self.search.monitor.advance(part.len() as u64);
+            self.tables.monitor.advance(part.len() as u64);
         }
         exit.into_iter()
             .try_for_each(|node| self.put(table, &[node], left_out_of(node, left_out, exits)))
@@ -237,12 +237,13 @@ impl<'a> Member<'a> {
 
     /// Put the nearest of what is not left out into these rows of the table.
     fn put(&self, table: &mut Filling, nodes: &[u32], left_out: Bits) -> Result<(), Halt> {
-        let rows: Vec<_> = nodes.iter().map(|&node| self.again.next(node)).collect();
-        let left_out = self.again.of_member(left_out);
-        let k = self.search.k;
+        let rows: Vec<_> = nodes.iter().map(|&node| self.search.next(node)).collect();
+        let left_out = self.search.of_member(left_out);
+        let k = self.tables.k;
         let mut fewest = usize::MAX;
         let stored = Distances::Stored;
-        self.again.nearest(&rows, k, self.again.exclusion, &left_out, stored, |row, to, far| {
+        let exclusion = self.search.exclusion;
+        self.search.nearest(&rows, k, exclusion, &left_out, stored, |row, to, far| {
             fewest = fewest.min(to.len());
             if to.len() == k {
                 let start = nodes[row] as usize * k;

@@ -22,8 +22,8 @@ mod exits;
 mod graph;
 mod lists;
 mod member;
+mod member_search;
 mod reaching;
-mod requery;
 #[cfg(test)]
 mod shapes;
 mod tarjan;
@@ -126,7 +126,7 @@ impl Ends {
 }
 
 /// What was made of a member, and what was found.
-pub(crate) struct Recurrent {
+pub(crate) struct MemberResult {
     pub(crate) left_out: LeftOut,
     pub(crate) recurrence: Recurrence,
     pub(crate) ends: Ends,
@@ -154,11 +154,14 @@ impl TableSearch<'_> {
     ///
     /// # Errors
     /// If there is no place for the arrays, or the monitor interrupts.
-    pub(crate) fn without_traps(self, tables: &mut [Filling]) -> Result<Vec<Recurrent>, KnnError> {
+    pub(crate) fn without_traps(
+        self,
+        tables: &mut [Filling],
+    ) -> Result<Vec<MemberResult>, KnnError> {
         self.survey(tables)?
             .into_iter()
             .zip(tables)
-            .map(|((member, survey), table)| member.untrap(table, &survey))
+            .map(|((member, survey), table)| member.remove_traps(table, &survey))
             .collect()
     }
 
@@ -166,7 +169,7 @@ impl TableSearch<'_> {
     ///
     /// # Errors
     /// If there is no place for the arrays, or the monitor interrupts.
-    pub(crate) fn as_found(self, tables: &[Filling]) -> Result<Vec<Recurrent>, KnnError> {
+    pub(crate) fn as_found(self, tables: &[Filling]) -> Result<Vec<MemberResult>, KnnError> {
         Ok(self
             .survey(tables)?
             .into_iter()

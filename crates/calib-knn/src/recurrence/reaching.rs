@@ -4,7 +4,7 @@ use calib_files::ScratchPlace;
 use super::{
     Halt,
     graph::{Graph, Sweep},
-    tarjan::{Shrinking, Verdict, settle},
+    tarjan::{ShrinkingGraph, Verdict, settle},
 };
 use crate::{KnnError, bits::Bits};
 
@@ -29,30 +29,30 @@ pub(super) fn add_reaching(
         }
     }
     let rest = graph.all().without(known);
-    let mut apart = Apart { graph, apart: Bits::new(graph.len()) };
-    settle(&rest, known, &mut apart, place, monitor).map_err(Halt::into_error)
+    let mut pruned = Pruned { graph, pruned: Bits::new(graph.len()) };
+    settle(&rest, known, &mut pruned, place, monitor).map_err(Halt::into_error)
 }
 
 /// A graph without what is known to lead to nothing known: a component that is finished without having met any.
-struct Apart<'a> {
+struct Pruned<'a> {
     graph: &'a Graph<'a>,
-    apart: Bits,
+    pruned: Bits,
 }
 
-impl Shrinking for Apart<'_> {
+impl ShrinkingGraph for Pruned<'_> {
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt> {
         self.graph.edges(node, edges);
-        edges.retain(|&to| !self.apart.contains(to));
+        edges.retain(|&to| !self.pruned.contains(to));
         Ok(())
     }
 
     fn is_left_out(&self, node: u32) -> bool {
-        self.apart.contains(node)
+        self.pruned.contains(node)
     }
 
     fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt> {
-        self.apart.extend(class.iter().copied());
-        Ok(Verdict::LeavesOut)
+        self.pruned.extend(class.iter().copied());
+        Ok(Verdict::LeaveOut)
     }
 }
 

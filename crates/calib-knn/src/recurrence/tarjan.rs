@@ -11,18 +11,18 @@ const LOOK: u32 = 1 << 12;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     /// It stays, and whatever leads to it is settled.
-    Keeps,
+    Keep,
     /// It is left out: nothing leads to it any more.
-    LeavesOut,
+    LeaveOut,
     /// One of its transitions leads elsewhere now.
-    LeadsOut,
+    AddExit,
 }
 
 /// A graph whose edges change as closed classes are left out of it.
 ///
 /// What is left out must not take an edge away that leads elsewhere, nor change a row that does not lead to it; and what leads out of a
 /// class must not change a row outside.
-pub(super) trait Shrinking {
+pub(super) trait ShrinkingGraph {
     /// Put what `node` leads to now into `edges`; nothing that is left out.
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt>;
 
@@ -53,7 +53,7 @@ struct Frame {
 pub(super) fn settle(
     nodes: &Bits,
     settled: &mut Bits,
-    graph: &mut impl Shrinking,
+    graph: &mut impl ShrinkingGraph,
     place: &ScratchPlace,
     monitor: &dyn Monitor,
 ) -> Result<(), Halt> {
@@ -123,7 +123,7 @@ impl<'a> Search<'a> {
         &mut self,
         root: u32,
         settled: &mut Bits,
-        graph: &mut impl Shrinking,
+        graph: &mut impl ShrinkingGraph,
         monitor: &dyn Monitor,
     ) -> Result<(), Halt> {
         self.find(root);
@@ -180,19 +180,19 @@ impl<'a> Search<'a> {
     }
 
     /// Take the last transition off the path.
-    fn finish(&mut self, settled: &mut Bits, graph: &mut impl Shrinking) -> Result<(), Halt> {
+    fn finish(&mut self, settled: &mut Bits, graph: &mut impl ShrinkingGraph) -> Result<(), Halt> {
         let Some(Frame { node, found, .. }) = self.path.pop() else { return Ok(()) };
         if self.low(node) < found {
             return Ok(());
         }
         let start = self.open.iter().rposition(|&open| open == node).unwrap_or(0);
         match graph.judge(&self.open[start..])? {
-            Verdict::Keeps => settled.extend(self.open.drain(start..)),
-            Verdict::LeavesOut => {
+            Verdict::Keep => settled.extend(self.open.drain(start..)),
+            Verdict::LeaveOut => {
                 self.open.truncate(start);
                 self.verdicts += 1;
             }
-            Verdict::LeadsOut => {
+            Verdict::AddExit => {
                 for node in self.open.split_off(start) {
                     let slot = self.slot(node);
                     self.low[slot] = 0;

@@ -10,7 +10,7 @@ use crate::{
 ///
 /// A leaf budget does not count here: what is searched again is found exactly, so that it does not depend on its company.
 #[derive(Clone, Copy)]
-pub(super) struct Requery<'a> {
+pub(super) struct MemberSearch<'a> {
     pub(super) planned: &'a Planned<'a>,
     pub(super) sources: &'a Sources<'a>,
     pub(super) exclusion: Exclusion,
@@ -27,9 +27,9 @@ pub(super) enum Distances {
 }
 
 /// Watches for interruptions alone: what is searched on the way is not counted.
-struct Quiet<'a>(&'a dyn Monitor);
+struct InterruptOnly<'a>(&'a dyn Monitor);
 
-impl Monitor for Quiet<'_> {
+impl Monitor for InterruptOnly<'_> {
     fn begin(&self, _task: &str, _total: u64) {}
 
     fn advance(&self, _units: u64) {}
@@ -39,7 +39,7 @@ impl Monitor for Quiet<'_> {
     }
 }
 
-impl Requery<'_> {
+impl MemberSearch<'_> {
     /// What is left out of this member, as searches are told.
     pub(super) fn of_member(&self, left_out: Bits) -> Vec<Bits> {
         let mut all = vec![Bits::default(); self.sources.blocks.members()];
@@ -105,7 +105,7 @@ impl Requery<'_> {
         let order = self.planned.index.order(&queries);
         for part in order.chunks(PART_QUERIES) {
             let mut found = NeighborLists::new(part.len(), queries.members(), k);
-            self.planned.index.search(&queries, part, &mut found, &Quiet(self.monitor))?;
+            self.planned.index.search(&queries, part, &mut found, &InterruptOnly(self.monitor))?;
             if distances == Distances::Stored {
                 queries.measure(part, &mut found);
             }
