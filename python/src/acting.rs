@@ -19,30 +19,30 @@ use crate::{
     acting_walkers::ActionWalkers,
     array::{owned, view},
     errors,
-    lost::Since,
+    lost::LostPages,
     model::require_member,
     study::PyJob,
     work::{Needs, watched},
 };
 
-/// A model with actions that is mapped, since then.
-pub(crate) struct Kept {
+/// A model with actions that is mapped, since so many pages were lost.
+pub(crate) struct SharedActionModel {
     pub(crate) opened: ControlModel,
-    pub(crate) since: Since,
+    pub(crate) lost_pages: LostPages,
     increments: OnceLock<Arc<Increments>>,
     networks: OnceLock<Arc<NetworkModel>>,
 }
 
-impl Kept {
-    fn new(opened: ControlModel, since: Since) -> Self {
-        Self { opened, since, increments: OnceLock::new(), networks: OnceLock::new() }
+impl SharedActionModel {
+    fn new(opened: ControlModel, lost_pages: LostPages) -> Self {
+        Self { opened, lost_pages, increments: OnceLock::new(), networks: OnceLock::new() }
     }
 }
 
 /// A model with actions.
 #[pyclass(frozen, module = "calib_rl._calib", name = "ActionModel")]
 pub(crate) struct PyActionModel {
-    kept: Arc<Kept>,
+    shared: Arc<SharedActionModel>,
     directory: PathBuf,
 }
 
@@ -53,20 +53,20 @@ impl PyActionModel {
         directory: PathBuf,
         open: impl FnOnce() -> Result<ControlModel, StepError> + Send,
     ) -> PyResult<Self> {
-        let since = Since::now();
+        let lost_pages = LostPages::so_far();
         let opened = watched(py, Needs::Threads, None, |_| open())?;
         let opened = opened.map_err(|error| errors::of_step(py, &error))?;
-        since.check(py)?;
-        Ok(Self { kept: Arc::new(Kept::new(opened, since)), directory })
+        lost_pages.check(py)?;
+        Ok(Self { shared: Arc::new(SharedActionModel::new(opened, lost_pages)), directory })
     }
 
     pub(crate) fn model(&self) -> &ActionModel {
-        &self.kept.opened.model
+        &self.shared.opened.model
     }
 
     /// Name, offset and scale of every column.
     pub(crate) fn described_columns(&self) -> Vec<(String, f64, f64)> {
-        let columns = self.kept.opened.names.columns.iter();
+        let columns = self.shared.opened.names.columns.iter();
         columns
             .map(|column| (column.name.clone(), column.bounds.offset, column.bounds.scale))
             .collect()
@@ -74,34 +74,34 @@ impl PyActionModel {
 
     /// What each action is called, and what it sets.
     pub(crate) fn described_actions(&self) -> Vec<(String, Vec<f64>)> {
-        let names = &self.kept.opened.names;
+        let names = &self.shared.opened.names;
         names.actions.iter().cloned().zip(names.levels.iter().cloned()).collect()
     }
 
     /// The increments of the model, made at their first use.
     fn increments(&self, py: Python<'_>) -> PyResult<Arc<Increments>> {
-        if let Some(increments) = self.kept.increments.get() {
+        if let Some(increments) = self.shared.increments.get() {
             return Ok(Arc::clone(increments));
         }
-        let coverage = self.kept.opened.coverage;
+        let coverage = self.shared.opened.coverage;
         let made = watched(py, Needs::Threads, None, |_| {
             Increments::new(self.model(), coverage, &Silent)
         })?;
         let made = Arc::new(made.map_err(|error| errors::of_any(py, &error))?);
-        Ok(Arc::clone(self.kept.increments.get_or_init(|| made)))
+        Ok(Arc::clone(self.shared.increments.get_or_init(|| made)))
     }
 
     /// The networks of the model, trained at their first use: as `calib control` trains them.
     fn networks(&self, py: Python<'_>) -> PyResult<Arc<NetworkModel>> {
-        if let Some(networks) = self.kept.networks.get() {
+        if let Some(networks) = self.shared.networks.get() {
             return Ok(Arc::clone(networks));
         }
-        let seed = Seed::new(self.kept.opened.names.seed).child("control");
+        let seed = Seed::new(self.shared.opened.names.seed).child("control");
         let trained = watched(py, Needs::Threads, None, |_| {
             NetworkModel::for_model(self.model(), seed, &Silent)
         })?;
         let trained = Arc::new(trained.map_err(|error| errors::of_any(py, &error))?);
-        Ok(Arc::clone(self.kept.networks.get_or_init(|| trained)))
+        Ok(Arc::clone(self.shared.networks.get_or_init(|| trained)))
     }
 
     fn check_member(&self, member: usize) -> PyResult<()> {
@@ -159,18 +159,18 @@ impl PyActionModel {
 
     #[getter]
     fn timeout(&self) -> usize {
-        self.kept.opened.names.timeout
+        self.shared.opened.names.timeout
     }
 
     #[getter]
     fn seed(&self) -> u64 {
-        self.kept.opened.names.seed
+        self.shared.opened.names.seed
     }
 
     /// Seconds from one row to the next, which is from one decision to the next.
     #[getter]
     fn period(&self) -> f64 {
-        self.kept.opened.names.period.as_secs()
+        self.shared.opened.names.period.as_secs()
     }
 
     /// Whether actions are numbers.
@@ -188,7 +188,7 @@ impl PyActionModel {
     /// Name, least and largest recorded value of every column of the actions.
     #[getter]
     fn action_columns(&self) -> Vec<(String, f64, f64)> {
-        let names = &self.kept.opened.names;
+        let names = &self.shared.opened.names;
         let each = names.action_columns.iter().zip(&names.ranges);
         each.map(|(name, &[low, high])| (name.clone(), low, high)).collect()
     }
@@ -196,7 +196,7 @@ impl PyActionModel {
     /// What each action is called, what it sets, and how many transitions have it.
     #[getter]
     fn actions(&self) -> Vec<(String, Vec<f64>, usize)> {
-        let names = &self.kept.opened.names;
+        let names = &self.shared.opened.names;
         let each = names.actions.iter().zip(&names.levels).zip(self.model().log().counts());
         each.map(|((name, level), count)| (name.clone(), level.clone(), count)).collect()
     }
@@ -210,21 +210,22 @@ impl PyActionModel {
 
     /// Normalised states, `float32 [n, d]`, a view.
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.kept.since.check(py)?;
+        self.shared.lost_pages.check(py)?;
         let states = self.model().log().states();
         let shape = [states.rows(), states.columns()];
-        view(py, &self.kept, |kept| kept.opened.model.log().states().as_slice(), &shape)
+        view(py, &self.shared, |shared| shared.opened.model.log().states().as_slice(), &shape)
     }
 
     /// Time of every row in microseconds, `int64 [n]`.
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        view(py, &self.kept, |kept| kept.opened.times.as_slice(), &[self.kept.opened.times.len()])
+        let count = self.shared.opened.times.len();
+        view(py, &self.shared, |shared| shared.opened.times.as_slice(), &[count])
     }
 
     /// Row that every transition starts from, `uint32 [t]`, a view.
     fn sources<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let count = self.model().log().len();
-        view(py, &self.kept, |kept| kept.opened.model.log().transitions().sources(), &[count])
+        view(py, &self.shared, |shared| shared.opened.model.log().transitions().sources(), &[count])
     }
 
     /// Action, reward and whether it ends in a terminal, of every transition: `int64 [t]`, `float32 [t]`, `bool [t]`.
@@ -246,19 +247,19 @@ impl PyActionModel {
     /// Neighbours of a member, `uint32 [t, actions, k]`, a view.
     fn neighbors<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
-        self.kept.since.check(py)?;
+        self.shared.lost_pages.check(py)?;
         let log = self.model().log();
         let shape = [log.len(), log.levels(), self.model().k()];
-        view(py, &self.kept, |kept| kept.opened.model.table(member).0, &shape)
+        view(py, &self.shared, |shared| shared.opened.model.table(member).0, &shape)
     }
 
     /// Distances to them, `float32 [t, actions, k]`, a view.
     fn distances<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
-        self.kept.since.check(py)?;
+        self.shared.lost_pages.check(py)?;
         let log = self.model().log();
         let shape = [log.len(), log.levels(), self.model().k()];
-        view(py, &self.kept, |kept| kept.opened.model.table(member).1, &shape)
+        view(py, &self.shared, |shared| shared.opened.model.table(member).1, &shape)
     }
 
     /// Smallest and largest value of every column, `(float32 [d], float32 [d])`.
@@ -267,7 +268,7 @@ impl PyActionModel {
         let columns = states.columns();
         // Episodes begin in rows of them.
         let [low, high] = py.detach(|| states.extremes());
-        self.kept.since.check(py)?;
+        self.shared.lost_pages.check(py)?;
         Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
     }
 
@@ -287,7 +288,7 @@ impl PyActionModel {
         kind: &str,
     ) -> PyResult<ActionWalkers> {
         members.iter().try_for_each(|&member| self.check_member(member))?;
-        let names = &self.kept.opened.names;
+        let names = &self.shared.opened.names;
         if let Some(column) = columns.iter().find(|column| **column >= names.columns.len()) {
             let known = names.columns.len();
             return Err(PyIndexError::new_err(format!("column {column}: the model has {known}")));
@@ -305,7 +306,7 @@ impl PyActionModel {
         });
         Ok(ActionWalkers {
             walkers,
-            kept: Arc::clone(&self.kept),
+            shared: Arc::clone(&self.shared),
             columns: columns
                 .into_iter()
                 .map(|column: usize| {
@@ -341,7 +342,7 @@ impl PyActionModel {
         let runs: Vec<Run> = serde_json::from_str(runs).map_err(errors::unusable)?;
         let constants: Vec<ConstantReturns> =
             serde_json::from_str(constants).map_err(errors::unusable)?;
-        let names = &self.kept.opened.names;
+        let names = &self.shared.opened.names;
         let fewest = fewest_terminals.unwrap_or(names.fewest_terminals);
         let support = Support {
             most_uncovered: most_uncovered.unwrap_or(names.most_uncovered),

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    acting::Kept,
+    acting::SharedActionModel,
     array::{copied, owned},
     errors,
     walkers::{Mapped, marked, require_each},
@@ -17,7 +17,7 @@ use crate::{
 /// Walks through members of a model, which actions change.
 #[pyclass(module = "calib_rl._calib")]
 pub(crate) struct ActionWalkers {
-    pub(crate) kept: Arc<Kept>,
+    pub(crate) shared: Arc<SharedActionModel>,
     pub(crate) walkers: Walkers,
     pub(crate) columns: Vec<Mapped>,
     pub(crate) rules: Rules,
@@ -65,7 +65,7 @@ impl Done {
 impl ActionWalkers {
     /// The row that walker `number` sees.
     fn row(&self, number: usize) -> i64 {
-        let opened = &self.kept.opened;
+        let opened = &self.shared.opened;
         match self.walkers.walks()[number].at {
             At::Start(start) => i64::from(opened.start_rows[start as usize]),
             At::After(transition) => i64::from(opened.model.led_to(transition).0),
@@ -73,7 +73,7 @@ impl ActionWalkers {
     }
 
     fn look(&self, number: usize, seen: &mut Vec<f32>, displaced: &mut Vec<f32>) {
-        let state = self.walkers.observed(&self.kept.opened.model, number);
+        let state = self.walkers.observed(&self.shared.opened.model, number);
         let width = state.len();
         let moved = &self.walkers.displacements()[number * width..][..width];
         for (column, bounds) in &self.columns {
@@ -93,9 +93,9 @@ impl ActionWalkers {
             self.look(number, &mut seen, &mut displaced);
             let row = self.row(number);
             rows.push(row);
-            times.push(self.kept.opened.times[row as usize]);
+            times.push(self.shared.opened.times[row as usize]);
         }
-        self.kept.since.check(py)?;
+        self.shared.lost_pages.check(py)?;
         Ok((
             owned(py, seen, &[count, width])?,
             owned(py, went.iter().map(|step| step.reward).collect::<Vec<f64>>(), &[count])?,
@@ -121,7 +121,7 @@ impl ActionWalkers {
     }
 
     fn check(&self, number: usize, level: i64) -> PyResult<()> {
-        let known = self.kept.opened.model.log().levels();
+        let known = self.shared.opened.model.log().levels();
         if (0..known as i64).contains(&level) {
             return Ok(());
         }
@@ -132,7 +132,7 @@ impl ActionWalkers {
     }
 
     fn set(&self, actions: &Bound<'_, PyAny>, count: usize) -> PyResult<Done> {
-        let ranges = &self.kept.opened.names.ranges;
+        let ranges = &self.shared.opened.names.ranges;
         let (values, shape) = copied::<f64>(actions, "actions", &[2])?;
         if shape != [count, ranges.len()] {
             return Err(errors::value(format!(
@@ -169,7 +169,7 @@ impl ActionWalkers {
     /// Go on where other walkers through the same members were.
     fn restore(&mut self, state: &str) -> PyResult<()> {
         let walkers: Walkers = serde_json::from_str(state).map_err(errors::unusable)?;
-        let restored = walkers.restored(&self.kept.opened.model, &self.walkers);
+        let restored = walkers.restored(&self.shared.opened.model, &self.walkers);
         self.walkers = restored
             .ok_or_else(|| errors::value("the state is of walkers through another model"))?;
         Ok(())
@@ -203,7 +203,7 @@ impl ActionWalkers {
     ) -> PyResult<Arrays<'py>> {
         let count = self.walkers.walks().len();
         let which = marked(which, count)?;
-        let model = Arc::clone(&self.kept.opened.model);
+        let model = Arc::clone(&self.shared.opened.model);
         let mut went = vec![WalkerStep::BEGAN; count];
         for (number, _) in which.iter().enumerate().filter(|(_, begins)| **begins) {
             went[number] = self.walkers.begin(&model, number);
@@ -217,7 +217,7 @@ impl ActionWalkers {
     fn step<'py>(&mut self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Arrays<'py>> {
         let count = self.walkers.walks().len();
         let done = self.done(actions, count)?;
-        let model = Arc::clone(&self.kept.opened.model);
+        let model = Arc::clone(&self.shared.opened.model);
         let rules = self.rules;
         let timeout = self.timeout;
         let walkers = &mut self.walkers;
@@ -236,7 +236,7 @@ impl ActionWalkers {
     ) -> PyResult<(Bound<'py, PyAny>, f64, bool, bool, i64, i64, f32, bool, Bound<'py, PyAny>)>
     {
         self.check(0, level)?;
-        let model = Arc::clone(&self.kept.opened.model);
+        let model = Arc::clone(&self.shared.opened.model);
         let target = Target::Level(level as usize);
         let went = self.walkers.step(&model, 0, target, self.rules, self.timeout);
         let width = self.columns.len();
@@ -244,9 +244,9 @@ impl ActionWalkers {
         let mut displaced = Vec::with_capacity(width);
         self.look(0, &mut seen, &mut displaced);
         let row = self.row(0);
-        self.kept.since.check(py)?;
+        self.shared.lost_pages.check(py)?;
         let WalkerStep { reward, terminated, truncated, distance, covered } = went;
-        let time = self.kept.opened.times[row as usize];
+        let time = self.shared.opened.times[row as usize];
         let seen = owned(py, seen, &[width])?;
         let displaced = owned(py, displaced, &[width])?;
         Ok((seen, reward, terminated, truncated, row, time, distance, covered, displaced))

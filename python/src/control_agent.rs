@@ -17,7 +17,7 @@ use crate::{
     array::copied,
     errors,
     model::require_member,
-    observer::Watching,
+    observer::WatchMonitor,
     study::PyJob,
     work::{Needs, watched},
 };
@@ -320,7 +320,7 @@ impl ControlAgent {
         let agent = &mut self.agent;
         let span = RunLength { steps, timeout };
         let run = watched(py, Needs::Threads, None, |watch| {
-            let monitor = Watching(Arc::clone(watch));
+            let monitor = WatchMonitor(Arc::clone(watch));
             let mut watched = WatchedAgent { agent, rescaled, monitor: &monitor };
             run_agent(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
         })?;

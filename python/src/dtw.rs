@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use crate::{
     array::{copied, owned, require_memory},
     errors,
-    observer::Watching,
+    observer::WatchMonitor,
     work::{Needs, watched},
 };
 
@@ -46,7 +46,7 @@ pub(crate) fn dtw<'py>(
         require_memory(needed, "the path", "shorten the series, or ask for the distance alone")?;
     }
     let warped = watched(py, Needs::Threads, None, |watch| {
-        let monitor = Watching(Arc::clone(watch));
+        let monitor = WatchMonitor(Arc::clone(watch));
         let stop = || monitor.interrupted();
         let query = Series::with_channels(&query.0, channels(&query.1))?;
         let reference = Series::with_channels(&reference.0, channels(&reference.1))?;

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use crate::{
     array::{copied, owned, require_memory},
     errors,
-    observer::{Watch, Watching},
+    observer::{Watch, WatchMonitor},
     work::{Needs, watched},
 };
 
@@ -49,7 +49,7 @@ pub(crate) fn knn_join<'py>(
         Needs::Threads,
         observer,
         |watch: &Arc<Watch>| -> Result<PointNeighbors, calib_knn::KnnError> {
-            let monitor = Watching(Arc::clone(watch));
+            let monitor = WatchMonitor(Arc::clone(watch));
             if let Some((values, shape)) = queries {
                 let states = States::new(values, shape[0], shape[1])?;
                 return points.nearest(&states, k, kind, &monitor);

@@ -15,16 +15,16 @@ static LOST: AtomicU64 = AtomicU64::new(0);
 /// Steps that are at work.
 static STEPS: AtomicUsize = AtomicUsize::new(0);
 
-/// What was open when so many pages were lost.
+/// How many pages had been lost when something was opened.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Since(u64);
+pub(crate) struct LostPages(u64);
 
-impl Since {
-    pub(crate) fn now() -> Self {
+impl LostPages {
+    pub(crate) fn so_far() -> Self {
         Self(LOST.load(Ordering::Acquire))
     }
 
-    /// Refuse what was read if pages were lost since.
+    /// Refuse what was read if more pages were lost since then.
     ///
     /// # Errors
     /// `CalibError`.

@@ -11,22 +11,22 @@ use pyo3::{exceptions::PyIndexError, prelude::*, types::PyDict};
 use crate::{
     array::{copied, owned, require_memory, view},
     convert, errors,
-    lost::Since,
-    observer::{Watch, Watching},
+    lost::LostPages,
+    observer::{Watch, WatchMonitor},
     study::PyJob,
     walkers::Walkers,
     work::{Needs, watched},
 };
 
 /// A model, from a folder or from arrays.
-pub(crate) enum Kept {
-    /// Its states and tables are mapped, since then.
-    Stored(Box<Calibration>, Since),
+pub(crate) enum SharedModel {
+    /// Its states and tables are mapped, since so many pages were lost.
+    Stored(Box<Calibration>, LostPages),
     /// Everything is in memory.
     Built { knn: Box<KnnModel>, weights: Weights },
 }
 
-impl Kept {
+impl SharedModel {
     pub(crate) fn knn(&self) -> &KnnModel {
         match self {
             Self::Stored(model, _) => model.knn(),
@@ -67,7 +67,7 @@ impl Kept {
     /// Refuse a model of which pages were lost.
     pub(crate) fn check(&self, py: Python<'_>) -> PyResult<()> {
         match self {
-            Self::Stored(_, since) => since.check(py),
+            Self::Stored(_, lost_pages) => lost_pages.check(py),
             Self::Built { .. } => Ok(()),
         }
     }
@@ -76,7 +76,7 @@ impl Kept {
 /// A calibration model of neighbours.
 #[pyclass(frozen, module = "calib_rl._calib")]
 pub(crate) struct Model {
-    pub(crate) kept: Arc<Kept>,
+    pub(crate) shared: Arc<SharedModel>,
 }
 
 impl Model {
@@ -84,15 +84,15 @@ impl Model {
         py: Python<'_>,
         open: impl FnOnce() -> Result<Calibration, StepError> + Send,
     ) -> PyResult<Self> {
-        let since = Since::now();
+        let lost_pages = LostPages::so_far();
         let opened = watched(py, Needs::Tables, None, |_| open())?;
         let model = opened.map_err(|error| errors::of_step(py, &error))?;
-        since.check(py)?;
-        Ok(Self { kept: Arc::new(Kept::Stored(Box::new(model), since)) })
+        lost_pages.check(py)?;
+        Ok(Self { shared: Arc::new(SharedModel::Stored(Box::new(model), lost_pages)) })
     }
 
     pub(crate) fn check_member(&self, member: usize) -> PyResult<()> {
-        require_member(member, self.kept.knn().members())
+        require_member(member, self.shared.knn().members())
     }
 }
 
@@ -150,45 +150,45 @@ impl Model {
             |watch: &Arc<Watch>| -> Result<KnnModel, Box<dyn std::error::Error + Send + Sync>> {
                 let states = States::new(values, rows, columns)?;
                 let segments = Segments::from_lengths(segments.unwrap_or_else(|| vec![rows]))?;
-                let monitor = Watching(Arc::clone(watch));
+                let monitor = WatchMonitor(Arc::clone(watch));
                 Ok(KnnModel::build(states, Transitions::new(segments), &config, &monitor)?)
             },
         )?;
         let knn = Box::new(knn.map_err(|error| errors::of_any(py, &*error))?);
-        Ok(Self { kept: Arc::new(Kept::Built { knn, weights }) })
+        Ok(Self { shared: Arc::new(SharedModel::Built { knn, weights }) })
     }
 
     /// The folder that it was opened from.
     #[getter]
     fn directory(&self) -> Option<PathBuf> {
-        self.kept.stored().map(|model| model.directory().to_owned())
+        self.shared.stored().map(|model| model.directory().to_owned())
     }
 
     #[getter]
     fn members(&self) -> usize {
-        self.kept.knn().members()
+        self.shared.knn().members()
     }
 
     #[getter]
     fn k(&self) -> usize {
-        self.kept.knn().k()
+        self.shared.knn().k()
     }
 
     #[getter]
     fn seed(&self) -> u64 {
-        self.kept.stored().map_or(0, |model| model.study().seed)
+        self.shared.stored().map_or(0, |model| model.study().seed)
     }
 
     /// Seconds from one row to the next; none of a model of arrays.
     #[getter]
     fn period(&self) -> Option<f64> {
-        self.kept.stored().map(|model| model.period().as_secs())
+        self.shared.stored().map(|model| model.period().as_secs())
     }
 
     /// Name, offset and scale of every column: physical = normalised × scale + offset.
     #[getter]
     fn columns(&self) -> Vec<(String, f64, f64)> {
-        match self.kept.stored() {
+        match self.shared.stored() {
             Some(model) => {
                 let columns = model.normaliser().columns().iter();
                 columns
@@ -196,23 +196,23 @@ impl Model {
                     .collect()
             }
             None => {
-                (0..self.kept.states().columns()).map(|at| (at.to_string(), 0.0, 1.0)).collect()
+                (0..self.shared.states().columns()).map(|at| (at.to_string(), 0.0, 1.0)).collect()
             }
         }
     }
 
     /// Normalised states, `float32 [n, d]`, a view.
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.kept.check(py)?;
-        let states = self.kept.states();
+        self.shared.check(py)?;
+        let states = self.shared.states();
         let shape = [states.rows(), states.columns()];
-        view(py, &self.kept, |kept| kept.states().as_slice(), &shape)
+        view(py, &self.shared, |shared| shared.states().as_slice(), &shape)
     }
 
     /// Time of every row in microseconds, `int64 [n]`; none of a model of arrays.
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let Some(model) = self.kept.stored() else { return Ok(None) };
-        self.kept.check(py)?;
+        let Some(model) = self.shared.stored() else { return Ok(None) };
+        self.shared.check(py)?;
         let times: Vec<i64> =
             model.frames().timestamps().iter().map(|time| time.as_micros()).collect();
         let rows = times.len();
@@ -221,29 +221,29 @@ impl Model {
 
     /// Lengths of the segments.
     fn segments(&self) -> Vec<usize> {
-        self.kept.knn().transitions().segments().iter().map(calib_core::Segment::len).collect()
+        self.shared.knn().transitions().segments().iter().map(calib_core::Segment::len).collect()
     }
 
     /// Row that every transition starts from, `uint32 [t]`, a view.
     fn sources<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let count = self.kept.knn().transitions().len();
-        view(py, &self.kept, |kept| kept.knn().transitions().sources(), &[count])
+        let count = self.shared.knn().transitions().len();
+        view(py, &self.shared, |shared| shared.knn().transitions().sources(), &[count])
     }
 
     /// Neighbours of a member, `uint32 [t, k]`, a view.
     fn neighbors<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
-        self.kept.check(py)?;
-        let shape = [self.kept.knn().transitions().len(), self.kept.knn().k()];
-        view(py, &self.kept, |kept| kept.knn().table(member).neighbors(), &shape)
+        self.shared.check(py)?;
+        let shape = [self.shared.knn().transitions().len(), self.shared.knn().k()];
+        view(py, &self.shared, |shared| shared.knn().table(member).neighbors(), &shape)
     }
 
     /// Distances to them, `float32 [t, k]`, a view.
     fn distances<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
-        self.kept.check(py)?;
-        let shape = [self.kept.knn().transitions().len(), self.kept.knn().k()];
-        view(py, &self.kept, |kept| kept.knn().table(member).distances(), &shape)
+        self.shared.check(py)?;
+        let shape = [self.shared.knn().transitions().len(), self.shared.knn().k()];
+        view(py, &self.shared, |shared| shared.knn().table(member).distances(), &shape)
     }
 
     /// Rows that `count` rollouts of a member visit, `uint32 [count, steps + 1]`.
@@ -260,7 +260,7 @@ impl Model {
         observer: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
-        let known = self.kept.states().rows();
+        let known = self.shared.states().rows();
         if let Some(row) = rows.iter().flatten().find(|row| **row >= known) {
             return Err(PyIndexError::new_err(format!("row {row}: the model has {known} rows")));
         }
@@ -270,10 +270,10 @@ impl Model {
         require_memory(bytes, "the rollouts", "take fewer or shorter ones at a time")?;
         let mut visited: Vec<u32> = Vec::new();
         visited.try_reserve_exact(cells).map_err(|_| crate::array::no_memory(4 * cells))?;
-        let kept = &self.kept;
+        let shared = &self.shared;
         let seed = Seed::new(seed.unwrap_or(self.seed())).child("rollout");
         let visited = watched(py, Needs::Threads, observer, |watch| {
-            let member_model = kept.knn().member(member);
+            let member_model = shared.knn().member(member);
             let rows: Option<Vec<RowIndex>> =
                 rows.map(|rows| rows.into_iter().map(RowIndex::new).collect());
             let source = match &rows {
@@ -281,13 +281,13 @@ impl Model {
                 Some(rows) => StartSource::Rows { rows, absent: Absent::Replace },
             };
             let starts = start_states(&member_model, source, count, source.seed_of(seed, member))?;
-            let monitor = Watching(Arc::clone(watch));
-            let all = rollouts(&member_model, &starts, steps, kept.weights(), seed, &monitor)?;
+            let monitor = WatchMonitor(Arc::clone(watch));
+            let all = rollouts(&member_model, &starts, steps, shared.weights(), seed, &monitor)?;
             visited.extend(all.iter().flat_map(calib_model::Rollout::rows).map(|row| row.0));
             Ok::<_, calib_model::RolloutError>(visited)
         })?;
         let visited = visited.map_err(|error| errors::of_any(py, &error))?;
-        self.kept.check(py)?;
+        self.shared.check(py)?;
         owned(py, visited, &[count, steps + 1])
     }
 
@@ -301,7 +301,7 @@ impl Model {
         member: usize,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         self.check_member(member)?;
-        let most = self.kept.knn().blocks().member_len(member);
+        let most = self.shared.knn().blocks().member_len(member);
         if k > most {
             return Err(errors::value(format!(
                 "k is {k}: member {member} has {most} transitions to find; lower k"
@@ -309,16 +309,16 @@ impl Model {
         }
         let (values, shape) = copied::<f32>(states, "states", &[2])?;
         let count = shape[0];
-        let kept = &self.kept;
-        let need = kept.knn().search_need(k, rayon::current_num_threads()).working;
+        let shared = &self.shared;
+        let need = shared.knn().search_need(k, rayon::current_num_threads()).working;
         let cells = (count as u64).saturating_mul(k as u64);
         let needed = need.saturating_add(cells.saturating_mul(8 + 16));
         require_memory(needed, "the nearest states", "lower k, or ask for fewer states at a time")?;
         let found = watched(py, Needs::Threads, None, |watch| {
-            nearest_sources(kept, values, &shape, k, member, watch)
+            nearest_sources(shared, values, &shape, k, member, watch)
         })?;
         let (rows, distances) = found.map_err(|error| errors::of_any(py, &*error))?;
-        self.kept.check(py)?;
+        self.shared.check(py)?;
         Ok((owned(py, rows, &[count, k])?, owned(py, distances, &[count, k])?))
     }
 
@@ -333,7 +333,7 @@ impl Model {
         physical: bool,
     ) -> PyResult<Walkers> {
         members.iter().try_for_each(|&member| self.check_member(member))?;
-        let known = self.kept.states().columns();
+        let known = self.shared.states().columns();
         if let Some(column) = columns.iter().chain([&reward]).find(|column| **column >= known) {
             return Err(PyIndexError::new_err(format!("column {column}: the model has {known}")));
         }
@@ -343,22 +343,22 @@ impl Model {
             (column, if physical { Bounds { offset, scale } } else { Bounds::IDENTITY })
         };
         let columns = columns.into_iter().map(map).collect();
-        Ok(Walkers::new(Arc::clone(&self.kept), members, columns, map(reward), steps))
+        Ok(Walkers::new(Arc::clone(&self.shared), members, columns, map(reward), steps))
     }
 
     /// Smallest and largest value of every column, `(float32 [d], float32 [d])`.
     fn extremes<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let states = self.kept.states();
+        let states = self.shared.states();
         let columns = states.columns();
         let [low, high] = py.detach(|| states.extremes());
-        self.kept.check(py)?;
+        self.shared.check(py)?;
         Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
     }
 
     /// Positions in time order of the transitions of a member, `uint32`.
     fn transitions<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
-        let member_model = self.kept.knn().member(member);
+        let member_model = self.shared.knn().member(member);
         let all: Vec<u32> = (0..member_model.len())
             .map(|at| member_model.nth(at))
             .map(|TransitionIndex(at)| at)
@@ -370,28 +370,28 @@ impl Model {
 
 /// Rows of the `k` sources of a member that are nearest to each of these states, and how far they are.
 fn nearest_sources(
-    kept: &Kept,
+    shared: &SharedModel,
     values: Vec<f32>,
     shape: &[usize],
     k: usize,
     member: usize,
     watch: &Arc<Watch>,
 ) -> Result<(Vec<u32>, Vec<f32>), Box<dyn std::error::Error + Send + Sync>> {
-    let monitor = Watching(Arc::clone(watch));
+    let monitor = WatchMonitor(Arc::clone(watch));
     let mut states = States::new(values, shape[0], shape[1])?;
-    if let Some(model) = kept.stored() {
+    if let Some(model) = shared.stored() {
         let columns = model.frames().states().columns();
         if columns != shape[1] {
             return Err(calib_knn::KnnError::Columns { expected: columns, got: shape[1] }.into());
         }
         states = model.in_metric(&states)?;
     }
-    let found = kept.knn().member(member).nearest_sources(&states, k, &monitor)?;
+    let found = shared.knn().member(member).nearest_sources(&states, k, &monitor)?;
     let mut rows = vec![u32::MAX; shape[0] * k];
     let mut distances = vec![f32::INFINITY; shape[0] * k];
     for (query, near) in found.iter().enumerate() {
         for (place, neighbor) in near.iter().enumerate() {
-            let source = kept.knn().transitions().source(neighbor.transition);
+            let source = shared.knn().transitions().source(neighbor.transition);
             rows[query * k + place] = source.0;
             distances[query * k + place] = neighbor.distance;
         }

@@ -12,7 +12,7 @@ use std::{
 
 use calib_core::Monitor;
 use calib_pipeline::{
-    Observer, Remark, Shown,
+    Observer, Printer, Remark, Shown,
     output::{Lines, Result as Answered, harmless},
 };
 
@@ -73,10 +73,15 @@ impl Watch {
     }
 }
 
-/// The ears of a step.
-pub(crate) struct Ears(pub(crate) Arc<Watch>);
+/// A printer whose output goes to `watch`.
+pub(crate) fn watch_printer(watch: &Arc<Watch>) -> Printer {
+    Printer::new(Arc::new(WatchObserver(Arc::clone(watch))))
+}
 
-impl Observer for Ears {
+/// Passes on what a step says.
+struct WatchObserver(Arc<Watch>);
+
+impl Observer for WatchObserver {
     fn remark(&self, remark: Remark<'_>) {
         let (kind, text, lines) = match remark {
             Remark::Talk(text) => ("talk", text, Lines::One),
@@ -99,14 +104,14 @@ impl Observer for Ears {
     }
 
     fn progress(&self, _shown: Shown) -> Box<dyn Monitor> {
-        Box::new(Watching(Arc::clone(&self.0)))
+        Box::new(WatchMonitor(Arc::clone(&self.0)))
     }
 }
 
 /// A monitor of long work.
-pub(crate) struct Watching(pub(crate) Arc<Watch>);
+pub(crate) struct WatchMonitor(pub(crate) Arc<Watch>);
 
-impl Monitor for Watching {
+impl Monitor for WatchMonitor {
     fn begin(&self, task: &str, total: u64) {
         self.0.state().progress = Progress { task: task.to_owned(), done: 0, total };
     }
@@ -120,7 +125,7 @@ impl Monitor for Watching {
     }
 }
 
-impl Drop for Watching {
+impl Drop for WatchMonitor {
     fn drop(&mut self) {
         self.0.state().progress = Progress::default();
     }

@@ -2,13 +2,12 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use calib_pipeline::Printer;
 use calib_study::SimulateConfig;
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
     convert, errors,
-    observer::{Ears, Watch},
+    observer::{Watch, watch_printer},
     work::{Needs, watched},
 };
 
@@ -27,8 +26,7 @@ pub(crate) fn simulate(
         .map_err(|error| errors::of_options(&error))?;
     let plant = config.plant().map_err(|error| errors::of_study(py, &error))?;
     let simulated = watched(py, Needs::Tables, observer, |watch: &Arc<Watch>| {
-        let printer = Printer::new(Arc::new(Ears(Arc::clone(watch))));
-        calib_pipeline::simulate_plant(&directory, plant, force, &printer)
+        calib_pipeline::simulate_plant(&directory, plant, force, &watch_printer(watch))
     })?;
     simulated.map(|simulated| simulated.line()).map_err(|error| errors::of_step(py, &error))
 }

@@ -3,23 +3,21 @@
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use calib_agent::{Part, PartScore};
-use calib_pipeline::{
-    ExternalCandidate, ExternalResult, Outcome, Printer, SweepStreams, Told as _,
-};
+use calib_pipeline::{ExternalCandidate, ExternalResult, Outcome, SweepStreams, Told as _};
 use calib_study::Study;
 use pyo3::{exceptions::PyIndexError, prelude::*};
 
 use crate::{
     array::{copied, owned},
     errors,
-    lost::Since,
-    observer::{Ears, Watch},
+    lost::LostPages,
+    observer::{Watch, watch_printer},
     study::PyJob,
     work::{Needs, watched},
 };
 
 /// Environment, run, row that it starts from, seed, fingerprint, steps.
-type Told = (String, usize, u32, u64, String, usize);
+type StreamInputs = (String, usize, u32, u64, String, usize);
 /// States, and their unbroken pieces.
 type States<'py> = (Bound<'py, PyAny>, Vec<(usize, usize)>);
 /// Values of a candidate as JSON, and whether it is the default.
@@ -30,7 +28,7 @@ type Candidate = (String, bool);
 pub(crate) struct Streams {
     streams: SweepStreams,
     /// When they were opened.
-    since: Since,
+    lost_pages: LostPages,
 }
 
 /// What an agent came to on a stream.
@@ -101,17 +99,17 @@ impl Streams {
         observer: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let job = &job.get().job;
-        let since = Since::now();
+        let lost_pages = LostPages::so_far();
         let streams = watched(py, Needs::Tables, observer, |watch: &Arc<Watch>| {
-            SweepStreams::of_job(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))))
+            SweepStreams::of_job(job, &watch_printer(watch))
         })?;
         let streams = streams.map_err(|error| errors::of_step(py, &error))?;
-        since.check(py)?;
-        Ok(Self { streams, since })
+        lost_pages.check(py)?;
+        Ok(Self { streams, lost_pages })
     }
 
     /// Each stream.
-    fn runs(&self) -> Vec<Told> {
+    fn runs(&self) -> Vec<StreamInputs> {
         let runs = self.streams.runs().iter().enumerate();
         runs.map(|(at, run)| {
             let inputs = run.inputs.short().to_string();
@@ -160,7 +158,7 @@ impl Streams {
         for t in 0..count {
             values.extend_from_slice(states.state(t));
         }
-        self.since.check(py)?;
+        self.lost_pages.check(py)?;
         let pieces = states.pieces().iter().map(|piece| (piece.start, piece.end)).collect();
         Ok((owned(py, values, &[count, width])?, pieces))
     }
@@ -187,7 +185,7 @@ impl Streams {
             .streams
             .score(stream, *column, &predictions, updates)
             .map_err(|error| errors::of_step(py, &error))?;
-        self.since.check(py)?;
+        self.lost_pages.check(py)?;
         let part = self.streams.part();
         let rmse = outcome.scores.of(part).map_or(f64::NAN, |score| score.rmse);
         let nrmse = rmse / self.streams.scale(sensor);
@@ -243,8 +241,7 @@ pub(crate) fn evaluate_runs(
 ) -> PyResult<&'static str> {
     let study = job.map_or_else(Study::default, |job| job.get().job.study().clone());
     let judged = watched(py, Needs::Tables, observer, |watch| {
-        let printer = Printer::new(Arc::new(Ears(Arc::clone(watch))));
-        calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), &printer)
+        calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), &watch_printer(watch))
             .map(|judged| judged.outcome())
     })?;
     match judged {

@@ -1,6 +1,6 @@
 //! A study that was resolved, and its steps.
 
-use std::{path::PathBuf, sync::Arc};
+use std::path::PathBuf;
 
 use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError, Told as _};
 use calib_study::{Existing, Policy, StepKind, Writes};
@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use crate::{
     errors,
     lost::Step,
-    observer::Ears,
+    observer::watch_printer,
     work::{Needs, watched},
 };
 
@@ -58,7 +58,7 @@ impl PyJob {
         let job = &self.job;
         let ended = watched(py, Needs::Tables, observer, |watch| {
             let _at_work = Step::begin();
-            step(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))))
+            step(job, &watch_printer(watch))
         })?;
         match ended {
             Ok(Outcome::Done) => Ok("done"),

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     array::{copied, owned},
     errors,
-    model::Kept,
+    model::SharedModel,
 };
 
 /// A column of the states, and the map to what is seen of it.
@@ -30,7 +30,7 @@ struct Walker {
 /// Walks through members of a model. What they see is recorded rows; no action changes them.
 #[pyclass(module = "calib_rl._calib")]
 pub(crate) struct Walkers {
-    kept: Arc<Kept>,
+    shared: Arc<SharedModel>,
     walks: Vec<Walker>,
     columns: Vec<Mapped>,
     reward: Mapped,
@@ -49,7 +49,7 @@ type Arrays<'py> = (
 
 impl Walkers {
     pub(crate) fn new(
-        kept: Arc<Kept>,
+        shared: Arc<SharedModel>,
         members: Vec<usize>,
         columns: Vec<Mapped>,
         reward: Mapped,
@@ -67,26 +67,26 @@ impl Walkers {
                 distance: 0.0,
             })
             .collect();
-        Self { kept, walks, columns, reward, most }
+        Self { shared, walks, columns, reward, most }
     }
 
     /// What walker `number` sees, at the end of `seen`; its reward, row and time.
     fn look(&self, number: usize, seen: &mut Vec<f32>) -> (f64, i64, i64) {
-        let row = self.kept.knn().transitions().next(self.walks[number].at).get();
-        let state = self.kept.states().row(row);
+        let row = self.shared.knn().transitions().next(self.walks[number].at).get();
+        let state = self.shared.states().row(row);
         seen.extend(
             self.columns
                 .iter()
                 .map(|(column, bounds)| bounds.physical(Normalised(state[*column])).0 as f32),
         );
         let (column, bounds) = self.reward;
-        (bounds.physical(Normalised(state[column])).0, row as i64, self.kept.time(row))
+        (bounds.physical(Normalised(state[column])).0, row as i64, self.shared.time(row))
     }
 
     fn arrays<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Arrays<'py>> {
         // What was walked through, and what is seen of it.
         let seen = self.seen(py, begun);
-        self.kept.check(py)?;
+        self.shared.check(py)?;
         seen
     }
 
@@ -139,15 +139,15 @@ fn rng(seed: u64, number: usize) -> Rng {
 }
 
 impl Walker {
-    fn begin(&mut self, kept: &Kept) {
-        let member = kept.knn().member(self.member);
+    fn begin(&mut self, shared: &SharedModel) {
+        let member = shared.knn().member(self.member);
         self.at = member.nth(self.rng.below(member.len()));
         (self.steps, self.over, self.distance) = (0, false, 0.0);
     }
 
-    fn step(&mut self, kept: &Kept, most: u64) {
-        let (neighbors, distances) = kept.knn().member(self.member).neighbors(self.at);
-        let drawn = kept.weights().draw(distances, &mut self.rng);
+    fn step(&mut self, shared: &SharedModel, most: u64) {
+        let (neighbors, distances) = shared.knn().member(self.member).neighbors(self.at);
+        let drawn = shared.weights().draw(distances, &mut self.rng);
         self.at = TransitionIndex(neighbors[drawn]);
         self.distance = distances[drawn];
         self.steps += 1;
@@ -165,7 +165,7 @@ impl Walkers {
     /// Go on where other walkers through the same members were.
     fn restore(&mut self, state: &str) -> PyResult<()> {
         let walks: Vec<Walker> = serde_json::from_str(state).map_err(errors::unusable)?;
-        let transitions = self.kept.knn().transitions().len();
+        let transitions = self.shared.knn().transitions().len();
         let members = walks.iter().map(|walker| walker.member);
         if members.ne(self.walks.iter().map(|walker| walker.member))
             || walks.iter().any(|walker| walker.at.get() >= transitions)
@@ -196,7 +196,7 @@ impl Walkers {
     ) -> PyResult<Arrays<'py>> {
         let which = marked(which, self.walks.len())?;
         for (walker, _) in self.walks.iter_mut().zip(&which).filter(|(_, begins)| **begins) {
-            walker.begin(&self.kept);
+            walker.begin(&self.shared);
         }
         self.arrays(py, &which)
     }
@@ -205,13 +205,13 @@ impl Walkers {
     /// `int64 [n]`, distances `float32 [n]`. One that was over begins anew, and has no reward for that.
     fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Arrays<'py>> {
         let begun: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
-        let kept = Arc::clone(&self.kept);
+        let shared = Arc::clone(&self.shared);
         let most = self.most;
         for walker in &mut self.walks {
             if walker.over {
-                walker.begin(&kept);
+                walker.begin(&shared);
             } else {
-                walker.step(&kept, most);
+                walker.step(&shared, most);
             }
         }
         self.arrays(py, &begun)
@@ -222,17 +222,17 @@ impl Walkers {
         &mut self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyAny>, f64, bool, i64, i64, f32)> {
-        let kept = Arc::clone(&self.kept);
+        let shared = Arc::clone(&self.shared);
         let most = self.most;
         let Some(walker) = self.walks.first_mut() else {
             return Err(errors::value("there is no walker"));
         };
-        walker.step(&kept, most);
+        walker.step(&shared, most);
         let over = walker.over;
         let distance = walker.distance;
         let mut seen = Vec::with_capacity(self.columns.len());
         let (reward, row, time) = self.look(0, &mut seen);
-        self.kept.check(py)?;
+        self.shared.check(py)?;
         let width = seen.len();
         Ok((owned(py, seen, &[width])?, reward, over, row, time, distance))
     }
