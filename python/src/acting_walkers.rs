@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use calib_control::{At, Coverage, Drift, Rules, Target, WalkerStep, Walkers};
 use calib_core::Normalised;
-use pyo3::prelude::*;
+use pyo3::{prelude::*, types::PyTuple};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -33,18 +33,6 @@ struct Lived {
     coverage: Coverage,
     drift: Drift,
 }
-
-type Arrays<'py> = (
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-);
 
 /// What walkers do in a step.
 enum Done {
@@ -82,8 +70,9 @@ impl ActionWalkers {
         }
     }
 
-    fn arrays<'py>(&self, py: Python<'py>, went: &[WalkerStep]) -> PyResult<Arrays<'py>> {
-        let count = went.len();
+    /// What every walker sees after its step, in the order of [`step`](Self::step).
+    fn arrays<'py>(&self, py: Python<'py>, steps: &[WalkerStep]) -> PyResult<Bound<'py, PyTuple>> {
+        let count = steps.len();
         let width = self.columns.len();
         let mut seen = Vec::with_capacity(count * width);
         let mut displaced = Vec::with_capacity(count * width);
@@ -96,17 +85,18 @@ impl ActionWalkers {
             times.push(self.shared.opened.times[row as usize]);
         }
         self.shared.lost_pages.check(py)?;
-        Ok((
+        let arrays = [
             owned(py, seen, &[count, width])?,
-            owned(py, went.iter().map(|step| step.reward).collect::<Vec<f64>>(), &[count])?,
-            owned(py, went.iter().map(|step| step.terminated).collect::<Vec<bool>>(), &[count])?,
-            owned(py, went.iter().map(|step| step.truncated).collect::<Vec<bool>>(), &[count])?,
+            owned(py, steps.iter().map(|step| step.reward).collect::<Vec<f64>>(), &[count])?,
+            owned(py, steps.iter().map(|step| step.terminated).collect::<Vec<bool>>(), &[count])?,
+            owned(py, steps.iter().map(|step| step.truncated).collect::<Vec<bool>>(), &[count])?,
             owned(py, rows, &[count])?,
             owned(py, times, &[count])?,
-            owned(py, went.iter().map(|step| step.distance).collect::<Vec<f32>>(), &[count])?,
-            owned(py, went.iter().map(|step| step.covered).collect::<Vec<bool>>(), &[count])?,
+            owned(py, steps.iter().map(|step| step.distance).collect::<Vec<f32>>(), &[count])?,
+            owned(py, steps.iter().map(|step| step.covered).collect::<Vec<bool>>(), &[count])?,
             owned(py, displaced, &[count, width])?,
-        ))
+        ];
+        PyTuple::new(py, arrays)
     }
 
     /// What `actions` mean, for `count` walkers.
@@ -200,31 +190,35 @@ impl ActionWalkers {
         &mut self,
         py: Python<'py>,
         which: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Arrays<'py>> {
+    ) -> PyResult<Bound<'py, PyTuple>> {
         let count = self.walkers.walks().len();
         let which = marked(which, count)?;
         let model = Arc::clone(&self.shared.opened.model);
-        let mut went = vec![WalkerStep::BEGAN; count];
+        let mut steps = vec![WalkerStep::BEGAN; count];
         for (number, _) in which.iter().enumerate().filter(|(_, begins)| **begins) {
-            went[number] = self.walkers.begin(&model, number);
+            steps[number] = self.walkers.begin(&model, number);
         }
-        self.arrays(py, &went)
+        self.arrays(py, &steps)
     }
 
     /// A step of every walker: what they see `float32 [n, c]`, rewards `float64 [n]`, whether they ended in a terminal and whether they were cut
     /// `bool [n]`, rows and times `int64 [n]`, distances `float32 [n]`, whether the step was covered `bool [n]`, displacements `float32 [n, c]`.
     /// One that was over begins anew, and has no reward for that.
-    fn step<'py>(&mut self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Arrays<'py>> {
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyTuple>> {
         let count = self.walkers.walks().len();
         let done = self.done(actions, count)?;
         let model = Arc::clone(&self.shared.opened.model);
         let rules = self.rules;
         let timeout = self.timeout;
         let walkers = &mut self.walkers;
-        let went: Vec<WalkerStep> = (0..count)
+        let steps: Vec<WalkerStep> = (0..count)
             .map(|number: usize| walkers.step(&model, number, done.of(number), rules, timeout))
             .collect();
-        self.arrays(py, &went)
+        self.arrays(py, &steps)
     }
 
     /// A step of the only walker, with a level: what it sees, reward, terminated, truncated, row, time, distance, covered, displacement.
@@ -238,14 +232,14 @@ impl ActionWalkers {
         self.check(0, level)?;
         let model = Arc::clone(&self.shared.opened.model);
         let target = Target::Level(level as usize);
-        let went = self.walkers.step(&model, 0, target, self.rules, self.timeout);
+        let step = self.walkers.step(&model, 0, target, self.rules, self.timeout);
         let width = self.columns.len();
         let mut seen = Vec::with_capacity(width);
         let mut displaced = Vec::with_capacity(width);
         self.look(0, &mut seen, &mut displaced);
         let row = self.row(0);
         self.shared.lost_pages.check(py)?;
-        let WalkerStep { reward, terminated, truncated, distance, covered } = went;
+        let WalkerStep { reward, terminated, truncated, distance, covered } = step;
         let time = self.shared.opened.times[row as usize];
         let seen = owned(py, seen, &[width])?;
         let displaced = owned(py, displaced, &[width])?;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use calib_core::{Bounds, Normalised, Rng, Seed, TransitionIndex};
-use pyo3::prelude::*;
+use pyo3::{prelude::*, types::PyTuple};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -37,15 +37,6 @@ pub(crate) struct Walkers {
     /// Steps after which a walk is over; 0 for never.
     most: u64,
 }
-
-type Arrays<'py> = (
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-);
 
 impl Walkers {
     pub(crate) fn new(
@@ -83,14 +74,8 @@ impl Walkers {
         (bounds.physical(Normalised(state[column])).0, row as i64, self.shared.time(row))
     }
 
-    fn arrays<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Arrays<'py>> {
-        // What was walked through, and what is seen of it.
-        let seen = self.seen(py, begun);
-        self.shared.check(py)?;
-        seen
-    }
-
-    fn seen<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Arrays<'py>> {
+    /// What every walker sees, in the order of [`step`](Self::step); one that has just begun has no reward.
+    fn arrays<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Bound<'py, PyTuple>> {
         let count = self.walks.len();
         let mut seen = Vec::with_capacity(count * self.columns.len());
         let mut rewards = Vec::with_capacity(count);
@@ -102,16 +87,18 @@ impl Walkers {
             rows.push(row);
             times.push(time);
         }
+        self.shared.check(py)?;
         let over: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
         let distances: Vec<f32> = self.walks.iter().map(|walker| walker.distance).collect();
-        Ok((
+        let arrays = [
             owned(py, seen, &[count, self.columns.len()])?,
             owned(py, rewards, &[count])?,
             owned(py, over, &[count])?,
             owned(py, rows, &[count])?,
             owned(py, times, &[count])?,
             owned(py, distances, &[count])?,
-        ))
+        ];
+        PyTuple::new(py, arrays)
     }
 }
 
@@ -193,7 +180,7 @@ impl Walkers {
         &mut self,
         py: Python<'py>,
         which: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Arrays<'py>> {
+    ) -> PyResult<Bound<'py, PyTuple>> {
         let which = marked(which, self.walks.len())?;
         for (walker, _) in self.walks.iter_mut().zip(&which).filter(|(_, begins)| **begins) {
             walker.begin(&self.shared);
@@ -203,7 +190,7 @@ impl Walkers {
 
     /// A step of every walker: what they see `float32 [n, c]`, rewards `float64 [n]`, whether they are over `bool [n]`, rows and times
     /// `int64 [n]`, distances `float32 [n]`. One that was over begins anew, and has no reward for that.
-    fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Arrays<'py>> {
+    fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let begun: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
         let shared = Arc::clone(&self.shared);
         let most = self.most;
