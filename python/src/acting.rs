@@ -6,8 +6,8 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, ConstantReturns, Increments, NetworkModel, Pessimism, Question, ReturnVerdict,
-    Rules, Run, StepModel, Support, Walkers, judge,
+    ActionModel, ConstantReturns, ControlError, Increments, NetworkModel, Pessimism, Question,
+    ReturnVerdict, Rules, Run, StepModel, Support, Walkers, judge,
 };
 use calib_core::{Bounds, Seed, Silent};
 use calib_pipeline::{Advice, ControlModel, PYTHON, StepError};
@@ -33,12 +33,6 @@ pub(crate) struct SharedActionModel {
     networks: OnceLock<Arc<NetworkModel>>,
 }
 
-impl SharedActionModel {
-    fn new(opened: ControlModel, lost_pages: LostPages) -> Self {
-        Self { opened, lost_pages, increments: OnceLock::new(), networks: OnceLock::new() }
-    }
-}
-
 /// A model with actions.
 #[pyclass(frozen, module = "calib_rl._calib", name = "ActionModel")]
 pub(crate) struct PyActionModel {
@@ -57,7 +51,9 @@ impl PyActionModel {
         let opened = watched(py, Needs::Threads, None, |_| open())?;
         let opened = opened.map_err(|error| errors::of_step(py, &error))?;
         lost_pages.check(py)?;
-        Ok(Self { shared: Arc::new(SharedActionModel::new(opened, lost_pages)), directory })
+        let (increments, networks) = (OnceLock::new(), OnceLock::new());
+        let shared = SharedActionModel { opened, lost_pages, increments, networks };
+        Ok(Self { shared: Arc::new(shared), directory })
     }
 
     pub(crate) fn model(&self) -> &ActionModel {
@@ -80,33 +76,35 @@ impl PyActionModel {
 
     /// The increments of the model, made at their first use.
     fn increments(&self, py: Python<'_>) -> PyResult<Arc<Increments>> {
-        if let Some(increments) = self.shared.increments.get() {
-            return Ok(Arc::clone(increments));
-        }
         let coverage = self.shared.opened.coverage;
-        let made = watched(py, Needs::Threads, None, |_| {
-            Increments::new(self.model(), coverage, &Silent)
-        })?;
-        let made = Arc::new(made.map_err(|error| errors::of_any(py, &error))?);
-        Ok(Arc::clone(self.shared.increments.get_or_init(|| made)))
+        made_once(py, &self.shared.increments, || Increments::new(self.model(), coverage, &Silent))
     }
 
     /// The networks of the model, trained at their first use: as `calib control` trains them.
     fn networks(&self, py: Python<'_>) -> PyResult<Arc<NetworkModel>> {
-        if let Some(networks) = self.shared.networks.get() {
-            return Ok(Arc::clone(networks));
-        }
         let seed = Seed::new(self.shared.opened.names.seed).child("control");
-        let trained = watched(py, Needs::Threads, None, |_| {
+        made_once(py, &self.shared.networks, || {
             NetworkModel::for_model(self.model(), seed, &Silent)
-        })?;
-        let trained = Arc::new(trained.map_err(|error| errors::of_any(py, &error))?);
-        Ok(Arc::clone(self.shared.networks.get_or_init(|| trained)))
+        })
     }
 
     fn check_member(&self, member: usize) -> PyResult<()> {
         require_member(member, self.model().blocks().members())
     }
+}
+
+/// The value in `cell`, which `make` makes at its first use.
+fn made_once<T: Send + Sync>(
+    py: Python<'_>,
+    cell: &OnceLock<Arc<T>>,
+    make: impl FnOnce() -> Result<T, ControlError> + Send,
+) -> PyResult<Arc<T>> {
+    if let Some(value) = cell.get() {
+        return Ok(Arc::clone(value));
+    }
+    let made = watched(py, Needs::Threads, None, |_| make())?;
+    let made = Arc::new(made.map_err(|error| errors::of_any(py, &error))?);
+    Ok(Arc::clone(cell.get_or_init(|| made)))
 }
 
 #[pymethods]

@@ -101,6 +101,6 @@ pub(crate) fn to_toml_value(object: &Bound<'_, PyAny>, key: &str) -> PyResult<St
 
 /// The same as the text of a study file.
 #[pyfunction]
-pub(crate) fn to_toml(of: &Bound<'_, PyAny>) -> PyResult<String> {
-    toml::to_string(&table(of, "")?).map_err(crate::errors::unusable)
+pub(crate) fn to_toml(object: &Bound<'_, PyAny>) -> PyResult<String> {
+    toml::to_string(&table(object, "")?).map_err(crate::errors::unusable)
 }

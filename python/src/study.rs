@@ -71,9 +71,9 @@ impl PyJob {
     }
 
     /// Where the results of a step lie: `"model"`, `"rollout"`, `"sweep"`, `"evaluate"`, `"report"`, or `"root"` for all of them.
-    fn path(&self, of: &str) -> PyResult<PathBuf> {
+    fn path(&self, name: &str) -> PyResult<PathBuf> {
         let layout = self.job.layout();
-        Ok(match of {
+        Ok(match name {
             "root" => layout.root().to_owned(),
             "study" => layout.study().to_owned(),
             "control_model" => layout.control_model(),
