@@ -251,37 +251,28 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         return {"row": rows, "_row": every, "time": times, "_time": every, "distance": distances, "_distance": every}
 
 
-def _of_acting(
-    reward: Column | None,
-    max_steps: int | None,
-    action_space: ActionKind | gymnasium.Space[Any] | None,
-    **settings: Any,
-) -> dict[str, Any]:
-    """What an environment of a model with actions is made with."""
-    if reward is not None:
-        raise ValueError("reward: rewards of a model with actions are those of its log; leave it out")
-    if max_steps != _MAX_STEPS:
-        raise ValueError("max_steps: episodes in a model with actions are cut after timeout steps; say timeout=")
-    return {"action_space": action_space, **settings}
+# Arguments of `make` that are for models with actions alone, and their defaults.
+_ACTING_DEFAULTS = {"timeout": None, "pessimism": "nearest", "worst_return": None, "live": False, "kind": "neighbors"}
 
 
-def _of_plain(
-    reward: Column | None,
-    max_steps: int | None,
-    action_space: Any,
-    timeout: int | None,
-    pessimism: str,
-    worst_return: float | None,
-    live: bool,
-    kind: ModelKind,
-    **settings: Any,
-) -> dict[str, Any]:
-    """What an environment of a model without actions is made with."""
-    given = {"timeout": timeout is not None, "pessimism": pessimism != "nearest", "worst_return": worst_return is not None, "live": live, "kind": kind != "neighbors"}
-    for name, is_given in given.items():
-        if is_given:
+def _settings_for(model: Any, reward: Column | None, max_steps: int | None, **settings: Any) -> dict[str, Any]:
+    """The arguments of `make` with which an environment of this kind of model is made.
+
+    Raises:
+        ValueError: An argument is for models of the other kind.
+        TypeError: This is no model.
+    """
+    if isinstance(model, ActionModel):
+        if reward is not None:
+            raise ValueError("reward: rewards of a model with actions are those of its log; leave it out")
+        if max_steps != _MAX_STEPS:
+            raise ValueError("max_steps: episodes in a model with actions are cut after timeout steps; say timeout=")
+        return settings
+    _require_model(model)
+    for name, default in _ACTING_DEFAULTS.items():
+        if settings.pop(name) != default:
             raise ValueError(f"{name} is for models with actions; build one with calib_rl.build_model(..., actions=[...], reward=...)")
-    return {"reward": 0 if reward is None else reward, "max_steps": max_steps, "action_space": action_space, **settings}
+    return {"reward": 0 if reward is None else reward, "max_steps": max_steps, **settings}
 
 
 @overload
@@ -385,11 +376,10 @@ def make(
         (True, False, False)
     """
     acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live, "kind": kind}
-    shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
+    settings = _settings_for(model, reward, max_steps, observe=observe, units=units, action_space=action_space, **acting)
     if isinstance(model, ActionModel):
-        return ActingEnv(model, member, **_of_acting(reward, max_steps, action_space, **shared))
-    _require_model(model)
-    return CalibrationEnv(model, member, **_of_plain(reward, max_steps, action_space, **shared))
+        return ActingEnv(model, member, **settings)
+    return CalibrationEnv(model, member, **settings)
 
 
 @overload
@@ -472,11 +462,10 @@ def make_vec(
         ((256, 3), (256,))
     """
     acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live, "kind": kind}
-    shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
+    settings = _settings_for(model, reward, max_steps, observe=observe, units=units, action_space=action_space, **acting)
     if isinstance(model, ActionModel):
-        return ActingVectorEnv(model, num_envs, members, **_of_acting(reward, max_steps, action_space, **shared))
-    _require_model(model)
-    return CalibrationVectorEnv(model, num_envs, members, **_of_plain(reward, max_steps, action_space, **shared))
+        return ActingVectorEnv(model, num_envs, members, **settings)
+    return CalibrationVectorEnv(model, num_envs, members, **settings)
 
 
 def _require_model(model: Any) -> None:
