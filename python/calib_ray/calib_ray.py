@@ -138,17 +138,16 @@ def run_plan(ray, options, plan):
     for stage in range(1 + max((shard["stage"] for shard in plan["shards"]), default=-1)):
         # A stage reads the results of those before.
         earlier = {}
-        for shard, of in enumerate(plan["shards"]):
-            if of["stage"] < stage:
+        for shard, planned in enumerate(plan["shards"]):
+            if planned["stage"] < stage:
                 earlier.update({name: content for name, content in files_of(options.plan, shard).items() if name.endswith(".units")})
 
         def start(shard):
             memory = int(plan["shards"][shard]["memory"])
             files = {**earlier, **files_of(options.plan, shard)}
-            of = task.options(memory=memory)
-            return of.remote(shard, key, names, objects, files, options.calib, options.threads)
+            return task.options(memory=memory).remote(shard, key, names, objects, files, options.calib, options.threads)
 
-        attempts = {shard: 1 for shard, of in enumerate(plan["shards"]) if of["stage"] == stage}
+        attempts = {shard: 1 for shard, planned in enumerate(plan["shards"]) if planned["stage"] == stage}
         running = {start(shard): shard for shard in attempts}
         while running:
             [ready], _ = ray.wait(list(running), num_returns=1)

@@ -336,8 +336,7 @@ class Study:
             >>> study.evaluate(progress=False).report.name
             'report.html'
         """
-        outcome = self._step("evaluate", progress)
-        return self._verdict(outcome)
+        return self._verdict("evaluate", progress)
 
     def run(self, *, progress: bool | Observer = True) -> Verdict:
         """Make every step that the study needs, from its log to the verdict, as far as it is missing.
@@ -358,13 +357,13 @@ class Study:
             >>> list(verdict.settings)
             ['PIT300']
         """
-        outcome = self._step("run", progress)
-        return self._verdict(outcome)
+        return self._verdict("run", progress)
 
     def _step(self, name: str, progress: bool | Observer) -> str:
         return self._job.step(name, observer(progress))
 
-    def _verdict(self, outcome: str) -> Verdict:
+    def _verdict(self, step: str, progress: bool | Observer) -> Verdict:
+        outcome = self._step(step, progress)
         return Verdict(Path(self._job.path("evaluate")), Path(self._job.path("sweep")), Path(self._job.path("report")), outcome)
 
     def __repr__(self) -> str:

@@ -305,11 +305,11 @@ def tune(
     limits = {"most_uncovered": most_uncovered, "fewest_terminals": fewest_terminals}
     alive, halved = list(range(len(settings))), []
     for part in _parts(halving, len(settings)):
-        lived = work.lived(alive, max(1, steps // part))
+        results = work.run_all(alive, max(1, steps // part))
         alive = [place for place in alive if place not in work.failed]
         if part == 1 or not alive:
             break
-        verdict = work.judged(alive, lived, default, limits)
+        verdict = work.judged(alive, results, default, limits)
         ranks = verdict["selection"]
         order = sorted(range(len(alive)), key=lambda place: (ranks["mean_ranks"][place], ranks["worst_ranks"][place]))
         kept = {alive[place] for place in order[: max(1, -(-len(alive) // (halving or 1)))]}
@@ -320,7 +320,7 @@ def tune(
     if not alive:
         advice = ["Deploy nothing: every setting failed."]
         return Tuned([], None, default, advice, [], failures, halved, {}, [])
-    verdict = work.judged(alive, lived, default, limits, work.constants(max(1, steps)))
+    verdict = work.judged(alive, results, default, limits, work.constants(max(1, steps)))
     doubts = verdict.pop("reasons")
     compared = [settings[place] for place in alive]
     chosen = compared[verdict["chosen"]]
@@ -331,7 +331,7 @@ def tune(
             "uncovered": _uncovered(unit["run"]["coverage"]),
             "returns": unit["returns"],
         }
-        for place, units in lived.items()
+        for place, units in results.items()
         if place in alive
         for unit in units
     ]
@@ -409,7 +409,7 @@ class _Work:
     progress: bool
     failed: dict[int, Failure] = field(default_factory=dict)
 
-    def lived(self, places: list[int], steps: int) -> dict[int, list[dict[str, Any]]]:
+    def run_all(self, places: list[int], steps: int) -> dict[int, list[dict[str, Any]]]:
         """What came of these settings in every run of every member."""
         from ._tune_unit import Unit
 
@@ -423,8 +423,8 @@ class _Work:
         missing = [place for place in range(len(units)) if place not in known]
         if self.progress:
             print(f"{len(places)} settings x {len(self.members)} ensemble members of {', '.join(self.kinds)} x {self.runs} runs of {steps:,} steps, {len(known)} training runs are there already", file=sys.stderr)
-        self._live(units, missing, known)
-        lived: dict[int, list[dict[str, Any]]] = {place: [] for place in places}
+        self._run_missing(units, missing, known)
+        results: dict[int, list[dict[str, Any]]] = {place: [] for place in places}
         for place, unit in enumerate(units):
             came = known.get(place)
             if came is None:
@@ -433,11 +433,11 @@ class _Work:
                 failure = Failure(unit.setting, unit.member, unit.run, came["place"], came["error"], came["trace"])
                 self.failed.setdefault(unit.candidate, failure)
             else:
-                lived[unit.candidate].append(came)
-        return lived
+                results[unit.candidate].append(came)
+        return results
 
-    def _live(self, units: list[Unit], missing: list[int], known: dict[int, dict[str, Any]]) -> None:
-        from ._tune_unit import live
+    def _run_missing(self, units: list[Unit], missing: list[int], known: dict[int, dict[str, Any]]) -> None:
+        from ._tune_unit import run_unit
 
         failed: set[int] = set()
         lock = threading.Lock()
@@ -459,7 +459,7 @@ class _Work:
             for place in missing:
                 # A setting that failed once is not tried again.
                 if units[place].candidate not in failed:
-                    end(place, live(self.make_agent, self.model, units[place], self.environment))
+                    end(place, run_unit(self.make_agent, self.model, units[place], self.environment))
             return
         waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
         for place in missing:
@@ -480,7 +480,7 @@ class _Work:
                         continue
                     worker = worker or _Worker(message)
                     workers.append(worker)
-                    came = worker.live(units[place])
+                    came = worker.run(units[place])
                     if stop.is_set():
                         return
                     if came is None:
@@ -548,7 +548,7 @@ class _Work:
     def judged(
         self,
         places: list[int],
-        lived: dict[int, list[dict[str, Any]]],
+        results: dict[int, list[dict[str, Any]]],
         default: Setting | None,
         limits: dict[str, Any],
         constants: list[dict[str, Any]] | None = None,
@@ -558,7 +558,7 @@ class _Work:
         runs = [
             {**unit["run"], "candidate": number, "member": numbers[unit["run"]["member"]]}
             for number, place in enumerate(places)
-            for unit in lived[place]
+            for unit in results[place]
         ]
         compared = [self.settings[place] for place in places]
         standard = compared.index(default) if default is not None and default in compared else None
@@ -584,7 +584,7 @@ class _Work:
         if self.folder is None:
             return None
         manifest = (self.model.path / "manifest.json").read_bytes()
-        of = [
+        identity = [
             _FORMAT,
             hashlib.sha256(manifest).hexdigest(),
             _source(self.make_agent),
@@ -592,7 +592,7 @@ class _Work:
             [unit.kind, unit.member, unit.run, unit.seed, unit.steps],
             {name: repr(value) for name, value in sorted(self.environment.items())},
         ]
-        name = hashlib.sha256(json.dumps(of).encode()).hexdigest()[:32]
+        name = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:32]
         return self.folder / f"unit-{name}.json"
 
     def kept(self, unit: Unit) -> dict[str, Any] | None:
@@ -661,7 +661,7 @@ class _Worker:
         # Each unit on one processor, with the same sums whatever else there is to do.
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"), "1")
         command = [sys.executable, "-c", "from calib_rl._tune_unit import main; main()"]
-        path = os.pathsep.join(of for of in sys.path if of)
+        path = os.pathsep.join(folder for folder in sys.path if folder)
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8", env={**os.environ, **threads, "PYTHONPATH": path}
         )
@@ -675,7 +675,7 @@ class _Worker:
         except OSError:
             pass  # it has ended, which its answer tells
 
-    def live(self, unit: Unit) -> dict[str, Any] | None:
+    def run(self, unit: Unit) -> dict[str, Any] | None:
         """What came of a unit. ``None`` if the process ended."""
         try:
             text = _packer()(vars(unit)).hex()

@@ -41,7 +41,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         self.reward, self.length = 0.0, 0
         self.beyond = 0
         self.seed: int | None = None
-        self.lived: str | None = None
+        self.coverage: str | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """The first episode begins by our seed, whatever the agent's is: chance is common to all settings."""
@@ -65,7 +65,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
             self.terminals += int(terminated)
             self.reward, self.length = 0.0, 0
         if self.left == 0:
-            self.lived = self.env.unwrapped.lived()  # type: ignore[attr-defined]
+            self.coverage = self.env.unwrapped.lived()  # type: ignore[attr-defined]
         return seen, reward, terminated, truncated, info
 
     def mean_return(self) -> float:
@@ -74,7 +74,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         return (sum(self.returns) + self.reward) / episodes
 
 
-def live(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> dict[str, Any]:
+def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> dict[str, Any]:
     """What came of a unit: a run as `calib control` has it, with the return of every episode, or why it failed."""
     place = "make_agent"
     try:
@@ -109,7 +109,7 @@ def live(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environ
         "episodes": len(returns),
         "terminals": env.terminals,
         "curve": _tenths(returns),
-        **json.loads(env.lived or made.lived()),
+        **json.loads(env.coverage or made.lived()),
     }
     return {"run": run, "returns": returns}
 
@@ -163,7 +163,7 @@ def main() -> None:
         return
     for line in sys.stdin:
         unit = Unit(**pickle.loads(bytes.fromhex(line.strip())))
-        print(json.dumps(live(make_agent, model, unit, environment)), file=answers, flush=True)
+        print(json.dumps(run_unit(make_agent, model, unit, environment)), file=answers, flush=True)
 
 
 if __name__ == "__main__":

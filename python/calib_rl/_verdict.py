@@ -182,7 +182,7 @@ class Verdict:
             'learning_rate'
         """
         labels = self.summary.get("candidates", [])
-        return {of["sensor"]: labels[of["chosen"]] for of in self.summary.get("verdicts", [])}
+        return {verdict["sensor"]: labels[verdict["chosen"]] for verdict in self.summary.get("verdicts", [])}
 
     @property
     def settings(self) -> dict[str, dict[str, Any]]:
@@ -196,7 +196,7 @@ class Verdict:
             >>> verdict.settings["PIT300"]["learning_rate"] in (0.001, 0.01)
             True
         """
-        return {of["sensor"]: dict(of["values"]) for of in self.summary.get("choices", [])}
+        return {choice["sensor"]: dict(choice["values"]) for choice in self.summary.get("choices", [])}
 
     @property
     def recommendations(self) -> dict[str, str]:
@@ -208,7 +208,7 @@ class Verdict:
             >>> list(verdict.recommendations)
             ['PIT300']
         """
-        return {of["sensor"]: of["recommendation"] for of in self.summary.get("choices", [])}
+        return {choice["sensor"]: choice["recommendation"] for choice in self.summary.get("choices", [])}
 
     @property
     def caveats(self) -> list[str]:
@@ -274,8 +274,8 @@ class Verdict:
             if verdict.get("truth"):
                 scores.append(("online", verdict["truth"]["scores"]))
             for environment, score in scores:
-                for candidate, of in enumerate(score["candidates"]):
-                    mean = of.get("mean")
+                for candidate, runs in enumerate(score["candidates"]):
+                    mean = runs.get("mean")
                     rows["sensor"].append(verdict["sensor"])
                     rows["environment"].append(environment)
                     rows["candidate"].append(candidate)
@@ -292,7 +292,7 @@ class Verdict:
         return polars.DataFrame(rows)
 
     def __str__(self) -> str:
-        lines = [line if position == 0 else f"    {line}" for of in self.advice for position, line in enumerate(of)]
+        lines = [line if position == 0 else f"    {line}" for advice in self.advice for position, line in enumerate(advice)]
         return "\n".join([*lines, *(f"note: {note}" for note in self.caveats)])
 
     def __repr__(self) -> str:

@@ -64,7 +64,7 @@ def jax_td(task: Task, learning_rate: float) -> Any:
             self.parameters = update(self.parameters, observation, reward, next_observation, task.gamma, learning_rate)
 
         def state_dict(self) -> Mapping[str, Any]:
-            return {name: np.asarray(of) for name, of in self.parameters.items()}
+            return {name: np.asarray(values) for name, values in self.parameters.items()}
 
     return JaxTd()
 
@@ -83,7 +83,7 @@ def _compiled() -> tuple[Any, Any]:
         def step(parameters: Any, observation: Any, reward: Any, following: Any, gamma: Any, rate: Any) -> Any:
             now, gradient = jax.value_and_grad(value)(parameters, observation)
             error = reward + gamma * value(parameters, following) - now
-            return jax.tree.map(lambda of, slope: of + rate * error * slope, parameters, gradient)
+            return jax.tree.map(lambda weights, slope: weights + rate * error * slope, parameters, gradient)
 
         _COMPILED.append((jax.jit(value), jax.jit(step)))
     return _COMPILED[0]

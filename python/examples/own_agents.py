@@ -88,7 +88,7 @@ def torch_td(task: Task, learning_rate: float) -> Any:
             self.optimiser.step()
 
         def state_dict(self) -> Mapping[str, Any]:
-            return {name: of.numpy() for name, of in self.network.state_dict().items()}
+            return {name: values.numpy() for name, values in self.network.state_dict().items()}
 
     return TorchTd()
 

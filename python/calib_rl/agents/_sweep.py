@@ -125,7 +125,7 @@ class Sweep:
             >>> list(runs.evaluate().settings["PIT300"])
             ['rate']
         """
-        candidates = grid(values) if isinstance(values, Mapping) else [dict(of) for of in values]
+        candidates = grid(values) if isinstance(values, Mapping) else [dict(setting) for setting in values]
         if not candidates:
             raise ValueError("there are no values to run")
         if default is not None and dict(default) not in candidates:
@@ -142,7 +142,7 @@ class Sweep:
             for done, unit in enumerate(left):
                 run_unit(self.streams, factory, unit, store)
                 self._observer.progress("agents", done + 1, len(left))
-        described = [(json.dumps(of, default=plain), position == chosen) for position, of in enumerate(candidates)]
+        described = [(json.dumps(candidate, default=plain), position == chosen) for position, candidate in enumerate(candidates)]
         scores = []
         for unit in units:
             predictions, updates = np.load(store / unit.key), int((store / f"{unit.key}.updates").read_text())
