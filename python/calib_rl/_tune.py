@@ -24,6 +24,7 @@ from . import _calib
 from ._acting import ActionModel, acting_model
 from ._checks import LARGEST_SEED, position, whole
 from ._kinds import ModelKind
+from ._verdict import frame_of
 
 if TYPE_CHECKING:
     from ._tune_unit import Unit
@@ -110,7 +111,7 @@ class Tuned:
         """
         rows = self._rows()
         columns: dict[str, list[Any]] = {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
-        return _frame(columns)
+        return frame_of(columns)
 
     def runs_frame(self) -> Any:
         """Every setting in every member and run.
@@ -119,7 +120,7 @@ class Tuned:
             `runs` as a frame, without the returns of episodes.
         """
         names = ["setting", "kind", "member", "run", "mean_return", "episodes", "terminals", "uncovered"]
-        return _frame({name: [label(run[name]) if name == "setting" else run[name] for run in self.runs] for name in names})
+        return frame_of({name: [label(run[name]) if name == "setting" else run[name] for run in self.runs] for name in names})
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write what was found as one HTML page that loads nothing from anywhere.
@@ -347,16 +348,6 @@ def label(setting: Setting) -> str:
 
 def _short(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _frame(columns: dict[str, list[Any]]) -> Any:
-    try:
-        import polars
-    except ImportError:
-        import pandas
-
-        return pandas.DataFrame(columns)
-    return polars.DataFrame(columns)
 
 
 def _uncovered(coverage: dict[str, int]) -> float:

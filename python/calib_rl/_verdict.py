@@ -23,6 +23,17 @@ def frame(path: Path) -> Any:
     return pandas.read_parquet(path)
 
 
+def frame_of(columns: dict[str, list[Any]]) -> Any:
+    """Columns as a frame of polars, or of pandas where polars is not installed."""
+    try:
+        import polars
+    except ImportError:
+        import pandas
+
+        return pandas.DataFrame(columns)
+    return polars.DataFrame(columns)
+
+
 class Rollouts:
     """Rollouts of a model, in a folder of results. `Study.rollout` returns it.
 
@@ -283,13 +294,7 @@ class Verdict:
                     rows["mean"].append(float("inf") if mean is None else mean)
                     rows["skill"].append(score["skill"][candidate])
                     rows["chosen"].append(candidate == verdict["chosen"])
-        try:
-            import polars
-        except ImportError:
-            import pandas
-
-            return pandas.DataFrame(rows)
-        return polars.DataFrame(rows)
+        return frame_of(rows)
 
     def __str__(self) -> str:
         lines = [line if position == 0 else f"    {line}" for advice in self.advice for position, line in enumerate(advice)]
