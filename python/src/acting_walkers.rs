@@ -42,7 +42,8 @@ enum Done {
 }
 
 impl Done {
-    fn of(&self, number: usize) -> Target<'_> {
+    /// What walker `number` does.
+    fn target(&self, number: usize) -> Target<'_> {
         match self {
             Self::Levels(levels) => Target::Level(levels[number] as usize),
             Self::Set(set, columns) => Target::Set(&set[number * columns..][..*columns]),
@@ -216,7 +217,7 @@ impl ActionWalkers {
         let timeout = self.timeout;
         let walkers = &mut self.walkers;
         let steps: Vec<WalkerStep> = (0..count)
-            .map(|number: usize| walkers.step(&model, number, done.of(number), rules, timeout))
+            .map(|number: usize| walkers.step(&model, number, done.target(number), rules, timeout))
             .collect();
         self.arrays(py, &steps)
     }

@@ -47,13 +47,13 @@ impl Score {
     /// The error that counts, in normalised units of the sensor.
     #[getter]
     fn rmse(&self) -> f64 {
-        self.of(self.part).map_or(f64::NAN, |score| score.rmse)
+        self.part_score(self.part).map_or(f64::NAN, |score| score.rmse)
     }
 
     /// The error reduction against predicting the mean return of the steps that count.
     #[getter]
     fn skill(&self) -> f64 {
-        self.of(self.part).map_or(f64::NAN, skill)
+        self.part_score(self.part).map_or(f64::NAN, skill)
     }
 
     /// For each part of the run that has steps to score, what its errors and returns are.
@@ -62,7 +62,7 @@ impl Score {
         Part::ALL
             .into_iter()
             .filter_map(|part| {
-                let score = self.of(part)?;
+                let score = self.part_score(part)?;
                 let numbers = [
                     ("rmse", score.rmse),
                     ("skill", skill(score)),
@@ -78,7 +78,7 @@ impl Score {
 
 impl Score {
     /// What was scored of a part: infinite errors where a prediction was not finite.
-    fn of(&self, part: Part) -> Option<PartScore> {
+    fn part_score(&self, part: Part) -> Option<PartScore> {
         self.result.outcome.scores.of(part)
     }
 }

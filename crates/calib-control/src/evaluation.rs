@@ -63,12 +63,12 @@ impl FittedQ {
                     if row_here == Some(next(number)) {
                         std::mem::swap(&mut here, &mut ahead);
                     } else {
-                        tiles.of(states.row(next(number)), &mut ahead);
+                        tiles.put_features(states.row(next(number)), &mut ahead);
                     }
                     target += gamma * expected(&weights, policy, &ahead);
                 }
                 let own = &mut weights[usize::from(log.actions()[number]) * length..][..length];
-                tiles.of(states.row(source(number)), &mut here);
+                tiles.put_features(states.row(source(number)), &mut here);
                 row_here = Some(source(number));
                 let change = step * (target.clamp(lowest, highest) - sum(own, &here));
                 for &feature in &here {
@@ -93,7 +93,7 @@ impl FittedQ {
         let mut features = Vec::new();
         let mut value = 0.0;
         for (row, policy) in policies.chunks(self.actions).enumerate() {
-            self.tiles.of(states.row(row), &mut features);
+            self.tiles.put_features(states.row(row), &mut features);
             value += expected(&self.weights, policy, &features);
         }
         value / states.rows() as f64
@@ -106,7 +106,7 @@ impl FittedQ {
         let mut values = Vec::with_capacity(log.len());
         for (number, policy) in policies.chunks(self.actions).enumerate() {
             let [state, _] = log.ends(TransitionIndex::new(number));
-            self.tiles.of(state, &mut features);
+            self.tiles.put_features(state, &mut features);
             let taken = usize::from(log.actions()[number]);
             values.push(StepValues {
                 taken: sum(&self.weights[taken * length..][..length], &features),

@@ -207,7 +207,7 @@ impl Decisions {
     }
 
     /// The transitions with `action`, ascending.
-    pub fn with_action(&self, action: usize) -> Vec<u32> {
+    pub(crate) fn with_action(&self, action: usize) -> Vec<u32> {
         self.actions
             .iter()
             .enumerate()

@@ -56,7 +56,7 @@ pub use error::RepresentError;
 pub use loss::{Loss, LossBuffers, laplacian_loss};
 pub use one_or_more::OneOrMore;
 pub use pairs::PairSampler;
-pub use scores::{MOST_DISTINCT, Scores, TOLERANCE, score};
+pub use scores::{Scores, TOLERANCE, score};
 pub use section::{RepresentationConfig, RepresentationKind};
 pub use selection::{LEAST_UNIQUENESS, select};
 pub use split::Split;

@@ -10,7 +10,7 @@ use crate::{distinct::count_distinct, eigen::symmetric_eigenvalues, split::succe
 pub const TOLERANCE: f64 = 1e-3;
 
 /// Uniqueness is counted on at most this many evenly spaced states.
-pub const MOST_DISTINCT: usize = 20_000;
+const MOST_DISTINCT: usize = 20_000;
 
 /// A dimension is alive if its second moment is at least this share of the greatest one.
 const ALIVE: f64 = 0.01;

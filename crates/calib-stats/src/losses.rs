@@ -60,7 +60,7 @@ impl Losses {
     /// Mean over windows of the losses of each candidate; `None` where no window counts.
     pub fn means(&self) -> Option<Vec<f64>> {
         let candidates = self.windows.first()?.len();
-        Some((0..candidates).map(|candidate| mean(&self.of(candidate))).collect())
+        Some((0..candidates).map(|candidate| mean(&self.of_candidate(candidate))).collect())
     }
 
     /// Regret of a candidate: exp(mean over windows of its losses) − 1, with a bound over windows; `None` where no
@@ -72,7 +72,7 @@ impl Losses {
     /// equal or all but one are nought, and where one is infinite. Source: the geometric mean is that of quotients (Fleming & Wallace 1986), its
     /// use for regret over windows is our choice.
     pub fn regret(&self, candidate: usize) -> Option<Bounded> {
-        let losses = self.of(candidate);
+        let losses = self.of_candidate(candidate);
         let upper = upper_bound(&losses).ok()?;
         Some(Bounded { value: mean(&losses).exp_m1(), upper: upper.map(f64::exp_m1) })
     }
@@ -117,7 +117,7 @@ impl Losses {
         (!others.is_empty()).then(|| mean(&others).exp_m1())
     }
 
-    fn of(&self, candidate: usize) -> Vec<f64> {
+    fn of_candidate(&self, candidate: usize) -> Vec<f64> {
         self.windows.iter().map(|losses| losses[candidate]).collect()
     }
 }

@@ -61,7 +61,7 @@ impl Linear {
         let count = self.next_values.len() * self.tiles.len();
         let [values, means, squares] =
             ["weights", "mean", "square"].map(|name| values_of(tensors, name, count));
-        self.weights = Weights::of(values?, means?, squares?);
+        self.weights = Weights::with_moments(values?, means?, squares?);
         self.powers = progress_of(tensors)?;
         Ok(())
     }
@@ -73,13 +73,13 @@ impl Linear {
 
     /// Be in `state`, whose values are put in `values`.
     pub(super) fn go_on(&mut self, state: &[f32], values: &mut [f64]) {
-        self.tiles.of(state, &mut self.here);
+        self.tiles.put_features(state, &mut self.here);
         self.weights.sums(self.tiles.len(), &self.here, values);
     }
 
     pub(super) fn values_in(&self, state: &[f32], values: &mut [f64]) {
         let mut features = Vec::with_capacity(self.tiles.active());
-        self.tiles.clone().of(state, &mut features);
+        self.tiles.clone().put_features(state, &mut features);
         self.weights.sums(self.tiles.len(), &features, values);
     }
 
@@ -92,7 +92,7 @@ impl Linear {
         next: &[f32],
         values: &mut [f64],
     ) {
-        self.tiles.of(next, &mut self.next);
+        self.tiles.put_features(next, &mut self.next);
         let mut target = outcome.reward;
         if outcome.ending == Ending::Continues {
             let length = self.tiles.len();

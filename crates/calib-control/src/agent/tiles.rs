@@ -57,7 +57,7 @@ impl Tiles {
     }
 
     /// Put the features of `state` in `features`.
-    pub(crate) fn of(&mut self, state: &[f32], features: &mut Vec<u32>) {
+    pub(crate) fn put_features(&mut self, state: &[f32], features: &mut Vec<u32>) {
         features.clear();
         let per = self.per_column() as u32;
         let mut base = 0;
@@ -95,7 +95,7 @@ mod tests {
         ) {
             let mut coder = Tiles::new(tilings, tiles, state.len(), has_pairs);
             let mut features = Vec::new();
-            coder.of(&state, &mut features);
+            coder.put_features(&state, &mut features);
             prop_assert_eq!(features.len(), coder.active());
             prop_assert!(features.windows(2).all(|pair| pair[0] < pair[1]));
             prop_assert!((features[features.len() - 1] as usize) < coder.len());
@@ -112,7 +112,7 @@ mod tests {
         let mut coder = Tiles::new(16, 8, 2, true);
         let mut features_of = |state: [f32; 2]| {
             let mut features = Vec::new();
-            coder.of(&state, &mut features);
+            coder.put_features(&state, &mut features);
             features
         };
         let here = features_of([0.5, 0.5]);

@@ -60,7 +60,7 @@ impl Weights {
     }
 
     /// Of so many values, with the moments of each.
-    pub(crate) fn of(values: &[f32], means: &[f32], squares: &[f32]) -> Self {
+    pub(crate) fn with_moments(values: &[f32], means: &[f32], squares: &[f32]) -> Self {
         let moments = means.iter().zip(squares);
         Self {
             values: values.to_vec(),

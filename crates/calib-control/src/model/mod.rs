@@ -207,7 +207,7 @@ impl ActionModel {
         for (member, table) in self.tables.iter().enumerate() {
             for transition in self.blocks.transitions_of(member) {
                 for (action, within) in within.iter_mut().enumerate() {
-                    let nearest = table.of(transition.get(), action).1.first();
+                    let nearest = table.list(transition.get(), action).1.first();
                     *within = nearest.is_some_and(|&distance| distance <= self.radius);
                 }
                 each(transition, &within);

@@ -90,11 +90,11 @@ impl ActionModel {
     ) -> Step {
         match (target, at) {
             (Target::Level(action), At::Start(start)) => {
-                let (near, far) = self.start_tables[member].of(start as usize, action);
+                let (near, far) = self.start_tables[member].list(start as usize, action);
                 self.drawn(&self.draw(near, far, rules), rng)
             }
             (Target::Level(action), At::After(transition)) => {
-                let (near, far) = self.tables[member].of(transition as usize, action);
+                let (near, far) = self.tables[member].list(transition as usize, action);
                 self.drawn(&self.draw(near, far, rules), rng)
             }
             (Target::Set(set), at) => {

@@ -42,7 +42,7 @@ impl ActionTable {
     }
 
     /// The neighbours of state `row` for `action`, and their distances.
-    pub(crate) fn of(&self, row: usize, action: usize) -> (&[u32], &[f32]) {
+    pub(crate) fn list(&self, row: usize, action: usize) -> (&[u32], &[f32]) {
         let start = (row * self.actions + action) * self.k;
         let neighbors = &self.neighbors()[start..start + self.k];
         let there = neighbors.partition_point(|&neighbor| neighbor != u32::MAX);

@@ -58,11 +58,11 @@ proptest! {
             for action in 0..3 {
                 for start in 0..5 {
                     let expected = plain(&model, member, model.starts().row(start), action);
-                    prop_assert_eq!(model.start_tables[member].of(start, action).0, expected);
+                    prop_assert_eq!(model.start_tables[member].list(start, action).0, expected);
                 }
                 for number in 0..model.log().len() {
                     let transition = TransitionIndex::new(number);
-                    let got = model.tables[member].of(number, action).0;
+                    let got = model.tables[member].list(number, action).0;
                     if !model.blocks().contains(member, transition) {
                         prop_assert!(got.is_empty());
                         continue;
@@ -113,7 +113,7 @@ proptest! {
                         let set = weight * (torque[row] / 2.0 - wanted);
                         (apart.sum::<f64>() + set * set).sqrt()
                     };
-                    let (got, distances) = model.tables[member].of(number, level);
+                    let (got, distances) = model.tables[member].list(number, level);
                     let all = (0..log.len() as u32)
                         .filter(|&candidate| model.blocks().contains(member, TransitionIndex(candidate)));
                     let mut expected: Vec<f64> = all.map(distance).collect();
