@@ -9,7 +9,7 @@ use calib_control::{
     ActionModel, ConstantReturns, ControlError, Increments, NetworkModel, Pessimism, Question,
     ReturnVerdict, Rules, Run, StepModel, Support, Walkers, judge,
 };
-use calib_core::{Bounds, Seed, Silent};
+use calib_core::{Seed, Silent};
 use calib_pipeline::{Advice, ControlModel, PYTHON, StepError};
 use calib_report::Decision;
 use pyo3::{exceptions::PyIndexError, prelude::*};
@@ -22,6 +22,7 @@ use crate::{
     lost::LostPages,
     model::require_member,
     study::PyJob,
+    walkers::SeenColumn,
     work::{Needs, watched},
 };
 
@@ -308,8 +309,7 @@ impl PyActionModel {
             columns: columns
                 .into_iter()
                 .map(|column: usize| {
-                    let bounds = names.columns[column].bounds;
-                    (column, if physical { bounds } else { Bounds::IDENTITY })
+                    SeenColumn::new(column, names.columns[column].bounds, physical)
                 })
                 .collect(),
             rules: Rules { pessimism, worst_return },

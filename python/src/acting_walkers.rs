@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use calib_control::{At, Coverage, Drift, Rules, Target, WalkerStep, Walkers};
-use calib_core::Normalised;
 use pyo3::{prelude::*, types::PyTuple};
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +10,7 @@ use crate::{
     acting::SharedActionModel,
     array::{copied, owned},
     errors,
-    walkers::{Mapped, marked, require_each},
+    walkers::{SeenColumn, marked, require_each},
 };
 
 /// Walks through members of a model, which actions change.
@@ -19,7 +18,7 @@ use crate::{
 pub(crate) struct ActionWalkers {
     pub(crate) shared: Arc<SharedActionModel>,
     pub(crate) walkers: Walkers,
-    pub(crate) columns: Vec<Mapped>,
+    pub(crate) columns: Vec<SeenColumn>,
     pub(crate) rules: Rules,
     /// Steps after which an episode is cut; 0 for never.
     pub(crate) timeout: u64,
@@ -65,9 +64,9 @@ impl ActionWalkers {
         let state = self.walkers.observed(&self.shared.opened.model, number);
         let width = state.len();
         let moved = &self.walkers.displacements()[number * width..][..width];
-        for (column, bounds) in &self.columns {
-            seen.push(bounds.physical(Normalised(state[*column])).0 as f32);
-            displaced.push((f64::from(moved[*column]) * bounds.scale) as f32);
+        for column in &self.columns {
+            seen.push(column.value(state) as f32);
+            displaced.push((f64::from(moved[column.position]) * column.bounds.scale) as f32);
         }
     }
 

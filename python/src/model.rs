@@ -14,7 +14,7 @@ use crate::{
     lost::LostPages,
     observer::{Watch, WatchMonitor},
     study::PyJob,
-    walkers::Walkers,
+    walkers::{SeenColumn, Walkers},
     work::{Needs, watched},
 };
 
@@ -340,7 +340,7 @@ impl Model {
         let maps = self.columns();
         let map = |column: usize| {
             let (_, offset, scale) = maps[column];
-            (column, if physical { Bounds { offset, scale } } else { Bounds::IDENTITY })
+            SeenColumn::new(column, Bounds { offset, scale }, physical)
         };
         let columns = columns.into_iter().map(map).collect();
         Ok(Walkers::new(Arc::clone(&self.shared), members, columns, map(reward), steps))

@@ -12,8 +12,25 @@ use crate::{
     model::SharedModel,
 };
 
-/// A column of the states, and the map to what is seen of it.
-pub(crate) type Mapped = (usize, Bounds);
+/// A column that is seen, in normalised units or in its own.
+#[derive(Clone, Copy)]
+pub(crate) struct SeenColumn {
+    /// Its position in a state.
+    pub(crate) position: usize,
+    pub(crate) bounds: Bounds,
+}
+
+impl SeenColumn {
+    /// In the units of the column where `physical`, else normalised.
+    pub(crate) fn new(position: usize, bounds: Bounds, physical: bool) -> Self {
+        Self { position, bounds: if physical { bounds } else { Bounds::IDENTITY } }
+    }
+
+    /// What is seen of a normalised state.
+    pub(crate) fn value(self, state: &[f32]) -> f64 {
+        self.bounds.physical(Normalised(state[self.position])).0
+    }
+}
 
 #[derive(Serialize, Deserialize)]
 struct Walker {
@@ -32,8 +49,8 @@ struct Walker {
 pub(crate) struct Walkers {
     shared: Arc<SharedModel>,
     walks: Vec<Walker>,
-    columns: Vec<Mapped>,
-    reward: Mapped,
+    columns: Vec<SeenColumn>,
+    reward: SeenColumn,
     /// Steps after which a walk is over; 0 for never.
     most: u64,
 }
@@ -42,8 +59,8 @@ impl Walkers {
     pub(crate) fn new(
         shared: Arc<SharedModel>,
         members: Vec<usize>,
-        columns: Vec<Mapped>,
-        reward: Mapped,
+        columns: Vec<SeenColumn>,
+        reward: SeenColumn,
         most: u64,
     ) -> Self {
         let walks = members
@@ -65,13 +82,8 @@ impl Walkers {
     fn look(&self, number: usize, seen: &mut Vec<f32>) -> (f64, i64, i64) {
         let row = self.shared.knn().transitions().next(self.walks[number].at).get();
         let state = self.shared.states().row(row);
-        seen.extend(
-            self.columns
-                .iter()
-                .map(|(column, bounds)| bounds.physical(Normalised(state[*column])).0 as f32),
-        );
-        let (column, bounds) = self.reward;
-        (bounds.physical(Normalised(state[column])).0, row as i64, self.shared.time(row))
+        seen.extend(self.columns.iter().map(|column| column.value(state) as f32));
+        (self.reward.value(state), row as i64, self.shared.time(row))
     }
 
     /// What every walker sees, in the order of [`step`](Self::step); one that has just begun has no reward.

@@ -23,16 +23,16 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::observer::{Progress, Told, Watch};
 
 /// Between two looks for signals.
-const LOOK: Duration = Duration::from_millis(50);
+const BETWEEN_SIGNAL_CHECKS: Duration = Duration::from_millis(50);
 /// As a main thread has.
-const STACK: usize = 8 << 20;
+const STACK_BYTES: usize = 8 << 20;
 /// More threads than any machine gains from.
-const MANY_THREADS: usize = 1024;
+const MOST_THREADS: usize = 1024;
 
-/// The process whose threads were started.
-static HOME: OnceLock<u32> = OnceLock::new();
-/// Whether tables were read or written there.
-static TABLES: AtomicBool = AtomicBool::new(false);
+/// The first process that asked for threads: one of another number was forked from it.
+static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
+/// Whether it read or wrote tables.
+static HAS_USED_TABLES: AtomicBool = AtomicBool::new(false);
 
 /// What work needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -45,9 +45,9 @@ pub(crate) enum Needs {
 /// Use so many threads; before the first work.
 #[pyfunction]
 pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
-    if !(1..=MANY_THREADS).contains(&threads) {
+    if !(1..=MOST_THREADS).contains(&threads) {
         return Err(crate::errors::value(format!(
-            "threads must be from 1 to {MANY_THREADS}, got {threads}"
+            "threads must be from 1 to {MOST_THREADS}, got {threads}"
         )));
     }
     let built = ThreadPoolBuilder::new().num_threads(threads).build_global();
@@ -61,19 +61,19 @@ pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
 /// Whether this process was forked from one that had started threads.
 fn is_forked() -> bool {
     let here = process::id();
-    *HOME.get_or_init(|| here) != here
+    *FIRST_PROCESS.get_or_init(|| here) != here
 }
 
 fn check(needs: Needs) -> PyResult<()> {
     let forked = is_forked();
-    if needs == Needs::Tables && forked && TABLES.load(Ordering::Relaxed) {
+    if needs == Needs::Tables && forked && HAS_USED_TABLES.load(Ordering::Relaxed) {
         return Err(PyRuntimeError::new_err(
             "this process was forked from one in which calib had read or written tables, and threads do not survive that; \
              start it with multiprocessing.get_context(\"spawn\") or \"forkserver\"",
         ));
     }
     if needs == Needs::Tables && !forked {
-        TABLES.store(true, Ordering::Relaxed);
+        HAS_USED_TABLES.store(true, Ordering::Relaxed);
     }
     Ok(())
 }
@@ -116,7 +116,7 @@ pub(crate) fn watched<T: Send>(
     let watch = Arc::new(Watch::default());
     let ended = std::thread::scope(|scope| {
         let mine = Arc::clone(&watch);
-        let worker = Builder::new().name("calib".to_owned()).stack_size(STACK).spawn_scoped(
+        let worker = Builder::new().name("calib".to_owned()).stack_size(STACK_BYTES).spawn_scoped(
             scope,
             move || {
                 let done = catch_unwind(AssertUnwindSafe(|| pooled(|| work(&mine))));
@@ -126,9 +126,9 @@ pub(crate) fn watched<T: Send>(
         );
         let worker = worker
             .map_err(|error| PyRuntimeError::new_err(format!("cannot start a thread: {error}")))?;
-        let heard = listen(py, &watch, observer);
+        let listened = listen(py, &watch, observer);
         let done = py.detach(|| worker.join());
-        heard.map(|()| done)
+        listened.map(|()| done)
     })?;
     match ended {
         Ok(Ok(done)) => Ok(done),
@@ -141,10 +141,10 @@ fn listen(py: Python<'_>, watch: &Watch, observer: Option<&Bound<'_, PyAny>>) ->
     let mut raised = None;
     let mut shown = Progress::default();
     loop {
-        let (told, progress, finished) = py.detach(|| watch.wait(LOOK));
+        let (told, progress, finished) = py.detach(|| watch.wait(BETWEEN_SIGNAL_CHECKS));
         let news = Some(&progress).filter(|progress| **progress != shown);
         if raised.is_none()
-            && let Err(error) = hear(py, observer, told, news)
+            && let Err(error) = pass_on(py, observer, told, news)
         {
             watch.stop();
             raised = Some(error);
@@ -157,7 +157,7 @@ fn listen(py: Python<'_>, watch: &Watch, observer: Option<&Bound<'_, PyAny>>) ->
 }
 
 /// Look for signals, and pass on what was told and how far the work is, if that is news.
-fn hear(
+fn pass_on(
     py: Python<'_>,
     observer: Option<&Bound<'_, PyAny>>,
     told: Vec<Told>,
