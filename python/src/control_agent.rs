@@ -214,8 +214,8 @@ impl ControlAgent {
                 "its format is {format}, and this calib reads {FORMAT}; save the agent again"
             )));
         }
-        let is_scale = |scale: f64| scale.is_finite() && scale > 0.0;
-        if actions.is_empty() || !columns.iter().all(|&(_, _, scale)| is_scale(scale)) {
+        let has_scales = columns.iter().all(|&(_, _, scale)| scale.is_finite() && scale > 0.0);
+        if actions.is_empty() || !has_scales {
             return Err(refuse("it has no actions, or a column without a scale"));
         }
         let seed = Seed::new(seed).child("loaded");

@@ -92,7 +92,7 @@ fn candidate_values(
     updates: usize,
     timeout: usize,
 ) -> CandidateValues {
-    let agent = &mut from_log(log, config, updates);
+    let agent = &mut trained_on_log(log, config, updates);
     let gamma = config.gamma;
     let transitions = || (0..log.len()).map(TransitionIndex::new);
     let after = policies(agent, &config, transitions().map(|at| log.ends(at)[1]));
@@ -119,7 +119,7 @@ fn candidate_values(
 }
 
 /// An agent that learnt from `updates` recorded transitions.
-fn from_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent {
+fn trained_on_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent {
     let config = AgentConfig { lambda: 0.0, ..config };
     let mut agent = Agent::new(config, log.states().columns(), log.levels());
     let mut before = None;

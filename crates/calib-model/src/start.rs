@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Absent, RequestedStart, RolloutError,
-    wanted::{deployment_rows, draw, recorded_rows},
+    requested_start::{deployment_rows, draw, recorded_rows},
 };
 
 /// Where a rollout starts. A start is a state: from transition `i` the current state is `s'_i`.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     RequestedStart, RolloutError, StartSource,
-    wanted::{deployment_rows, draw, recorded_rows},
+    requested_start::{deployment_rows, draw, recorded_rows},
 };
 
 /// A recorded row to start from, and whether it is what was asked for.

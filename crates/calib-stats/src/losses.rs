@@ -93,7 +93,7 @@ impl Losses {
         if opposed || differences.iter().any(|difference| difference.is_nan()) {
             return None;
         }
-        let (mean, interval) = over(&differences)?;
+        let (mean, interval) = mean_with_interval(&differences)?;
         Some(Estimate {
             value: mean.exp(),
             interval: interval
@@ -127,7 +127,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Mean and t-interval of values, some of which may be infinite; none of nothing.
-fn over(values: &[f64]) -> Option<(f64, Option<Interval>)> {
+fn mean_with_interval(values: &[f64]) -> Option<(f64, Option<Interval>)> {
     let std = sample_std(values).ok()?;
     Some((mean(values), std.and_then(|std| t_interval(mean(values), std, values.len()))))
 }

@@ -57,7 +57,7 @@ impl Linear {
     ///
     /// # Errors
     /// If it is of another agent.
-    pub(super) fn take(&mut self, tensors: &Tensors) -> Result<(), ControlError> {
+    pub(super) fn restore(&mut self, tensors: &Tensors) -> Result<(), ControlError> {
         let count = self.next_values.len() * self.tiles.len();
         let [values, means, squares] =
             ["weights", "mean", "square"].map(|name| values_of(tensors, name, count));

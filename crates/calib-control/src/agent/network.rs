@@ -146,7 +146,7 @@ impl Network {
     ///
     /// # Errors
     /// If it is of another agent.
-    pub(super) fn take(&mut self, tensors: &Tensors) -> Result<(), ControlError> {
+    pub(super) fn restore(&mut self, tensors: &Tensors) -> Result<(), ControlError> {
         let [one, two, steps] = progress_of(tensors)?;
         let moments = moments_of(tensors, self.online.parameter_count(), (one, two))?;
         self.online = network_of(tensors, "online.", &self.online)?;

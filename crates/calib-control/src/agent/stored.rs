@@ -34,21 +34,21 @@ impl Agent {
         config.check()?;
         config.bytes(columns, actions)?;
         // Before anything of the size that the settings describe is made.
-        if !is_of(&config, columns, actions, tensors) {
+        if !has_size_of(&config, columns, actions, tensors) {
             let reason = "its settings describe another size than its numbers have".to_owned();
             return Err(ControlError::NoAgent { reason });
         }
         let mut agent = Self::seeded(config, columns, actions, seed);
         match &mut agent.learner {
-            Learner::Linear(linear) => linear.take(tensors)?,
-            Learner::Network(network) => network.take(tensors)?,
+            Learner::Linear(linear) => linear.restore(tensors)?,
+            Learner::Network(network) => network.restore(tensors)?,
         }
         Ok(agent)
     }
 }
 
 /// Whether the moments have a number for each weight that the settings describe.
-fn is_of(config: &AgentConfig, columns: usize, actions: usize, tensors: &Tensors) -> bool {
+fn has_size_of(config: &AgentConfig, columns: usize, actions: usize, tensors: &Tensors) -> bool {
     let weights = if config.algorithm == Algorithm::DeepQLearning {
         Network::parameters(config, columns, actions)
     } else {
