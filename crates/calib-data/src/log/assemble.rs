@@ -12,12 +12,11 @@ use super::{
     filename_tag::prefixes,
     gaps,
     max_ages::max_ages,
-    open::{Opened, Tables, refuse_pair},
+    open::{Opened, Samples, Tables, refuse_pair},
     resample::{Coverage, Grid},
     room::Room,
     row_ranges,
     rows::{Irregularities, NO_TIME, Rows},
-    series::Sink,
     split::{self, Split},
 };
 use crate::{DataConfig, DataError, Description, Shape, names::Chosen};
@@ -43,7 +42,7 @@ impl Opened {
     pub(super) fn into_log(self, utc: bool, data: &DataConfig) -> Result<Log, DataError> {
         let planned = match self {
             Self::Tables(tables) => plan_tables(tables, data)?,
-            Self::Samples(shape, files, sink) => plan_samples(shape, files, sink, data)?,
+            Self::Samples(samples) => plan_samples(samples, data)?,
         };
         Ok(Log { utc, ..planned.into_log(data)? })
     }
@@ -87,12 +86,8 @@ fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> 
     })
 }
 
-fn plan_samples(
-    shape: Shape,
-    files: Vec<FileSummary>,
-    sink: Sink,
-    data: &DataConfig,
-) -> Result<Planned, DataError> {
+fn plan_samples(samples: Samples, data: &DataConfig) -> Result<Planned, DataError> {
+    let Samples { shape, files, sink, mut read_as } = samples;
     if data.file_as_prefix {
         return Err(DataError::config(
             "data.file_as_prefix".to_owned(),
@@ -105,7 +100,7 @@ fn plan_samples(
     let bad_quality = sink.bad_quality;
     let undecided = sink.undecided;
     let bad_rows = sink.store.bad_rows.clone();
-    let read_as = sink.mixed_tags();
+    read_as.extend(sink.mixed_tags());
     let series = sink.finish()?;
     let Some((first, last)) = series.span() else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });

@@ -11,6 +11,7 @@ mod column_pairs;
 mod columns;
 mod dedup;
 mod entries;
+mod export_pairs;
 mod file;
 mod filename_tag;
 mod gaps;

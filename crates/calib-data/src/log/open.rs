@@ -31,7 +31,16 @@ use crate::{
 #[expect(clippy::large_enum_variant, reason = "there is one for a log")]
 pub(super) enum Opened {
     Tables(Tables),
-    Samples(Shape, Vec<FileSummary>, Sink),
+    Samples(Samples),
+}
+
+/// Files of samples.
+pub(super) struct Samples {
+    pub(super) shape: Shape,
+    pub(super) files: Vec<FileSummary>,
+    pub(super) sink: Sink,
+    /// How files are read where that is not certain, in sentences.
+    pub(super) read_as: Vec<String>,
 }
 
 /// Wide files.
@@ -89,38 +98,60 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
     let utc = data.time_zone.is_some() || is_utc(&heads, &times, &notations, data)?;
     let written = TextRead { notations, fractions };
     let opened = match recognised {
-        Recognised::Wide => tables(heads, times, &written, data, monitor),
+        Recognised::Wide => tables(heads, times, &written, data, monitor).map(Opened::Tables),
         Recognised::Samples(shape, roles) => {
             refuse_several_plants(&sources)?;
-            samples(shape, &heads, &roles, &written, data, monitor)
+            samples(shape, &heads, &roles, &written, data, monitor).map(Opened::Samples)
         }
         Recognised::OneColumn(roles) => {
-            let (files, mut sink) = poured(&heads, &roles, &written, data, monitor)?;
-            if sink.has_tags_beside_each_other()? {
-                refuse_several_plants(&sources)?;
-                let known = with_quality(&heads, roles, data)?;
-                if known.iter().all(|roles| roles.quality.is_none()) {
-                    Ok(Opened::Samples(Shape::FilePerTag, files, sink))
-                } else {
-                    drop(sink);
-                    monitor.begin("reading timestamps", sources.len() as u64);
-                    samples(Shape::FilePerTag, &heads, &known, &written, data, monitor)
-                }
-            } else {
-                drop(sink);
-                monitor.begin("reading timestamps", sources.len() as u64);
-                tables(heads, times, &written, data, monitor)
-            }
+            one_column(heads, times, roles, &sources, &written, data, monitor)
         }
         Recognised::Annotated => {
             let mut sink = Sink::new(Store::new(data)?);
             let clock = Clock::new(Notation::Iso, data);
             stream_annotated(&heads, &clock, &mut sink, monitor)?;
             let files = heads.iter().map(|head| summary(head, 0)).collect();
-            Ok(Opened::Samples(Shape::Long, files, sink))
+            Ok(Opened::Samples(Samples { shape: Shape::Long, files, sink, read_as: Vec::new() }))
         }
     };
     Ok((opened?, utc))
+}
+
+/// Files whose columns of values have one name: of a tag each if some were recorded at the same time and are no exports of one sensor, or
+/// the study asks for tags, and else wide tables.
+fn one_column(
+    heads: Vec<Head>,
+    times: Vec<usize>,
+    roles: Vec<Roles>,
+    sources: &[PartitionedFile],
+    written: &TextRead,
+    data: &DataConfig,
+    monitor: &dyn Monitor,
+) -> Result<Opened, DataError> {
+    let (files, mut sink) = poured(&heads, &roles, written, data, monitor)?;
+    let pair = sink.least_alike()?;
+    let is_asked = data.shape == Some(Shape::FilePerTag);
+    let are_tags = pair.as_ref().is_some_and(|pair| is_asked || !pair.is_of_one_sensor());
+    let doubt = pair.filter(|_| !is_asked).and_then(|pair| pair.doubt());
+    if !are_tags {
+        drop(sink);
+        monitor.begin("reading timestamps", sources.len() as u64);
+        let mut tables = tables(heads, times, written, data, monitor)?;
+        tables.read_as.extend(doubt);
+        return Ok(Opened::Tables(tables));
+    }
+    refuse_several_plants(sources)?;
+    let known = with_quality(&heads, roles, data)?;
+    let shape = Shape::FilePerTag;
+    let mut samples = if known.iter().all(|roles| roles.quality.is_none()) {
+        Samples { shape, files, sink, read_as: Vec::new() }
+    } else {
+        drop(sink);
+        monitor.begin("reading timestamps", sources.len() as u64);
+        samples(shape, &heads, &known, written, data, monitor)?
+    };
+    samples.read_as.extend(doubt);
+    Ok(Opened::Samples(samples))
 }
 
 /// The position of the time column of each file; in files without one it is the position behind the last column.
@@ -242,7 +273,7 @@ fn tables(
     written: &TextRead,
     data: &DataConfig,
     monitor: &dyn Monitor,
-) -> Result<Opened, DataError> {
+) -> Result<Tables, DataError> {
     let mut store = written.store(data)?;
     let mut imported: HashMap<usize, Imported> = HashMap::new();
     let mut undecided = 0;
@@ -302,7 +333,7 @@ fn tables(
         }
         monitor.advance(1);
     }
-    Ok(Opened::Tables(Tables {
+    Ok(Tables {
         files,
         times,
         instants,
@@ -311,7 +342,7 @@ fn tables(
         bad_rows,
         without_times,
         read_as: read_as.into_iter().chain(spread).collect(),
-    }))
+    })
 }
 
 /// How columns of a file are read otherwise than each by itself.
@@ -329,9 +360,9 @@ fn samples(
     written: &TextRead,
     data: &DataConfig,
     monitor: &dyn Monitor,
-) -> Result<Opened, DataError> {
+) -> Result<Samples, DataError> {
     let (files, sink) = poured(heads, roles, written, data, monitor)?;
-    Ok(Opened::Samples(shape, files, sink))
+    Ok(Samples { shape, files, sink, read_as: Vec::new() })
 }
 
 /// The samples of all files, by their tags.

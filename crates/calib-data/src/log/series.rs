@@ -25,7 +25,7 @@ const WAITING: usize = 4 << 20;
 /// Samples on their way into a [`Series`].
 pub(crate) struct Sink {
     pub(crate) store: Store,
-    tags: Vec<Tag>,
+    pub(super) tags: Vec<Tag>,
     positions: HashMap<String, usize>,
     waiting: usize,
     /// What columns that may name devices say beside each tag.
@@ -47,8 +47,8 @@ pub(crate) struct Tag {
     cells: Vec<u64>,
     pub(crate) has_numbers: bool,
     has_words: bool,
-    first: i64,
-    last: i64,
+    pub(super) first: i64,
+    pub(super) last: i64,
 }
 
 impl Sink {
@@ -125,26 +125,8 @@ impl Sink {
         mixed(self.sides.iter().map(|(tag, sides)| (self.tags[*tag].name.as_str(), sides)))
     }
 
-    /// Whether two tags were recorded at the same time, and not by one sensor: of tags in the order in which they begin, each is compared with
-    /// the one before it that ends last.
-    pub(super) fn has_tags_beside_each_other(&mut self) -> Result<bool, DataError> {
-        self.flush()?;
-        let mut order: Vec<&Tag> = self.tags.iter().filter(|tag| !tag.pieces.is_empty()).collect();
-        order.sort_by_key(|tag| tag.first);
-        let mut order = order.into_iter();
-        let Some(mut longest) = order.next() else { return Ok(false) };
-        for tag in order {
-            if longest.is_beside(tag) && !are_of_one_sensor(longest, tag, &self.store)? {
-                return Ok(true);
-            }
-            if tag.last > longest.last {
-                longest = tag;
-            }
-        }
-        Ok(false)
-    }
-
-    fn flush(&mut self) -> Result<(), DataError> {
+    /// Put all that waits outside of the memory.
+    pub(super) fn flush(&mut self) -> Result<(), DataError> {
         for tag in self.tags.iter_mut().filter(|tag| !tag.times.is_empty()) {
             let at = self.store.spill.append(bytemuck::cast_slice(&tag.times))?;
             self.store.append(&tag.cells)?;
@@ -169,7 +151,7 @@ impl Sink {
     pub(crate) fn finish(mut self) -> Result<Series, DataError> {
         self.flush()?;
         let mut tags = self.tags;
-        tags.retain(|tag| !tag.pieces.is_empty());
+        tags.retain(|tag| !tag.is_empty());
         tags.sort_by(|left, right| left.name.cmp(&right.name));
         Ok(Series { store: self.store, tags })
     }
@@ -182,47 +164,30 @@ pub(crate) struct Series {
     pub(crate) tags: Vec<Tag>,
 }
 
-/// Two tags are recorded at the same time if they share this part of the shorter one's time: exports that follow one another may overlap a
-/// little. Our choice, as the next two are.
-const BESIDE: f64 = 0.5;
-/// Two exports of one sensor share this part of their times, and agree in this part of the shared ones.
-const SHARED: f64 = 0.5;
-const AGREE: f64 = 0.9;
+/// All samples of a tag, in order of time, and of arrival where times are equal.
+#[derive(Debug)]
+pub(super) struct Sorted {
+    times: Vec<i64>,
+    cells: Vec<u64>,
+}
 
-/// Whether two files of the same time are exports of one sensor: it has the same values at the same times.
-fn are_of_one_sensor(one: &Tag, other: &Tag, store: &Store) -> Result<bool, DataError> {
-    let window = one.first.max(other.first)..one.last.min(other.last).saturating_add(1);
-    let (times, cells) = one.samples(&window, store)?;
-    let (other_times, other_cells) = other.samples(&window, store)?;
-    let fewer = times.len().min(other_times.len());
-    let mut others = other_times.into_iter().zip(other_cells).peekable();
-    let (mut shared, mut agree) = (0_usize, 0_usize);
-    for (time, cell) in times.into_iter().zip(cells) {
-        while others.next_if(|(other, _)| *other < time).is_some() {}
-        if let Some((_, other)) = others.next_if(|(other, _)| *other == time) {
-            shared += 1;
-            agree += usize::from(other == cell);
-        }
+impl Sorted {
+    /// The times and the cells inside `window`.
+    pub(super) fn inside(&self, window: &Range<i64>) -> (&[i64], &[u64]) {
+        let from = self.times.partition_point(|&time| time < window.start);
+        let to = self.times.partition_point(|&time| time < window.end).max(from);
+        (&self.times[from..to], &self.cells[from..to])
     }
-    Ok(shared > 0
-        && shared as f64 >= SHARED * fewer as f64
-        && agree as f64 >= AGREE * shared as f64)
 }
 
 impl Tag {
-    /// Whether it was recorded at the same time as `later`, which does not begin before it.
-    fn is_beside(&self, later: &Self) -> bool {
-        let shorter = (self.last - self.first).min(later.last - later.first);
-        let shared = self.last.min(later.last) - later.first;
-        shared > 0 && shared as f64 >= BESIDE * shorter as f64
+    /// Whether it has no sample outside of the memory.
+    pub(super) fn is_empty(&self) -> bool {
+        self.pieces.is_empty()
     }
 
-    /// Its samples inside `window`, in order of time, and of arrival where times are equal.
-    fn samples(
-        &self,
-        window: &Range<i64>,
-        store: &Store,
-    ) -> Result<(Vec<i64>, Vec<u64>), DataError> {
+    /// Its samples that lie outside of the memory.
+    pub(super) fn sorted(&self, store: &Store) -> Result<Sorted, DataError> {
         let count = self.pieces.iter().map(|(_, count)| count).sum();
         let mut times: Vec<i64> = Vec::with_capacity(count);
         let mut cells: Vec<u64> = Vec::with_capacity(count);
@@ -236,9 +201,7 @@ impl Tag {
             times = order.iter().map(|&sample| times[sample]).collect();
             cells = order.into_iter().map(|sample| cells[sample]).collect();
         }
-        let from = times.partition_point(|&time| time < window.start);
-        let to = times.partition_point(|&time| time < window.end).max(from);
-        Ok((times[from..to].to_vec(), cells[from..to].to_vec()))
+        Ok(Sorted { times, cells })
     }
 
     pub(crate) fn type_name(&self) -> &'static str {
@@ -265,7 +228,9 @@ impl Series {
         tag: usize,
         window: &Range<i64>,
     ) -> Result<(Vec<i64>, Vec<u64>), DataError> {
-        self.tags[tag].samples(window, &self.store)
+        let sorted = self.tags[tag].sorted(&self.store)?;
+        let (times, cells) = sorted.inside(window);
+        Ok((times.to_vec(), cells.to_vec()))
     }
 
     /// Every instant inside `window` at which any tag has a sample, once and in order.

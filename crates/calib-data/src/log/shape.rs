@@ -41,8 +41,8 @@ pub(crate) enum Recognised {
     Wide,
     /// For each file.
     Samples(Shape, Vec<Roles>),
-    /// Files of one column of values each, all of the same name: of a tag each if they were recorded at the same time, when they have these
-    /// roles [with their quality](with_quality), and else wide tables that follow one another.
+    /// Files of one column of values each, all of the same name: of a tag each if they were recorded at the same time and differ, when they have
+    /// these roles [with their quality](with_quality), and else wide tables.
     OneColumn(Vec<Roles>),
     Annotated,
 }

@@ -8,11 +8,16 @@ use crate::support::{Folder, profile};
 
 /// A file of one column, which is recorded every minute from a second of the day on.
 fn minutes(header: &str, from: u32, level: f64) -> String {
+    minutes_around(header, from, |_| level)
+}
+
+/// The same with a level for each minute.
+fn minutes_around(header: &str, from: u32, level: impl Fn(u32) -> f64) -> String {
     let mut text = format!("Zeitstempel;{header}\n");
     for minute in 0..40 {
         let second = from + 60 * minute;
         let [hours, minutes, seconds] = [second / 3_600, second / 60 % 60, second % 60];
-        let value = (level + f64::from(minute % 7) / 4.0).to_string().replace('.', ",");
+        let value = (level(minute) + f64::from(minute % 7) / 4.0).to_string().replace('.', ",");
         writeln!(text, "2024-03-11 {hours:02}:{minutes:02}:{seconds:02};{value}").expect("memory");
     }
     text
@@ -60,6 +65,36 @@ fn files_that_follow_one_another_are_of_one_tag_unless_the_study_says_otherwise(
         let names: Vec<&str> = found.channels.iter().map(|channel| channel.name.as_str()).collect();
         assert_eq!(names, ["export 1", "export 2", "export 3"]);
         assert_eq!(found.shape, Shape::FilePerTag);
+    }
+}
+
+#[test]
+fn files_that_agree_in_part_are_told_with_the_key_that_reads_them_otherwise() {
+    for header in ["Wert", "Druck"] {
+        // The same file, but for so many rows.
+        let file = |other: u32| {
+            minutes_around(header, 0, |minute| if minute < other { 300.25 } else { 120.25 })
+        };
+        let folder = Folder::of_text("export 1.csv", &file(0));
+        folder.write_file("export 2.csv", &file(12));
+        let read = |shape: Option<Shape>| {
+            let found = profile(&DataConfig { shape, ..folder.data() });
+            (found.shape, found.channels.len(), found.contradictions.count, found.read_as)
+        };
+        let told = "the files \"export 1\" and \"export 2\" have the same value in 70 % of their 40 shared rows, and are read as \
+                    a tag each. If they are exports of one sensor, set data.shape = \"wide\"";
+        assert_eq!(read(None), (Shape::FilePerTag, 2, 0, vec![told.to_owned()]), "{header}");
+        let [wide, per_tag] = [Shape::Wide, Shape::FilePerTag];
+        assert_eq!(read(Some(wide)), (wide, 1, 12, Vec::new()), "{header}");
+        assert_eq!(read(Some(per_tag)), (per_tag, 2, 0, Vec::new()), "{header}");
+        folder.write_file("export 2.csv", &file(2));
+        let told = "the files \"export 1\" and \"export 2\" have the same value in 95 % of their 40 shared rows, and are read as \
+                    exports of one sensor. If each is of a tag of its own, set data.shape = \"file_per_tag\"";
+        assert_eq!(read(None), (wide, 1, 2, vec![told.to_owned()]), "{header}");
+        assert_eq!(read(Some(per_tag)), (per_tag, 2, 0, Vec::new()), "{header}");
+        // A third file that has nothing in common with the first leaves no doubt.
+        folder.write_file("export 3.csv", &file(40));
+        assert_eq!(read(None), (per_tag, 3, 0, Vec::new()), "{header}");
     }
 }
 
