@@ -142,6 +142,11 @@ impl<'a> RecordReader<'a> {
         self.line
     }
 
+    /// Whether the record is the last of the text, and no line break follows it.
+    pub fn lacks_line_break(&self) -> bool {
+        self.read == self.text.len() && !matches!(self.text.last(), Some(b'\n' | b'\r'))
+    }
+
     /// Bytes up to the next record, with the end of the line.
     pub fn position(&self) -> usize {
         let at = self.read;
@@ -177,6 +182,26 @@ mod tests {
         let mut records = RecordReader::new(wide.as_bytes(), marks);
         assert!(records.advance());
         assert_eq!((records.count(), records.cell(299)), (300, &b"7"[..]));
+    }
+
+    #[test]
+    fn only_a_last_record_lacks_its_line_break() {
+        let marks = Marks { separator: b';', quote: b'"' };
+        // The second text has quotes, which are read in another way.
+        for text in ["a;b\r\n1;2", "a;\"b\"\n1;2"] {
+            let lacking = |text: &str| {
+                let mut records = RecordReader::new(text.as_bytes(), marks);
+                let mut lacking = Vec::new();
+                while records.advance() {
+                    lacking.push(records.lacks_line_break());
+                }
+                lacking
+            };
+            assert_eq!(lacking(text), [false, true]);
+            for end in ["\n", "\r\n", "\n\n"] {
+                assert_eq!(lacking(&format!("{text}{end}")), [false, false], "{end:?}");
+            }
+        }
     }
 
     /// Each record: its cells, its line, and where the next one begins.

@@ -187,10 +187,12 @@ impl WideChunk {
         let mut seen = Seen::default();
         let mut stamps = Vec::new();
         let mut by_row: Vec<u64> = Vec::new();
-        while let Some(stamp) = next_row(&mut records, &mut seen.bad_rows, |records| {
-            // Rows without times get theirs when all of them are counted.
-            if time < width { stamp(records, time, notation) } else { Ok(None) }
-        })? {
+        while let Some(stamp) =
+            next_row(&mut records, fractions.decimal, &mut seen.bad_rows, |records| {
+                // Rows without times get theirs when all of them are counted.
+                if time < width { stamp(records, time, notation) } else { Ok(None) }
+            })?
+        {
             stamps.push(stamp);
             for column in 0..width {
                 let cell = if column == time || records.is_beside(column) {
@@ -212,16 +214,18 @@ impl WideChunk {
     }
 }
 
-/// The time of the next row, which `stamp` reads; `None` if there are no more rows. Lines that are none are noted.
+/// The time of the next row, which `stamp` reads; `None` if there are no more rows. Lines that are none are noted. So is a last line of which the
+/// last number is cut, unless the sign `decimal` is unknown.
 pub(crate) fn next_row<T>(
     records: &mut Records<'_>,
+    decimal: Decimal,
     bad_rows: &mut BadRowsFound,
     mut stamp: impl FnMut(&Records<'_>) -> Result<T, DataError>,
 ) -> Result<Option<T>, DataError> {
     loop {
         let read = match records.advance() {
             Ok(false) => return Ok(None),
-            Ok(true) => stamp(records),
+            Ok(true) => records.refuse_cut_number(decimal).and_then(|()| stamp(records)),
             Err(error) => Err(error),
         };
         match read {

@@ -19,7 +19,9 @@ use super::{
 };
 use crate::{
     DataConfig, DataError,
-    text::{Annotated, Cell, Key, Notation, Quality, Records, TextFile, Words, annotated_names},
+    text::{
+        Annotated, Cell, Decimal, Key, Notation, Quality, Records, TextFile, Words, annotated_names,
+    },
 };
 
 /// Samples that one thread read, with names of its own for tags and words.
@@ -117,8 +119,13 @@ impl LongChunk {
         if let TagOf::File(name) = &roles.tag {
             part.names.position(name);
         }
+        // Each tag of a long table may have decimals of its own.
+        let decimal = match roles.tag {
+            TagOf::File(_) => fractions.decimal,
+            TagOf::Column(_) => Decimal::Unknown,
+        };
         let mut bad_rows = std::mem::take(&mut part.seen.bad_rows);
-        while let Some(time) = next_row(&mut records, &mut bad_rows, |records| {
+        while let Some(time) = next_row(&mut records, decimal, &mut bad_rows, |records| {
             let bytes = records.bytes(roles.time);
             match part.stamps.last() {
                 Some(&last) if !records.has_time_parts() && bytes == last_time => Ok(last),

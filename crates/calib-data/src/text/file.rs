@@ -3,14 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use calib_core::Monitor;
-use calib_text::Dialect;
+use calib_text::{Decimal, Dialect};
 use rayon::prelude::*;
 
 use super::{
     RecordReader, Signs, TextColumn,
     blocks::Blocks,
+    cut_number::decimals_before_cut,
     decode,
     input::{self, Compression, fill, unreadable},
+    shown,
 };
 use crate::{DataConfig, DataError};
 
@@ -279,6 +281,28 @@ impl Records<'_> {
             "is the file cut off, or are there notes below the table?"
         };
         Err(self.refused(format!("{got} cells, and the header names {expected} columns; {hint}")))
+    }
+
+    /// Refuse the last record of a file that ends in the middle of a number, where the numbers above tell.
+    pub(crate) fn refuse_cut_number(&self, decimal: Decimal) -> Result<(), DataError> {
+        let columns = self.file.columns().len();
+        if !self.reader.lacks_line_break() || self.reader.count() != columns {
+            return Ok(());
+        }
+        let text = self.text(columns - 1);
+        let last = text.trim();
+        let mut before = self.file.dialect.cells(columns - 1);
+        // The first rows of a short file are all of its rows.
+        if before.last() == Some(&last) {
+            before.pop();
+        }
+        match decimals_before_cut(last, &before, decimal) {
+            None => Ok(()),
+            Some(decimals) => Err(self.refused(format!(
+                "no line break follows {}, and numbers above it have {decimals} decimals; is the file cut off?",
+                shown(last)
+            ))),
+        }
     }
 
     /// A cell of the record as it stands.

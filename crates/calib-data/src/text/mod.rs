@@ -6,6 +6,7 @@
 
 mod annotated;
 mod blocks;
+mod cut_number;
 mod file;
 mod input;
 mod quality;

@@ -4,6 +4,7 @@ mod angles;
 mod checksums;
 mod cleaning;
 mod columns;
+mod cut_files;
 mod formats;
 mod inputs;
 mod loggers;
