@@ -36,6 +36,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
         bytes: log.files.iter().map(|file| file.bytes).sum(),
         file_rows: log.files.iter().map(|file| file.rows as u64).sum(),
         rows: rows.timestamps.len() as u64,
+        resampled: log.is_resampled(),
         rows_outside: irregular.outside,
         start,
         end,

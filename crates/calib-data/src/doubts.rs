@@ -49,8 +49,14 @@ pub fn contradicted_period(period_secs: f64, recorded_secs: f64) -> String {
     )
 }
 
-/// What is said of so many tags of which each has times of its own.
-pub fn own_times(tags: usize) -> String {
+/// What is said of so many tags of which most rows have one alone.
+fn own_times(tags: usize, resampled: bool) -> String {
+    if resampled {
+        return format!(
+            "most rows have a value of only one of {tags} tags, although data.resample puts all on one clock: raise data.max_age_secs above the longest \
+             time between two values of a tag, or raise data.period_secs"
+        );
+    }
     format!(
         "most rows have a value of only one of {tags} tags: if each has times of its own, put them on one clock with data.resample, data.period_secs and \
          data.max_age_secs, such as --set data.resample=last --set data.period_secs=60 --set data.max_age_secs=600"
@@ -69,8 +75,18 @@ fn with_own_times(present: impl Iterator<Item = f64>, rows: f64) -> Option<usize
 }
 
 impl Sketch {
-    /// How many tags there are, if each was recorded at times of its own; `None` if not.
-    pub fn tags_with_own_times(&self) -> Option<usize> {
+    /// Whether each tag was recorded at times of its own, and they are not on one clock yet.
+    pub fn needs_resampling(&self) -> bool {
+        !self.resampled && self.tags_with_own_times().is_some()
+    }
+
+    /// What is said where most rows have a value of only one of several tags; none where they have more.
+    pub fn own_times_doubt(&self) -> Option<String> {
+        Some(own_times(self.tags_with_own_times()?, self.resampled))
+    }
+
+    /// How many tags there are, if most rows have a value of only one of them; `None` if not.
+    fn tags_with_own_times(&self) -> Option<usize> {
         if self.shape == Shape::Wide {
             return None;
         }
@@ -92,7 +108,7 @@ pub fn without_times(period_secs: f64, files: usize) -> String {
 }
 
 impl Profile {
-    /// How many tags there are, if each was recorded at times of its own; `None` if not.
+    /// How many tags there are, if most rows have a value of only one of them; `None` if not.
     fn tags_with_own_times(&self) -> Option<usize> {
         if self.shape == Shape::Wide {
             return None;
@@ -115,7 +131,7 @@ impl Profile {
         let remedy = if self.period_was_detected { "set" } else { "correct or remove" };
         let tags = self.tags_with_own_times();
         doubts.extend(match (tags, self.recorded_period_secs) {
-            (Some(tags), _) => Some(own_times(tags)),
+            (Some(tags), _) => Some(own_times(tags, self.resampled)),
             (None, Some(recorded)) => Some(contradicted_period(self.period_secs, recorded)),
             (None, None) => many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""),
         });

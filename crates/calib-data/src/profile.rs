@@ -47,6 +47,9 @@ pub struct Profile {
     pub file_rows: u64,
     /// Rows in time order, each instant once.
     pub rows: u64,
+    /// Whether these are rows of a clock that `data.resample` puts all channels on. Default: false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub resampled: bool,
     /// Rows before or after both ranges.
     pub rows_outside: u64,
     /// Time of the first row.

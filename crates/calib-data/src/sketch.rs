@@ -48,6 +48,8 @@ pub struct Sketch {
     pub recorded_period_secs: Option<f64>,
     /// Steps back in time inside a file.
     pub backward_steps: BackwardSteps,
+    /// Whether the rows are those of a clock that `data.resample` puts all channels on.
+    pub resampled: bool,
     /// Time of each row.
     pub timestamps: Vec<Timestamp>,
     /// Where the rows are cut into bins of equally many rows.
@@ -161,6 +163,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         utc: log.utc,
         zone: data.time_zone.as_deref().and_then(Zone::new),
         period_secs: log.period.as_secs(),
+        resampled: data.resample.is_some(),
         timestamps: log.rows.timestamps,
         bins,
         sentinels,

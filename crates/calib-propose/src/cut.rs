@@ -37,7 +37,7 @@ impl Cut {
         let times = &sketch.timestamps[scope.rows.clone()];
         let rows = times.len();
         if rows < LEAST {
-            let have_own_times = sketch.tags_with_own_times().is_some();
+            let have_own_times = sketch.needs_resampling();
             return Err(ProposeError::TooShort { rows, least: LEAST, have_own_times });
         }
         let at = |share: f64| (share * rows as f64) as usize;

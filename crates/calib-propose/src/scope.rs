@@ -192,7 +192,7 @@ fn nothing(sketch: &Sketch) -> ProposeError {
     let said = match (sketch.channels.first(), of_no_use) {
         (None, _) => "there is none".to_owned(),
         (Some(_), _) if rows < LEAST => {
-            let have_own_times = sketch.tags_with_own_times().is_some();
+            let have_own_times = sketch.needs_resampling();
             return ProposeError::TooShort { rows, least: LEAST, have_own_times };
         }
         (Some(_), Some(said)) => said,

@@ -29,6 +29,7 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
         sentinels: Vec::new(),
         period_secs: 60.0,
         recorded_period_secs: None,
+        resampled: false,
         backward_steps: BackwardSteps::default(),
         timestamps: (0..rows as i64).map(|row| Timestamp::from_micros(row * 60_000_000)).collect(),
         channels: channels

@@ -153,6 +153,11 @@ impl Log {
         Ok((log, wanted))
     }
 
+    /// Whether the rows are those of a clock that all channels are put on.
+    pub(crate) fn is_resampled(&self) -> bool {
+        self.grid.is_some()
+    }
+
     /// Entries of `data.exclude` that match no channel.
     pub(crate) fn unused_excludes(&self, data: &DataConfig) -> Vec<String> {
         let names = self.channels.iter().flat_map(Channel::names);

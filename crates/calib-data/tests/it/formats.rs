@@ -426,6 +426,14 @@ fn tags_with_times_of_their_own_are_told_how_to_share_a_clock() {
     };
     let found = profile(&data);
     assert_eq!((found.clock_doubts(), found.kept().count()), (Vec::new(), 2));
+    // They are on one clock, and most values are too old for its rows.
+    let short = DataConfig { period_secs: Some(1.0), max_age_secs: Some(MaxAge::All(1.0)), ..data };
+    let told = profile(&short).clock_doubts().join("; ");
+    assert!(
+        told.contains("although data.resample puts all on one clock: raise data.max_age_secs"),
+        "{told}"
+    );
+    assert!(!told.contains("put them on one clock"), "{told}");
     // Tags that are recorded together are not told so, and what a wide log misses is another matter.
     let again: Vec<&str> = rows.lines().skip(1).collect();
     let others = again.join("\n").replace("FIT1", "other").replace("AIT2", "FIT1");

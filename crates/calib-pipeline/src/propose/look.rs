@@ -115,11 +115,7 @@ impl ExaminedLog {
     pub(super) fn at(args: &ProposeOptions, printer: &Printer) -> Result<Self, StepError> {
         let SketchedLog { sketch, sentinels, angles, clock, read } =
             SketchedLog::at(args, |_| true, printer)?;
-        let doubt = match sketch.tags_with_own_times() {
-            Some(tags) => Some(calib_data::own_times(tags)),
-            None => interleaved(&sketch),
-        };
-        if let Some(doubt) = doubt {
+        if let Some(doubt) = sketch.own_times_doubt().or_else(|| interleaved(&sketch)) {
             printer.warn(&doubt);
         }
         let wanted = named(&args.sensors, &sketch)?;
