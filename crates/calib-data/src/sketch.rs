@@ -9,6 +9,7 @@ use crate::{
     AngleOf, BackwardSteps, BadRowsFound, BridgedStops, ContradictionsFound, DataConfig, DataError,
     Sentinel, Shape, Zone,
     channel::{Moments, Movement, is_same},
+    format_time,
     log::{Batch, Channel, ChannelValues, Contradicting, Log, Seldom},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
@@ -169,6 +170,14 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         sentinels,
         channels,
     })
+}
+
+impl Sketch {
+    /// A time of the log as people read it: on the clock of `data.time_zone`, if it was given, else as the log has it.
+    pub fn shown(&self, time: Timestamp) -> String {
+        let zone = self.zone.as_ref();
+        zone.map_or_else(|| format_time(time), |zone| zone.written(time).replacen('T', " ", 1))
+    }
 }
 
 /// What all channels share.

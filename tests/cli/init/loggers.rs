@@ -111,6 +111,23 @@ fn what_was_asked_for_is_taken_or_refused() {
     assert!(fraction.contains("has no effect, because data.train says"), "{fraction}");
 }
 
+/// The clocks of the log are those of the place, and the study has the same.
+#[test]
+fn the_stretch_of_a_sensor_is_printed_on_the_clock_of_the_time_zone() {
+    let place = Place::new();
+    place.write("log.csv", &loggers());
+    let stretch = |more: &[&str]| {
+        let args = ["init", "log.csv", "--force", "--within=1s", "--set=data.bad_rows=skip"];
+        let sensor = ["--sensor", "Late", "--horizon", "20m"];
+        let late = place.calib(&[&args[..], &sensor, more].concat());
+        late.succeeds();
+        let said = late.stderr();
+        let line = said.lines().find(|line| line.contains("Late complete from 2024-03-14"));
+        line.unwrap_or_else(|| panic!("{said}")).to_owned()
+    };
+    assert_eq!(stretch(&["--set=data.time_zone=Asia/Tokyo"]), stretch(&[]));
+}
+
 /// The wind is an input as its sine and its cosine, and is predicted or left out where that was asked for.
 #[test]
 fn an_angle_becomes_its_sine_and_its_cosine() {

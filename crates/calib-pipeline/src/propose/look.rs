@@ -131,8 +131,8 @@ impl ExaminedLog {
             printer.say(&format!(
                 "{} complete from {} to {}: data.train and data.held_out take this stretch",
                 args.sensors.join(" and "),
-                format_time(rows[0]),
-                format_time(rows[rows.len() - 1])
+                sketch.shown(rows[0]),
+                sketch.shown(rows[rows.len() - 1])
             ));
         }
         let cleaning = Cleaning::of(&sketch, &scope);
