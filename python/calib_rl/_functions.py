@@ -127,7 +127,7 @@ def build_model(
         The model: mapped from ``folder``, or in memory where it is of an array. An `ActionModel` where there are ``actions``.
 
     Raises:
-        CalibError: A value of an array is NaN or infinite. A log is wrong. ``folder/log.parquet`` is there, and calib did not write it.
+        CalibError: A value of an array is NaN or infinite. A log is wrong, or has one action. ``folder/log.parquet`` is there, and calib did not write it.
         StudyError: A section is not valid. Nothing is written then.
         FileExistsError: ``folder/study.toml`` holds another study.
         TypeError: The data is something else, or has no real numbers. There is no such argument.

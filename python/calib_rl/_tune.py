@@ -23,6 +23,7 @@ import numpy as np
 from . import _calib
 from ._acting import ActionModel, acting_model
 from ._checks import LARGEST_SEED, position, whole
+from ._errors import CalibError
 from ._kinds import ModelKind
 from ._verdict import frame_of
 
@@ -256,6 +257,7 @@ def tune(
         `Tuned.failures`, and the others go on without them.
 
     Raises:
+        CalibError: The log of the model has one action, so that there is nothing to choose.
         ValueError: There is no setting, or one that comes twice. An argument is outside its range.
         TypeError: ``model`` is no `ActionModel`. ``make_agent`` cannot be given to other processes.
         KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call goes on.
@@ -280,6 +282,8 @@ def tune(
         ({}, {})
     """
     model = acting_model(model)
+    if (told := model._native.only_action) is not None:
+        raise CalibError(told)
     environment = dict(environment or {})
     settings = _settings(grid, default)
     each = [position(member, "members") for member in (range(model.members) if members is None else members)]

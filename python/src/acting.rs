@@ -200,6 +200,12 @@ impl PyActionModel {
         each.map(|((name, level), count)| (name.clone(), level.clone(), count)).collect()
     }
 
+    /// Why agents have nothing to choose, if the log has one action.
+    #[getter]
+    fn only_action(&self) -> Option<String> {
+        self.kept.opened.only_action()
+    }
+
     /// What the recorded behaviour got an episode of at most `timeout` steps: mean, and the best and the worst whole episode.
     fn recorded(&self, timeout: usize) -> PyResult<(f64, Option<f64>, Option<f64>)> {
         let recorded = self.model().log().recorded_return(timeout);

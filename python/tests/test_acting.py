@@ -8,6 +8,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
@@ -340,6 +341,21 @@ def test_actions_that_cannot_be(tmp_path: Path) -> None:
     ):
         with pytest.raises((calib_rl.CalibError, ValueError), match=told):
             calib_rl.build_model(frame, tmp_path / str(number), **arguments)
+
+
+def test_a_log_with_one_action_is_refused(acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    idle = tank(60).with_columns(valve0=polars.lit(0.5))
+    told = r"control\.actions: it is valve0=0\.5 in every row, so there is nothing to choose"
+    for levels in (None, 3):
+        folder = tmp_path / str(levels)
+        with pytest.raises(calib_rl.CalibError, match=told):
+            calib_rl.build_model(idle, folder, actions=["valve0"], reward="reward", levels=levels)
+        assert not list(folder.glob("*/control-model")), "nothing is begun"
+    # A model that an earlier calib built of such a log.
+    earlier = calib_rl.ActionModel.open(acting.path)
+    monkeypatch.setattr(earlier, "_native", SimpleNamespace(only_action="it is valve0=0.5 in every row"))
+    with pytest.raises(calib_rl.CalibError, match=r"valve0=0\.5 in every row"):
+        calib_rl.tune(Sarsa, GRID, earlier, total_timesteps=10)
 
 
 class Sarsa:

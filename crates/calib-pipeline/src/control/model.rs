@@ -18,7 +18,10 @@ use calib_model_steps::represent::decisions;
 use calib_study::{Job, StepKind, Study};
 use serde::{Deserialize, Serialize};
 
-use super::log::{self, ActionLog, Names};
+use super::{
+    log::{self, ActionLog, Names},
+    rare,
+};
 
 /// Time of every row in microseconds, `i64 [rows, 1]`.
 const TIMES: &str = "times.npy";
@@ -96,6 +99,8 @@ pub struct ControlModel {
     pub start_rows: Vec<u32>,
     /// Share of the recorded states by which the radius of coverage was taken.
     pub coverage: f64,
+    /// Rows from one decision to the next.
+    every: usize,
 }
 
 impl ControlModel {
@@ -113,6 +118,11 @@ impl ControlModel {
     /// As [`in_directory`](Self::in_directory).
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
         opened(&job.layout().control_model(), &job.command(StepKind::Control))
+    }
+
+    /// Why agents have nothing to choose in it, if its log has one action: an earlier calib may have built it.
+    pub fn only_action(&self) -> Option<String> {
+        rare::only_action(&self.names.actions, self.every)
     }
 }
 
@@ -133,6 +143,7 @@ fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
         times: times.as_slice().to_vec(),
         start_rows: rows.as_slice().to_vec(),
         coverage: manifest.record.config.coverage,
+        every: manifest.study.control.map_or(1, |config| config.every),
     })
 }
 
@@ -301,6 +312,7 @@ pub(crate) fn build(job: &Job, printer: &Printer) -> Result<ActionModel, StepErr
     job.refuse_deployment()?;
     let Some(config) = &job.study().control else { return Err(super::run::no_section(job)) };
     let log = log::read(job, config, printer)?;
+    rare::check_actions(&log, config, printer)?;
     log::require_model(&log.decisions, config)?;
     open_or_build(job, config, &log, printer)
 }

@@ -17,7 +17,7 @@ pub(super) fn check_actions(
     config: &ControlConfig,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    if let Some(told) = only_action(log, config) {
+    if let Some(told) = only_action(&log.names.actions, config.every) {
         bail!(told);
     }
     if let Some(told) = hardly_taken(log, config) {
@@ -31,10 +31,10 @@ pub(crate) fn hardly_taken(log: &ActionLog, config: &ControlConfig) -> Option<St
     told(&log.names.actions, &log.decisions.counts(), config)
 }
 
-/// That the log has one action, if so: models then know of no other, and agents have no choice.
-pub(super) fn only_action(log: &ActionLog, config: &ControlConfig) -> Option<String> {
-    let [action] = &log.names.actions[..] else { return None };
-    let rows = match config.every {
+/// That a log has only one of these `actions` in every row, or every `every`-th one, if so: models then know of no other, and agents have no choice.
+pub(super) fn only_action(actions: &[String], every: usize) -> Option<String> {
+    let [action] = actions else { return None };
+    let rows = match every {
         1 => "every row".to_owned(),
         every => format!("every row in which agents decide (control.every = {every})"),
     };
@@ -100,6 +100,16 @@ mod tests {
         let several = told(&[3_000, 0, 1, 2, 3, 500]).expect("four");
         let named = "4 actions were hardly ever taken: dose=1 (0 of 3,506), dose=2 (1 of 3,506), dose=3 (2 of 3,506), …. ";
         assert!(several.starts_with(named), "{several}");
+    }
+
+    #[test]
+    fn a_single_action_leaves_nothing_to_choose() {
+        let actions = ["valve=0", "valve=1"].map(str::to_owned);
+        assert_eq!(only_action(&actions, 1), None);
+        let told = only_action(&actions[..1], 1).expect("one");
+        assert!(told.starts_with("control.actions: it is valve=0 in every row, so"), "{told}");
+        let told = only_action(&actions[..1], 3).expect("one");
+        assert!(told.contains("in which agents decide (control.every = 3)"), "{told}");
     }
 
     #[test]
