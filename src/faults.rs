@@ -17,7 +17,7 @@ pub(crate) fn arm() -> Result<(), StepError> {
     let text = text.to_string_lossy();
     let expected = || {
         format!(
-            "{VARIABLE} is for tests: expected fail:N, full:N, kill:N, list:FILE or lockless, got '{text}'; \
+            "{VARIABLE} is for tests: expected fail:N, full:N, kill:N, free:BYTES, list:FILE or lockless, got '{text}'; \
              remove it from the environment"
         )
     };
@@ -31,6 +31,7 @@ pub(crate) fn arm() -> Result<(), StepError> {
         "fail" => Fault::Fail(number()?),
         "full" => Fault::Full(number()?),
         "kill" => Fault::Kill(number()?),
+        "free" => Fault::Free(number()?),
         "list" => Fault::List(File::create(what).with_context(|| format!("cannot write {what}"))?),
         _ => bail!(expected()),
     });

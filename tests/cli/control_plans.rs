@@ -57,6 +57,19 @@ fn a_dry_run_says_what_a_sweep_takes() {
 }
 
 #[test]
+fn a_sweep_that_the_disk_has_no_room_for_is_not_begun() {
+    let place = control::place();
+    let full = [("CALIB_FAULT", "free:10240")];
+    for command in ["control", "run"] {
+        let parts = ["the sweep may take ", " and 10.0 KiB are free where ", "lower control.runs"];
+        place.calib_with(&[command, STUDY], &full).fails_with(2, &parts);
+    }
+    for folder in ["control", "control-model", "control-units"] {
+        assert!(!place.path().join("pole/study-results").join(folder).exists(), "{folder}");
+    }
+}
+
+#[test]
 fn a_dry_run_counts_what_is_left() {
     let place = control::place();
     let new = planned(&place, &[]);

@@ -116,6 +116,35 @@ fn a_dry_run_writes_nothing() {
     assert!(!place.path().join("study-results/sweep").exists());
 }
 
+/// 20,000 bytes are free, and the smallest step writes ten times as much.
+#[test]
+fn work_that_the_disk_has_no_room_for_is_refused_before_it_begins() {
+    let place = Place::with_study();
+    let full = [("CALIB_FAULT", "free:20000")];
+    let refused = |args: &[&str], parts: &[&str]| {
+        let ran = place.calib_with(args, &full);
+        let all = [&[" on disk, and 19.5 KiB are free where "][..], parts].concat();
+        ran.fails_with(2, &all);
+    };
+    let days = ["simulate", "more", "--days", "3", "--channels", "12", "--period", "60"];
+    refused(&days, &["the log of the plant may take", "more lies; simulate fewer days"]);
+    assert!(!place.path().join("more").exists());
+    refused(&["run", "study.toml"], &["what is left of the study may take", "--output"]);
+    refused(&["build-model", "study.toml"], &["the model may take", "model lies; choose a folder"]);
+    let results = place.path().join("study-results");
+    assert!(!results.join("model").exists() && !results.join("sweep").exists());
+    // A plan writes nothing, and says what it would take.
+    place.calib_with(&["build-model", "study.toml", "--dry-run"], &full).succeeds();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    refused(&["sweep", "study.toml"], &["the sweep may take", "sweep.curve_points"]);
+    assert!(!results.join("sweep").exists());
+    // What is up to date is not made again.
+    place.calib_with(&["build-model", "study.toml"], &full).succeeds();
+    // Nothing is free: so says a file system that does not tell.
+    place.calib_with(&["run", "study.toml"], &[("CALIB_FAULT", "free:0")]).ends(&[0, 1]);
+    place.calib_with(&["run", "study.toml"], &full).ends(&[0, 1]);
+}
+
 #[test]
 fn any_agent_field_can_be_swept() {
     let place = Place::with_study();

@@ -44,6 +44,8 @@ pub enum Fault {
     List(File),
     /// No lock can be had, as on some file systems of clusters.
     Lockless,
+    /// So many bytes are said to be free.
+    Free(u64),
 }
 
 static ARMED: OnceLock<Fault> = OnceLock::new();
@@ -57,6 +59,14 @@ pub fn arm(fault: Fault) {
 /// Whether locks are to fail.
 pub(crate) fn have_no_locks() -> bool {
     matches!(ARMED.get(), Some(Fault::Lockless))
+}
+
+/// The bytes that are to be said to be free, if any are.
+pub(crate) fn free() -> Option<u64> {
+    match ARMED.get() {
+        Some(Fault::Free(bytes)) => Some(*bytes),
+        _ => None,
+    }
 }
 
 /// Announce an operation on `path`: an error if it is to fail.

@@ -26,6 +26,7 @@ mod each;
 mod inspect;
 mod plan;
 mod propose;
+mod run_disk;
 mod run_progress;
 mod run_study;
 mod schemas;

@@ -62,7 +62,7 @@ impl<'a> RunProgress<'a> {
 }
 
 /// Passes over streams that a sweep makes, as far as the study tells.
-fn passes(study: &Study) -> f64 {
+pub(crate) fn passes(study: &Study) -> f64 {
     let online = if study.data.held_out.is_some() { study.sweep.online_runs } else { 0 };
     (study.members() * study.member_runs() + online + study.sweep.log_replay_runs) as f64
 }

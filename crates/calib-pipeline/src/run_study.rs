@@ -34,6 +34,7 @@ use calib_sweep_steps::{
 use crate::{
     each::{each_part, taken},
     plan::Plan,
+    run_disk,
     run_progress::RunProgress,
 };
 
@@ -177,6 +178,7 @@ pub(crate) fn run_to(
     }
     let (job, talk) = (&job, &talk);
     streams::check(&models[0].job.before_deployment()?, talk)?;
+    run_disk::require_room(job, models.iter().map(|model| &model.job), &plan, talk)?;
     let counted = DryRunTally::default();
     let whole = WholeRun { plan: &plan, progress: &progress, counted: &counted, device, talk };
     if is_pretrained(&models) {

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Context as _, StepError,
     artefact::{Below, DirectoryLock, Files, TOOL, fingerprint_once, fingerprints},
-    bail, ensure,
+    bail, disk_room, ensure,
     log::{
         changes::{self, CHANGES, DatedChange},
         plant_of_study,
@@ -142,6 +142,7 @@ pub fn simulate(
         channels: plant.schema().to_vec(),
         files: Files::new(),
     };
+    require_room(directory, &plant)?;
     let mut claim = DirectoryLock::new(directory, Below::Unknown)?;
     let record = claim.record();
     let known = own(directory, record, &simulation, force)?;
@@ -181,10 +182,28 @@ pub fn simulate(
     Ok(simulated)
 }
 
+/// Refuse days that the disk has no room for. Those that are there are kept, or replaced by as large ones.
+fn require_room(directory: &Path, plant: &Plant) -> Result<(), StepError> {
+    let start = plant.options().start;
+    let missing = (0..plant.days()).filter(|&day| !directory.join(file_name(start, day)).exists());
+    disk_room::require(
+        day_bytes(plant).saturating_mul(missing.count() as u64),
+        "the log of the plant",
+        directory,
+        "simulate fewer days or channels, or into a folder on another disk",
+    )
+}
+
+/// Bytes of a day of the log, at most: Parquet compresses it.
+fn day_bytes(plant: &Plant) -> u64 {
+    let channels = plant.schema().len() as u64;
+    plant.instants() * (4 * channels + 8) / u64::from(plant.days()).max(1)
+}
+
 /// What simulating a plant takes.
 pub fn sentence(plant: &Plant) -> String {
     let channels = plant.schema().len();
-    let per_day = plant.instants() * (4 * channels as u64 + 8) / u64::from(plant.days()).max(1);
+    let per_day = day_bytes(plant);
     format!(
         "{} x {} channels, {} rows; about {} of memory, at most {} on disk",
         days(plant.options().days),

@@ -149,6 +149,7 @@ pub fn run(
         let representation = representation.as_ref();
         (refresh(manifest, study, &dataset, representation, &directory)?, Freshness::Kept)
     } else {
+        plan.require_room(states.as_deref(), &directory)?;
         let representation = representation.as_ref();
         let how = BuildMethod { key, config, plan, states, force: job.policy().redoes() };
         let built = build(study, dataset, representation, &how, &directory, clock, context)?;

@@ -1,20 +1,23 @@
 //! What building a model will take, and whether there is as much.
 
-use std::ops::Range;
+use std::{ops::Range, path::Path};
 
 use calib_base::{
-    StepError, bail,
+    StepError, bail, disk_room,
     log::prepared::Known,
     memory,
     options::{BuildOptions, Spill},
     output::{bytes, count, counted},
 };
 use calib_core::{Segment, Segments, Timestamp, Transitions};
+use calib_data::Dataset;
 use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig};
+use calib_model::ModelFamily;
+use calib_study::Job;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::represent::Width;
+use crate::represent::{self, Width};
 
 /// The training states of a log, as far as a plan asks for them.
 pub(crate) struct Training {
@@ -117,7 +120,6 @@ impl BuildPlan {
         let threads = rayon::current_num_threads();
         let mut need = MemoryNeed::predict(rows, psi.unwrap_or(columns), model, threads);
         need.states = 4 * (rows * columns) as u64;
-        let copy = 4 * (rows * psi.unwrap_or(0)) as u64;
         let taken = |spill: Spilled| {
             data.making_bytes.max(match spill {
                 Spilled::Nothing => need.peak(),
@@ -150,8 +152,7 @@ impl BuildPlan {
             );
         }
         let working = if spill == Spilled::Everything { need.working } else { 0 };
-        let tables = bytes_of_tables(rows, model);
-        let on_disk = [need.states, copy, tables, tables, working];
+        let on_disk = [need.states, beside_states(rows, psi.unwrap_or(0), model), working];
         Ok(Self {
             rows,
             columns,
@@ -164,6 +165,24 @@ impl BuildPlan {
             available_bytes: available,
             disk_bytes: on_disk.into_iter().fold(0, u64::saturating_add),
         })
+    }
+
+    /// Refuse a model that the disk has no room for. States that have a file already are linked.
+    ///
+    /// # Errors
+    /// If there is clearly less room.
+    pub(crate) fn require_room(
+        &self,
+        states: Option<&Path>,
+        directory: &Path,
+    ) -> Result<(), StepError> {
+        let linked = states.map_or(0, |_| 4 * (self.rows * self.columns) as u64);
+        disk_room::require(
+            disk_room::left(self.disk_bytes.saturating_sub(linked), directory),
+            "the model",
+            directory,
+            "choose a folder on another disk with --output, or lower model.neighbors or model.members",
+        )
     }
 
     /// The plan in a sentence.
@@ -187,6 +206,28 @@ impl BuildPlan {
             bytes(self.disk_bytes),
         )
     }
+}
+
+/// Bytes that building the model of a study still takes on the disk, beside the states, which have a file already. A network takes little.
+pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
+    let study = job.study();
+    if study.model.kind.family() != ModelFamily::Neighbors {
+        return 0;
+    }
+    let states = dataset.train.states();
+    let coordinates = match represent::width(study, job.layout(), states.columns()) {
+        Width::OfStates => 0,
+        Width::Exactly(coordinates) | Width::Perhaps(coordinates) => coordinates,
+    };
+    let needed = beside_states(states.rows(), coordinates, &study.model);
+    disk_room::left(needed, &job.layout().model())
+}
+
+/// What ψ of so many coordinates and the tables take on disk, and the parts of tables until these are written.
+fn beside_states(rows: usize, coordinates: usize, model: &ModelConfig) -> u64 {
+    let psi = 4 * (rows * coordinates) as u64;
+    let tables = bytes_of_tables(rows, model);
+    psi.saturating_add(tables).saturating_add(tables)
 }
 
 /// What the tables of all members take; the most that can be said where they take more.
@@ -216,6 +257,13 @@ mod tests {
         assert_eq!(table_bytes(1000, 3, 5), 120_000);
         // 3.2e19, which is 1.4e19 more than a u64 can say.
         assert_eq!(table_bytes(4_000_000, 1_000_000, 1_000_000), u64::MAX);
+    }
+
+    #[test]
+    fn tables_are_there_twice_while_they_are_written() {
+        let model = ModelConfig { neighbors: 3, members: 5, ..ModelConfig::default() };
+        assert_eq!(beside_states(1000, 0, &model), 2 * 120_000);
+        assert_eq!(beside_states(1000, 6, &model), 2 * 120_000 + 24_000);
     }
 
     /// What is spilled of a model that takes 100 bytes, 60 without its states and 20 at least.

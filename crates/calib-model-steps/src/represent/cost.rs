@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use calib_base::{StepError, clock::Stopwatch};
+use calib_base::{StepError, clock::Stopwatch, disk_room};
 use calib_core::{Monitor, Seed, Segments};
+use calib_data::Dataset;
 use calib_represent::{
-    CURVE_POINTS, LaplacianConfig, SCORED_PAIRS, Split, Training, encode, score,
+    CURVE_POINTS, LaplacianConfig, RepresentationKind, SCORED_PAIRS, Split, Training, encode, score,
 };
-use calib_study::Study;
+use calib_study::{Job, Study};
 
 use super::{Material, seed};
 
@@ -205,6 +206,28 @@ pub(super) fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
     let largest = encoders.max().unwrap_or(0);
     let states = (rows * (2 * columns + widest(&candidates)) * 4) as u64;
     states.saturating_add(largest.saturating_mul(at_once))
+}
+
+/// Bytes that the representations of a study still take on the disk; of an imported one it is not known.
+pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
+    let representation = &job.study().representation;
+    let needed = match representation.kind {
+        RepresentationKind::Laplacian => {
+            disk_bytes(&representation.candidates(), Material::of(dataset))
+        }
+        RepresentationKind::None | RepresentationKind::Import => 0,
+    };
+    disk_room::left(needed, &job.layout().representation())
+}
+
+/// Refuse representations that the disk has no room for.
+pub(super) fn require_room(job: &Job, dataset: &Dataset) -> Result<(), StepError> {
+    disk_room::require(
+        disk_left(job, dataset),
+        "the representations",
+        &job.layout().representation(),
+        "choose a folder on another disk with --output, or lower representation.dimension",
+    )
 }
 
 /// Bytes of the encoders of all candidates, and of the chosen one with its representation of all states, at most.

@@ -38,8 +38,8 @@ use calib_study::{Job, Layout, Share, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use cost::RepresentationCost;
-use cost::needed_bytes;
+pub use cost::{RepresentationCost, disk_left};
+use cost::{needed_bytes, require_room};
 pub use table::report_table;
 pub(crate) use table::show;
 
@@ -276,6 +276,7 @@ fn make(
     key: String,
     printer: &Printer,
 ) -> Result<RepresentationManifest, StepError> {
+    require_room(job, dataset)?;
     let directory = &job.layout().representation();
     let material = Material::of(dataset);
     let claim = DirectoryLock::new(directory, Below::Ours)?;

@@ -1,7 +1,7 @@
 //! What a sweep of agents that act will take, before it does.
 
 use calib_base::{
-    StepError, memory,
+    StepError, disk_room, memory,
     outcome::Told,
     output::{Printer, bytes, count, counted, duration_of_secs},
 };
@@ -316,6 +316,28 @@ fn disk(config: &ControlConfig, log: &Decisions, is_model_kept: bool, runs: usiz
     let tables = tables_bytes(config, log) / (levels + 1) * levels;
     let model = if is_model_kept { 0 } else { tables.saturating_add(log_bytes(log)) };
     model.saturating_add((runs as u64).saturating_mul(run as u64))
+}
+
+/// Refuse a sweep of so many settings if the disk has no room for its model and its runs.
+///
+/// # Errors
+/// If there is clearly less room, or there are more runs than numbers.
+pub(super) fn require_room(
+    job: &Job,
+    config: &ControlConfig,
+    log: &Decisions,
+    settings: usize,
+) -> Result<(), StepError> {
+    let layout = job.layout();
+    let runs = runs_of_kind(config, settings)?.saturating_mul(config.models.len());
+    let model = disk_room::left(disk(config, log, false, 0), &layout.control_model());
+    let runs = disk_room::left(disk(config, log, true, runs), &layout.control_units());
+    disk_room::require(
+        model.saturating_add(runs),
+        "the sweep",
+        layout.root(),
+        "choose a folder on another disk with --output, lower control.runs or control.model.neighbors, or sweep fewer settings",
+    )
 }
 
 impl ControlPlan {

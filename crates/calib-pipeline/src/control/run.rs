@@ -93,6 +93,7 @@ pub(crate) fn run(
         run_share(job, config, &log, &agents, (share, &units), printer)?;
         return Ok(StepResult::Nothing(Outcome::Done));
     }
+    plan::require_room(job, config, &log.decisions, agents.count())?;
     let units = RunFiles::open(&job.layout().control_units(), origin)?;
     if job.policy().redoes() {
         units.remove()?;

@@ -1,16 +1,16 @@
 //! How long a sweep will take, before it does.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, path::Path};
 
 use calib_base::{
-    StepError,
+    StepError, disk_room,
     log::context::RunContext,
     output::{bytes, count, counted, duration_of_secs},
 };
 use calib_core::{RowIndex, RowStream};
 use calib_model_steps::model::model_files;
 use calib_study::{Job, Study};
-use calib_sweep::RunStream;
+use calib_sweep::{RaceKind, RunStream};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -73,7 +73,7 @@ impl Expected {
             threads: threads.min(passes.max(1)),
             secs: pass_secs * rounds as f64,
             processor_secs: pass_secs * passes as f64,
-            disk: results * (ROW_BYTES + POINT_BYTES * study.sweep.curve_points as u64),
+            disk: result_bytes(study, results),
         }
     }
 
@@ -87,6 +87,35 @@ impl Expected {
             bytes(self.disk)
         )
     }
+}
+
+/// Bytes of so many results.
+fn result_bytes(study: &Study, results: u64) -> u64 {
+    results.saturating_mul(ROW_BYTES + POINT_BYTES * study.sweep.curve_points as u64)
+}
+
+/// Bytes of so many runs, as far as they are sure to be made: of a race it is not known how many are left out.
+pub fn certain_bytes(study: &Study, runs: usize) -> u64 {
+    match study.sweep.race {
+        RaceKind::None => result_bytes(study, runs as u64),
+        RaceKind::Halving => 0,
+    }
+}
+
+/// Refuse so many runs if the disk has no room for their results in the `directory` of the sweep.
+///
+/// # Errors
+/// If there is clearly less room.
+pub(crate) fn require_room(job: &Job, runs: usize, directory: &Path) -> Result<(), StepError> {
+    let needed = certain_bytes(job.study(), runs);
+    // With --force the results that are there are removed first.
+    let needed = if job.policy().redoes() { disk_room::left(needed, directory) } else { needed };
+    disk_room::require(
+        needed,
+        "the sweep",
+        directory,
+        "choose a folder on another disk with --output, sweep fewer settings, or lower sweep.curve_points",
+    )
 }
 
 /// Say what a sweep will take that waits for the steps before it: as much as on the log itself, replayed.

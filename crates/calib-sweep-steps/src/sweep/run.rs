@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::sweep::{
     constant_sensors::ConstantSensor,
-    expected::Expected,
+    expected::{Expected, require_room},
     manifest::{OtherStreams, SweepFacts, SweepManifest},
     notes::{failed_rollouts, saved},
     plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
@@ -196,6 +196,7 @@ fn sweep(
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(preview));
     }
+    require_room(job, left.runs, &directory)?;
     // Nothing is given up, nor need the disk be writable, before there is something to write.
     let is_done = missing == 0 && stored.whole().keys().all(|unit| own.whole().contains_key(unit));
     let kept = if is_done { finished(&directory, job) } else { None };
@@ -217,10 +218,7 @@ fn sweep(
         None => false,
     };
     if !is_the_same {
-        let claim = match claim {
-            Some(claim) => claim,
-            None => begun(&directory, &planned)?,
-        };
+        let claim = claim.map_or_else(|| begun(&directory, &planned), Ok)?;
         sweep_tables::write(&directory, &manifest, &results)?;
         let simple = setting.simple_errors(&environments, &baselines, &context.progress())?;
         context.say_all(simple.starts().as_slice());

@@ -1,0 +1,69 @@
+//! Whether the disk has room for all that a run will write, before the first of it is made.
+
+use calib_base::{
+    StepError, disk_room,
+    log::{context::RunContext, partition},
+};
+use calib_core::Seed;
+use calib_model_steps::{model::build_plan, represent};
+use calib_study::{Job, Scope, StepKind};
+use calib_sweep_steps::sweep::expected;
+
+use crate::{plan::Plan, run_progress::passes};
+
+/// Refuse a run whose models and sweeps the disk has no room for together. Each step looks again before it writes, when more is known.
+///
+/// # Errors
+/// If there is clearly less room, or the log cannot be read.
+pub(crate) fn require_room<'a>(
+    job: &Job,
+    models: impl Iterator<Item = &'a Job>,
+    plan: &Plan,
+    context: &RunContext,
+) -> Result<(), StepError> {
+    if job.policy().is_dry() || job.policy().share.is_some() {
+        return Ok(());
+    }
+    let mut needed = 0_u64;
+    for model in models {
+        let own = model_bytes(model, plan, context)?.saturating_add(sweep_bytes(model, plan)?);
+        needed = needed.saturating_add(own);
+    }
+    disk_room::require(
+        needed,
+        "what is left of the study",
+        job.layout().root(),
+        "choose a folder on another disk with --output, lower model.neighbors, model.members or sweep.curve_points, or sweep fewer settings",
+    )
+}
+
+/// Bytes that a model and its representation still take; nothing where both are up to date.
+fn model_bytes(model: &Job, plan: &Plan, context: &RunContext) -> Result<u64, StepError> {
+    let [represents, builds] =
+        [StepKind::Represent, StepKind::BuildModel].map(|step| plan.has_to_do(step, model));
+    if !represents && !builds {
+        return Ok(0);
+    }
+    let job = model.before_deployment()?;
+    let dataset = partition::load(&job, context)?.dataset;
+    let representation = if represents { represent::disk_left(&job, &dataset) } else { 0 };
+    let tables = if builds { build_plan::disk_left(&job, &dataset) } else { 0 };
+    Ok(representation.saturating_add(tables))
+}
+
+/// Bytes of the sweeps that were not begun; of the others it is known only once their runs are counted.
+fn sweep_bytes(model: &Job, plan: &Plan) -> Result<u64, StepError> {
+    let mut needed = 0_u64;
+    for part in model.parts(Scope::Deployment)? {
+        if !plan.is_to_do(StepKind::Sweep, &part) || part.layout().sweep().exists() {
+            continue;
+        }
+        let study = part.study();
+        let seed = Seed::new(study.seed).child("sweep");
+        let settings = calib_sweep::candidates(&study.sweep, &study.agent, seed)?.len();
+        let units = (passes(study) as usize).saturating_mul(study.sweep.sensors.len());
+        let runs = units.saturating_mul(settings);
+        needed = needed.saturating_add(expected::certain_bytes(study, runs));
+    }
+    Ok(needed)
+}
