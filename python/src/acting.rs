@@ -203,7 +203,7 @@ impl PyActionModel {
     /// Why agents have nothing to choose, if the log has one action.
     #[getter]
     fn only_action(&self) -> Option<String> {
-        self.kept.opened.only_action()
+        self.shared.opened.only_action()
     }
 
     /// What the recorded behaviour got an episode of at most `timeout` steps: mean, and the best and the worst whole episode.

@@ -14,6 +14,10 @@ use crate::{
 /// All counts are over the window that the training and held-out ranges span together;
 /// `rows_outside` lie before or after it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a fact of its own in the JSON of `calib inspect`"
+)]
 pub struct Profile {
     /// What a row of the files is. Default: [`Shape::Wide`].
     #[serde(default, skip_serializing_if = "Shape::is_wide")]
