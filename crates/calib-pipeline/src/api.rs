@@ -41,7 +41,7 @@ use crate::{
     },
     control as controls,
     control::{ControlEvaluation, ControlPlan, SimulateTask, SimulatedTask},
-    each::{PartCount, Results, each},
+    each::{Results, each},
     propose::{self as proposals, ProposedControlStudy, ProposedStudy},
     run_study::{self, StudyRun},
     status as statuses,
@@ -90,9 +90,10 @@ pub fn represent(
 ) -> Result<Results<StepResult<Representations>>, StepError> {
     recorded(StepKind::Represent.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
-        each(StepKind::Represent, job, printer, |job, which| {
+        let has_several = job.parts(StepKind::Represent.scope())?.len() > 1;
+        each(StepKind::Represent, job, printer, |job| {
             // Of several models some search among the states themselves.
-            if which == PartCount::Several && !job.study().has_representation() {
+            if has_several && !job.study().has_representation() {
                 printer.say("no representation: nothing to train");
                 return Ok(StepResult::Nothing(Outcome::Done));
             }
@@ -112,7 +113,7 @@ pub fn build_model(
 ) -> Result<Results<StepResult<BuiltModel, Option<BuildPlan>>>, StepError> {
     recorded(StepKind::BuildModel.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
-        each(StepKind::BuildModel, job, printer, |job, _| model::run(job, options, context))
+        each(StepKind::BuildModel, job, printer, |job| model::run(job, options, context))
     })
 }
 
@@ -123,7 +124,7 @@ pub fn build_model(
 pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollouts>>, StepError> {
     recorded(StepKind::Rollout.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
-        each(StepKind::Rollout, job, printer, |job, _| rollouts::run(job, context))
+        each(StepKind::Rollout, job, printer, |job| rollouts::run(job, context))
     })
 }
 
@@ -151,9 +152,7 @@ pub fn sweep(
     recorded(StepKind::Sweep.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
         let counted = DryRunTally::default();
-        each(StepKind::Sweep, job, printer, |job: &Job, _| {
-            sweeping::run(job, &counted, device, context)
-        })
+        each(StepKind::Sweep, job, printer, |job| sweeping::run(job, &counted, device, context))
     })
 }
 

@@ -50,19 +50,12 @@ impl<T: Told> Results<T> {
     }
 }
 
-/// Whether a step is for a whole study or for one of its models and deployments.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum PartCount {
-    One,
-    Several,
-}
-
 /// Take a step on each part of the study, or on the study if it has none; each result is told when it is there.
 pub(crate) fn each<T: Told>(
     step: StepKind,
     job: &Job,
     printer: &Printer,
-    run: impl Fn(&Job, PartCount) -> Result<T, StepError>,
+    run: impl Fn(&Job) -> Result<T, StepError>,
 ) -> Result<Results<T>, StepError> {
     let parts = job.parts(step.scope())?;
     ensure!(
@@ -80,7 +73,7 @@ pub(crate) fn each_part<T: Told>(
     printer: &Printer,
     run: impl Fn(&Job) -> Result<T, StepError>,
 ) -> Result<Outcome, StepError> {
-    Ok(each_of(&job.parts(step.scope())?, printer, |part, _| run(part))?.outcome())
+    Ok(each_of(&job.parts(step.scope())?, printer, run)?.outcome())
 }
 
 /// Take a step of a longer chain, and tell what it came to.
@@ -95,15 +88,14 @@ pub(crate) fn taken<T: Told>(
 fn each_of<T: Told>(
     parts: &[Job],
     printer: &Printer,
-    run: impl Fn(&Job, PartCount) -> Result<T, StepError>,
+    run: impl Fn(&Job) -> Result<T, StepError>,
 ) -> Result<Results<T>, StepError> {
-    let which = if parts.len() == 1 { PartCount::One } else { PartCount::Several };
     let mut results = Vec::with_capacity(parts.len());
     for part in parts {
-        if which == PartCount::Several {
+        if parts.len() > 1 {
             printer.heading(&part.name());
         }
-        let result = told(run(part, which)?, part, printer)?;
+        let result = told(run(part)?, part, printer)?;
         let model = part.model().map(str::to_owned);
         let deployment = part.deployment().map(str::to_owned);
         results.push(PartResult { model, deployment, result });
