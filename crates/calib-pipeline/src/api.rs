@@ -4,7 +4,10 @@ use std::path::Path;
 
 use calib_base::{
     StepError,
-    log::{context::RunContext, simulate as simulation, simulate::Simulated},
+    log::{
+        context::RunContext,
+        simulate::{self, Simulated},
+    },
     options::{
         BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
         ProposeOptions, ValidityOptions,
@@ -15,38 +18,39 @@ use calib_base::{
 };
 use calib_control::ActionModel;
 use calib_model_steps::{
-    model::{build_model as model, build_model::BuiltModel, build_plan::BuildPlan},
-    represent as representations,
-    represent::Representations,
-    rollouts::{rollout as rollouts, rollout::Rollouts},
+    model::{
+        build_model::{self, BuiltModel},
+        build_plan::BuildPlan,
+    },
+    represent::{self, Representations},
+    rollouts::rollout::{self, Rollouts},
 };
 use calib_plant::PlantOptions;
 use calib_propose::DecisionColumns;
 use calib_study::{Job, StepKind, Study};
 use calib_sweep_steps::{
-    agents::{pretrain as agents, pretrain::PretrainedAgents},
+    agents::pretrain::{self, PretrainedAgents},
     external,
     render::show_judgement,
-    sweep as sweeping,
-    sweep::{SweepResult, plan::DryRunTally},
-    verdict::{evaluate::Judgement, evaluation as judging, evaluation::Evaluation},
+    sweep::{self, SweepResult, plan::DryRunTally},
+    verdict::{
+        evaluate::Judgement,
+        evaluation::{self, Evaluation},
+    },
 };
 
 use crate::{
-    check as checking,
-    check::CheckedResults,
+    check::{self, CheckedResults},
     cluster::{
         self, ClusterDryPlan, ClusterPlan, ClusterScripts, ClusterShard, ClusterStatus,
         MergedSweeps, SubmittedPlan,
     },
-    control as controls,
-    control::{ControlEvaluation, ControlPlan, SimulateTask, SimulatedTask},
+    control::{self, ControlEvaluation, ControlPlan, SimulateTask, SimulatedTask},
     each::{Results, each},
-    propose::{self as proposals, ProposedControlStudy, ProposedStudy},
+    propose::{self, ProposedControlStudy, ProposedStudy},
     run_study::{self, StudyRun},
-    status as statuses,
-    status::{StandingOf, StatusRequest},
-    validity::{self as validities, ValidityAnswer, ValidityPlan},
+    status::{self, StandingOf, StatusRequest},
+    validity::{self, ValidityAnswer, ValidityPlan},
 };
 
 /// Every step that a study needs, from its log to the verdict, as far as it is missing; representations, networks and the agents of sweeps are trained
@@ -63,20 +67,20 @@ pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Study
 /// # Errors
 /// As [`run`]; also if the folder holds other logs.
 pub fn simulate(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
-    simulation::of_study(job, printer)
+    simulate::of_study(job, printer)
 }
 
 /// Write the log of this plant, a Parquet file a day, as far as it is missing; `force` begins anew.
 ///
 /// # Errors
-/// As [`simulate`].
+/// As [`simulate()`].
 pub fn simulate_plant(
     directory: &Path,
     plant: PlantOptions,
     force: bool,
     printer: &Printer,
 ) -> Result<Simulated, StepError> {
-    simulation::simulate(directory, plant, force, printer)
+    simulate::simulate(directory, plant, force, printer)
 }
 
 /// Train or import representations of the states, score them, and choose one.
@@ -97,7 +101,7 @@ pub fn represent(
                 printer.say("no representation: nothing to train");
                 return Ok(StepResult::Nothing(Outcome::Done));
             }
-            representations::run(job, device, context)
+            represent::run(job, device, context)
         })
     })
 }
@@ -113,7 +117,7 @@ pub fn build_model(
 ) -> Result<Results<StepResult<BuiltModel, Option<BuildPlan>>>, StepError> {
     recorded(StepKind::BuildModel.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
-        each(StepKind::BuildModel, job, printer, |job| model::run(job, options, context))
+        each(StepKind::BuildModel, job, printer, |job| build_model::run(job, options, context))
     })
 }
 
@@ -124,7 +128,7 @@ pub fn build_model(
 pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollouts>>, StepError> {
     recorded(StepKind::Rollout.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
-        each(StepKind::Rollout, job, printer, |job| rollouts::run(job, context))
+        each(StepKind::Rollout, job, printer, |job| rollout::run(job, context))
     })
 }
 
@@ -135,7 +139,7 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollou
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
     recorded(StepKind::Pretrain.command(), job, printer, |printer| {
         job.refuse_deployment()?;
-        told(agents::run(job, &RunContext::new(printer))?, job, printer)
+        told(pretrain::run(job, &RunContext::new(printer))?, job, printer)
     })
 }
 
@@ -152,7 +156,7 @@ pub fn sweep(
     recorded(StepKind::Sweep.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
         let counted = DryRunTally::default();
-        each(StepKind::Sweep, job, printer, |job| sweeping::run(job, &counted, device, context))
+        each(StepKind::Sweep, job, printer, |job| sweep::run(job, &counted, device, context))
     })
 }
 
@@ -163,7 +167,7 @@ pub fn sweep(
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, StepError> {
     let context = &RunContext::new(printer);
     let parts = job.parts(StepKind::Evaluate.scope())?;
-    told(judging::run(job, &parts, &[], context)?, job, printer)
+    told(evaluation::run(job, &parts, &[], context)?, job, printer)
 }
 
 /// Read a log of decisions, build its model with actions, let every candidate act in it, and say which to deploy.
@@ -175,16 +179,16 @@ pub fn control(
     printer: &Printer,
 ) -> Result<StepResult<ControlEvaluation, ControlPlan>, StepError> {
     recorded(StepKind::Control.command(), job, printer, |printer| {
-        told(controls::run(job, printer)?, job, printer)
+        told(control::run(job, printer)?, job, printer)
     })
 }
 
 /// Read a log of decisions and build its model with actions, if it is not there.
 ///
 /// # Errors
-/// As [`control`].
+/// As [`control()`].
 pub fn control_model(job: &Job, printer: &Printer) -> Result<ActionModel, StepError> {
-    controls::build(job, printer)
+    control::build(job, printer)
 }
 
 /// Write the log of a policy in a classic task, and a study of it.
@@ -192,7 +196,7 @@ pub fn control_model(job: &Job, printer: &Printer) -> Result<ActionModel, StepEr
 /// # Errors
 /// If the folder cannot be written, or the observer asks to stop.
 pub fn simulate_task(wanted: &SimulateTask, printer: &Printer) -> Result<SimulatedTask, StepError> {
-    controls::simulate(wanted, printer)
+    control::simulate(wanted, printer)
 }
 
 /// Judge runs that something else made, of a table that [`SweepStreams::write`](calib_sweep_steps::external::SweepStreams::write) wrote or that has its columns,
@@ -216,7 +220,7 @@ pub fn evaluate_runs(
 /// # Errors
 /// As [`run`]; also if nothing in the log can be predicted.
 pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<ProposedStudy, StepError> {
-    told(proposals::run(options, &RunContext::new(printer))?, &(), printer)
+    told(propose::run(options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Look at a log of decisions, time short runs of agents that act, and write a study of such agents with a reason for every value.
@@ -229,7 +233,7 @@ pub fn propose_control(
     columns: &DecisionColumns,
     printer: &Printer,
 ) -> Result<ProposedControlStudy, StepError> {
-    told(proposals::run_control(options, columns, printer)?, &(), printer)
+    told(propose::run_control(options, columns, printer)?, &(), printer)
 }
 
 /// Compare a folder of results with what was written.
@@ -237,7 +241,7 @@ pub fn propose_control(
 /// # Errors
 /// If there is no such folder, it holds no results, or the observer asks to stop. Damage is no error.
 pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<CheckedResults, StepError> {
-    checking::run(results, logs, printer)
+    check::run(results, logs, printer)
 }
 
 /// How a study, the study of a folder of results, or a plan for a cluster stands: what is done, what runs, and how the
@@ -246,7 +250,7 @@ pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<CheckedRes
 /// # Errors
 /// If there is no such study or folder, or the study is wrong.
 pub fn status(request: &StatusRequest, printer: &Printer) -> Result<StandingOf, StepError> {
-    statuses::status(request, printer)
+    status::status(request, printer)
 }
 
 /// Judge how well calib chooses, over several studies with held-out data.
@@ -257,7 +261,7 @@ pub fn validity(
     options: &ValidityOptions,
     printer: &Printer,
 ) -> Result<StepResult<ValidityAnswer, ValidityPlan>, StepError> {
-    told(validities::run(options, &RunContext::new(printer))?, &(), printer)
+    told(validity::run(options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Divide what is left of a study's sweeps into shards, with everything that they read, in a folder of their own.
