@@ -155,8 +155,8 @@ pub fn sweep(
 ) -> Result<Results<SweepResult>, StepError> {
     recorded(StepKind::Sweep.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
-        let counted = DryRunTally::default();
-        each(StepKind::Sweep, job, printer, |job| sweep::run(job, &counted, device, context))
+        let tally = DryRunTally::default();
+        each(StepKind::Sweep, job, printer, |job| sweep::run(job, &tally, device, context))
     })
 }
 

@@ -54,7 +54,7 @@ fn is_wanted(step: StepKind, study: &Study, extent: RunUntil) -> bool {
 
 /// Take one of the steps that each model takes.
 fn take(step: StepKind, job: &Job, whole: &WholeRun<'_>) -> Result<Outcome, StepError> {
-    let &WholeRun { plan, progress, counted, device, talk } = whole;
+    let &WholeRun { plan, progress, tally, device, talk } = whole;
     match step {
         // What is made before rollouts is the same for all deployments.
         StepKind::Represent => {
@@ -68,7 +68,7 @@ fn take(step: StepKind, job: &Job, whole: &WholeRun<'_>) -> Result<Outcome, Step
         StepKind::Rollout => each_part(step, job, talk, |job| rollout::run(job, talk)),
         StepKind::Sweep => each_part(step, job, talk, |job| {
             progress.sweep(plan, job);
-            sweep::run(job, counted, device, talk)
+            sweep::run(job, tally, device, talk)
         }),
         StepKind::Simulate
         | StepKind::Prepare
@@ -82,7 +82,7 @@ fn take(step: StepKind, job: &Job, whole: &WholeRun<'_>) -> Result<Outcome, Step
 struct WholeRun<'a> {
     plan: &'a Plan,
     progress: &'a RunProgress<'a>,
-    counted: &'a DryRunTally,
+    tally: &'a DryRunTally,
     /// Where networks and agents are trained, if not natively.
     device: Option<Device>,
     talk: &'a RunContext,
@@ -179,8 +179,8 @@ pub(crate) fn run_to(
     let (job, talk) = (&job, &talk);
     streams::check(&models[0].job.before_deployment()?, talk)?;
     run_disk::require_room(job, models.iter().map(|model| &model.job), &plan, talk)?;
-    let counted = DryRunTally::default();
-    let whole = WholeRun { plan: &plan, progress: &progress, counted: &counted, device, talk };
+    let tally = DryRunTally::default();
+    let whole = WholeRun { plan: &plan, progress: &progress, tally: &tally, device, talk };
     if is_pretrained(&models) {
         let talk = &whole.begin(StepKind::Pretrain, StepKind::Pretrain.label(), job);
         ended.and(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
@@ -190,8 +190,8 @@ pub(crate) fn run_to(
             ended.and(model.take(step, extent, &whole)?);
         }
     }
-    plan.expect(&counted.expected());
-    talk.say_all(&Vec::from_iter(counted.in_all()));
+    plan.expect(&tally.expected());
+    talk.say_all(&Vec::from_iter(tally.in_all()));
     tell(&plan, job, context)?;
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
     if !left_out.is_empty() {
@@ -408,7 +408,7 @@ impl Model {
         extent: RunUntil,
         whole: &WholeRun<'_>,
     ) -> Result<Outcome, StepError> {
-        let WholeRun { plan, progress, counted, .. } = *whole;
+        let WholeRun { plan, progress, tally, .. } = *whole;
         if !is_wanted(step, self.job.study(), extent) {
             return Ok(Outcome::Done);
         }
@@ -445,7 +445,7 @@ impl Model {
                         if parts.len() > 1 {
                             talk.heading(&part.name());
                         }
-                        sweep::expected::before_model(part, counted, talk)?;
+                        sweep::expected::before_model(part, tally, talk)?;
                     }
                 }
                 Ok(Outcome::Done)

@@ -122,11 +122,7 @@ pub(crate) fn require_room(job: &Job, runs: usize, directory: &Path) -> Result<(
 ///
 /// # Errors
 /// If the log cannot be read, or has not what the study sweeps.
-pub fn before_model(
-    job: &Job,
-    counted: &DryRunTally,
-    context: &RunContext,
-) -> Result<(), StepError> {
+pub fn before_model(job: &Job, tally: &DryRunTally, context: &RunContext) -> Result<(), StepError> {
     let study = job.study();
     let candidates = candidates_of(study)?;
     let (parts, groups) = scorable(job, &candidates, &context.silent())?;
@@ -146,7 +142,7 @@ pub fn before_model(
     let passes: usize = streams.iter().map(Vec::len).sum();
     let each = groups.iter().zip(&streams);
     let units: usize = each.map(|(group, streams)| group.sensors.len() * streams.len()).sum();
-    let left = passes - counted.again(streams.into_iter().flatten());
+    let left = passes - tally.count_repeated(streams.into_iter().flatten());
     let sizes = Sizes::of(study, dataset, span, [units, passes]);
     let threads = rayon::current_num_threads();
     // What stands in for a log is in memory itself.
@@ -158,12 +154,12 @@ pub fn before_model(
     let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);
     let streamed = RunStream::complete(replayed, RowIndex::new(0));
     let progress = context.silent().progress();
-    let cost = Cost::over(trained, &streamed, 0.0, counted.measured(), &progress)?;
+    let cost = Cost::over(trained, &streamed, 0.0, tally.measured(), &progress)?;
     let results = (units * candidates.len()) as u64;
     let pass_secs = cost.of(sensors.len().div_ceil(groups.len()));
     let expected = Expected::new(pass_secs, left, threads, results, study);
     context.say(&expected.line());
-    counted.expect(job, expected);
+    tally.expect(job, expected);
     Ok(())
 }
 

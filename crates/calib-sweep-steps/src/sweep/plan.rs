@@ -37,7 +37,7 @@ pub struct PartPlan {
 
 impl DryRunTally {
     /// Count these units, and say how many had been counted before.
-    pub(crate) fn again(&self, keys: impl Iterator<Item = String>) -> usize {
+    pub(crate) fn count_repeated(&self, keys: impl Iterator<Item = String>) -> usize {
         let mut counted = self.units.borrow_mut();
         keys.filter(|key| !counted.insert(key.clone())).count()
     }
@@ -285,11 +285,11 @@ mod tests {
 
     #[test]
     fn the_same_units_are_counted_once() {
-        let counted = DryRunTally::default();
+        let tally = DryRunTally::default();
         let keys = ["a", "b", "c"].map(str::to_owned);
-        assert_eq!(counted.again(keys[..2].iter().cloned()), 0);
-        assert_eq!(counted.again(keys.iter().cloned()), 2);
-        assert_eq!(counted.again(keys.iter().cloned()), 3);
+        assert_eq!(tally.count_repeated(keys[..2].iter().cloned()), 0);
+        assert_eq!(tally.count_repeated(keys.iter().cloned()), 2);
+        assert_eq!(tally.count_repeated(keys.iter().cloned()), 3);
     }
 
     #[test]

@@ -98,18 +98,18 @@ impl Swept {
 /// Runs of units by unit and key, as other processes made them.
 pub type SharedRuns = BTreeMap<(Unit, String), UnitRuns>;
 
-/// Train every candidate in every environment, on a device if one is named. A dry run says what was `counted` before.
+/// Train every candidate in every environment, on a device if one is named. A dry run says what the `tally` has counted before.
 ///
 /// # Errors
 /// If the study, the model or the log is not what it should be, training fails, or the observer asks to stop.
 pub fn run(
     job: &Job,
-    counted: &DryRunTally,
+    tally: &DryRunTally,
     device: Option<Device>,
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
     let accelerator = on_device(device, job.study())?;
-    sweep(job, counted, ResultSource { pool: None, accelerator: accelerator.as_deref() }, context)
+    sweep(job, tally, ResultSource { pool: None, accelerator: accelerator.as_deref() }, context)
 }
 
 /// What trains the agents of a study on a device, if one is named, before anything is read or made.
@@ -155,7 +155,7 @@ pub struct ResultSource<'a> {
 
 fn sweep(
     job: &Job,
-    counted: &DryRunTally,
+    tally: &DryRunTally,
     ResultSource { pool, accelerator }: ResultSource<'_>,
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
@@ -179,7 +179,7 @@ fn sweep(
     }
     let passes = plan.passes(&stored);
     let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), passes]);
-    let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
+    let shared = if job.policy().is_dry() { shared_units(&plan, &stored, tally) } else { 0 };
     let left = RemainingRuns { units: missing, runs: plan.runs_left(&stored), shared };
     let mut preview = preview(&setting.candidates, &sizes, plan.count(), left, span);
     if let Some(accelerator) = accelerator {
@@ -189,7 +189,7 @@ fn sweep(
     let is_own = setting.program.is_none() && accelerator.is_none();
     let is_timed = is_own && missing > shared && preview.memory.fits();
     if job.policy().is_dry() && is_timed {
-        preview.expected = Some(expected(job, &setting, &preview, passes, counted, context)?);
+        preview.expected = Some(expected(job, &setting, &preview, passes, tally, context)?);
     }
     preview.announce(study, context)?;
     if job.policy().is_dry() {
@@ -246,13 +246,13 @@ fn expected(
     setting: &SweepContext,
     plan: &SweepPlan,
     passes: usize,
-    counted: &DryRunTally,
+    tally: &DryRunTally,
     context: &RunContext,
 ) -> Result<Expected, StepError> {
-    let cost = setting.cost(job.study(), counted.measured(), &context.silent().progress())?;
+    let cost = setting.cost(job.study(), tally.measured(), &context.silent().progress())?;
     let sensors_of_pass = setting.sensors.len().div_ceil(setting.groups.len());
     let expected = Expected::of(cost, plan, passes, sensors_of_pass, job.study());
-    counted.expect(job, expected.clone());
+    tally.expect(job, expected.clone());
     Ok(expected)
 }
 
@@ -393,10 +393,10 @@ fn leave_out(
 }
 
 /// Units that are left to run, and that another part of the same command runs before.
-fn shared_units(plan: &Plan<'_>, stored: &StoredUnits, counted: &DryRunTally) -> usize {
+fn shared_units(plan: &Plan<'_>, stored: &StoredUnits, tally: &DryRunTally) -> usize {
     let units = plan.units();
     let left = units.iter().filter(|planned| !stored.whole().contains_key(&planned.unit));
-    counted.again(left.map(|planned| planned.fingerprint(plan.settings())))
+    tally.count_repeated(left.map(|planned| planned.fingerprint(plan.settings())))
 }
 
 /// Put the runs that others have beside a sweep's own.
