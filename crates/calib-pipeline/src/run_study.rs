@@ -145,7 +145,6 @@ pub(crate) fn run_to(
     let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
     let talk = &context.talking();
-    let mut ended = RunOutcome(Outcome::Done);
     let jobs: Vec<&Job> = models.iter().map(|model| &model.job).collect();
     // What a device cannot do is found out before anything is made.
     let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
@@ -172,7 +171,7 @@ pub(crate) fn run_to(
         StudyLog::None => {
             talk.say(&format!("then: {}", remaining(&models).join(", ")));
             tell(&plan, &job, context)?;
-            let outcome = ended.0;
+            let outcome = Outcome::Done;
             return Ok(StudyRun { evaluation: None, left_out: Vec::new(), outcome });
         }
     }
@@ -181,13 +180,14 @@ pub(crate) fn run_to(
     run_disk::require_room(job, models.iter().map(|model| &model.job), &plan, talk)?;
     let tally = DryRunTally::default();
     let whole = WholeRun { plan: &plan, progress: &progress, tally: &tally, device, talk };
+    let mut outcomes = Vec::new();
     if is_pretrained(&models) {
         let talk = &whole.begin(StepKind::Pretrain, StepKind::Pretrain.label(), job);
-        ended.and(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
+        outcomes.push(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
     }
     for step in StepKind::OF_MODELS {
         for model in &mut models {
-            ended.and(model.take(step, extent, &whole)?);
+            outcomes.push(model.take(step, extent, &whole)?);
         }
     }
     plan.expect(&tally.expected());
@@ -195,19 +195,20 @@ pub(crate) fn run_to(
     tell(&plan, job, context)?;
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
     if !left_out.is_empty() {
-        ended.and(Outcome::Negative);
+        outcomes.push(Outcome::Negative);
     }
     let mut evaluation = None;
     if extent == RunUntil::Report {
         let judged = judge(job, &models, &left_out, &progress, talk, context)?;
-        ended.and(judged.outcome());
+        outcomes.push(judged.outcome());
         evaluation = judged.made();
         for reason in &left_out {
             context.error(reason);
         }
     }
     say_done(clock.elapsed(), context);
-    Ok(StudyRun { evaluation, left_out, outcome: ended.0 })
+    let outcome = outcomes.into_iter().find(|outcome| *outcome != Outcome::Done);
+    Ok(StudyRun { evaluation, left_out, outcome: outcome.unwrap_or(Outcome::Done) })
 }
 
 /// Say what a run took, and beside it what was announced: after a long one to all, after others to those who ask for more.
@@ -459,15 +460,4 @@ fn not_yet(step: StepKind, reason: Option<&StepError>, talk: &Printer) {
     let step = step.label();
     let reason = reason.map_or_else(String::new, |reason| format!(" ({reason})"));
     talk.say(&format!("dry run: {step} waits for the steps before it{reason}"));
-}
-
-/// How the steps ended: a negative answer of one is one of the whole.
-struct RunOutcome(Outcome);
-
-impl RunOutcome {
-    fn and(&mut self, status: Outcome) {
-        if self.0 == Outcome::Done {
-            self.0 = status;
-        }
-    }
 }
