@@ -23,7 +23,7 @@ pub(crate) struct Attempt {
     pub(crate) made: Vec<MadePass>,
     /// Units that failed, and why.
     pub(crate) failed: Vec<String>,
-    pub(crate) ended: RunOutcome,
+    pub(crate) ended: AttemptEnd,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -36,7 +36,7 @@ pub(crate) struct MadePass {
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum RunOutcome {
+pub(crate) enum AttemptEnd {
     /// It runs, or was killed without a word.
     NotYet,
     Done,
@@ -46,12 +46,12 @@ pub(crate) enum RunOutcome {
 }
 
 /// The file of an attempt that this process makes.
-pub(crate) struct Diary {
+pub(crate) struct AttemptFile {
     path: PathBuf,
     attempt: Mutex<Attempt>,
 }
 
-impl Diary {
+impl AttemptFile {
     /// Begin an attempt in `folder`, which holds those before.
     pub(crate) fn begin(folder: &Path) -> Self {
         let host = host_name().to_owned();
@@ -65,11 +65,11 @@ impl Diary {
             doing: Vec::new(),
             made: Vec::new(),
             failed: Vec::new(),
-            ended: RunOutcome::NotYet,
+            ended: AttemptEnd::NotYet,
         };
-        let diary = Self { path, attempt: Mutex::new(attempt) };
-        diary.change(|_| ());
-        diary
+        let file = Self { path, attempt: Mutex::new(attempt) };
+        file.change(|_| ());
+        file
     }
 
     /// Whether there was no attempt before it.
@@ -97,7 +97,7 @@ impl Diary {
         });
     }
 
-    pub(crate) fn ends(&self, ended: RunOutcome) {
+    pub(crate) fn ends(&self, ended: AttemptEnd) {
         self.change(|attempt| attempt.ended = ended);
     }
 

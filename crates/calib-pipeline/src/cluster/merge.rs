@@ -12,9 +12,9 @@ use calib_sweep_steps::sweep::{SharedRuns, SweepResult, put_together};
 
 use crate::{
     cluster::{
-        missing::ranges,
         plan_file::OpenedPlan,
         results::{self, Extent},
+        shard_ranges::ranges,
     },
     each::{PartResult, Results},
 };

@@ -22,7 +22,7 @@ use calib_sweep::{
 use rayon::prelude::*;
 
 use crate::cluster::{
-    attempt::{Diary, RunOutcome},
+    attempt::{AttemptEnd, AttemptFile},
     inputs::Inputs,
     plan_file::{OpenedPlan, PlannedPass, Shard},
     results::{self, Extent, Header, UnitsInOrder},
@@ -51,21 +51,21 @@ pub(crate) fn run(
     let opened = OpenedPlan::of(directory)?;
     opened.plan.maker.check()?;
     let shard = opened.shard(number)?;
-    let diary = Diary::begin(&opened.attempts(number));
-    let ended = Running { opened: &opened, number, shard, diary: &diary, printer }.run();
-    diary.ends(match &ended {
-        Ok(_) => RunOutcome::Done,
-        Err(error) if error.was_cancelled() => RunOutcome::Stopped,
-        Err(error) => RunOutcome::Failed(error.to_string()),
+    let attempt = AttemptFile::begin(&opened.attempts(number));
+    let ended = ShardRun { opened: &opened, number, shard, attempt: &attempt, printer }.run();
+    attempt.ends(match &ended {
+        Ok(_) => AttemptEnd::Done,
+        Err(error) if error.was_cancelled() => AttemptEnd::Stopped,
+        Err(error) => AttemptEnd::Failed(error.to_string()),
     });
     ended
 }
 
-struct Running<'a> {
+struct ShardRun<'a> {
     opened: &'a OpenedPlan,
     number: usize,
     shard: &'a Shard,
-    diary: &'a Diary,
+    attempt: &'a AttemptFile,
     printer: &'a Printer,
 }
 
@@ -77,7 +77,7 @@ struct ShardPass<'p> {
     predicted_secs: f64,
 }
 
-impl Running<'_> {
+impl ShardRun<'_> {
     fn run(&self) -> Result<ClusterShard, StepError> {
         let clock = Stopwatch::start();
         let opened = self.opened;
@@ -90,7 +90,7 @@ impl Running<'_> {
             }
             Ok(results) => results.map_or_else(UnitsInOrder::new, |results| results.units),
             // No attempt has been here that could have written it.
-            Err(_) if self.diary.is_first() => {
+            Err(_) if self.attempt.is_first() => {
                 return Err(FileError::Foreign { path: opened.results(number) }.into());
             }
             Err(error) => {
@@ -242,11 +242,11 @@ impl Running<'_> {
         if monitor.check().is_err() {
             return TaskEnd::Stopped;
         }
-        self.diary.begins(&task.name);
+        self.attempt.begins(&task.name);
         let clock = Stopwatch::start();
         match task.plan.train_ready(&task.ready, &found, sink, monitor) {
             Ok(made) => {
-                self.diary.made(&task.name, made.len(), task.predicted_secs, clock.elapsed());
+                self.attempt.made(&task.name, made.len(), task.predicted_secs, clock.elapsed());
                 TaskEnd::Done
             }
             Err(SweepError::Cancelled(_)) => TaskEnd::Stopped,
@@ -255,7 +255,7 @@ impl Running<'_> {
                     writable.store(false, Ordering::Relaxed);
                 }
                 let told = StepError::from(error).to_string();
-                self.diary.failed(&task.name, &told);
+                self.attempt.failed(&task.name, &told);
                 TaskEnd::Failed(told)
             }
         }

@@ -12,8 +12,8 @@ use calib_study::shell_words;
 
 use crate::cluster::{
     make::{ClusterDryPlan, ClusterPlan},
-    missing::ranges,
     run::ClusterShard,
+    shard_ranges::ranges,
     status::{ClusterStatus, State, Status, Summary},
     submit::{ClusterScript, ClusterScripts, SubmittedPlan},
 };

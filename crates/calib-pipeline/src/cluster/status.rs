@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cluster::{
-    attempt::{self, Attempt, RunOutcome},
+    attempt::{self, Attempt, AttemptEnd},
     engines::queue,
     plan_file::{OpenedPlan, PlanFile},
     results::Extent,
@@ -192,7 +192,7 @@ fn standing(opened: &OpenedPlan, number: usize) -> ShardStatus {
         attempts: attempts.len(),
         is_running: attempts
             .iter()
-            .any(|attempt| attempt.ended == RunOutcome::NotYet && is_running(attempt)),
+            .any(|attempt| attempt.ended == AttemptEnd::NotYet && is_running(attempt)),
         predicted_secs: shard.secs,
         // Of nothing the sum is -0.
         secs: made.map(|made| made.secs).sum::<f64>() + 0.0,
@@ -213,14 +213,14 @@ fn told(attempt: &Attempt) -> String {
         failed => format!(" ({})", failed.join("; ")),
     };
     match &attempt.ended {
-        RunOutcome::Done => format!("{place} was done"),
-        RunOutcome::Stopped => format!("{place} was asked to stop{doing}, and goes on from there"),
-        RunOutcome::Failed(reason) => format!("{place}: {reason}{failed}"),
-        RunOutcome::NotYet if is_running(attempt) => format!("{place} runs{doing}{failed}"),
-        RunOutcome::NotYet if attempt.host == host_name() => format!(
+        AttemptEnd::Done => format!("{place} was done"),
+        AttemptEnd::Stopped => format!("{place} was asked to stop{doing}, and goes on from there"),
+        AttemptEnd::Failed(reason) => format!("{place}: {reason}{failed}"),
+        AttemptEnd::NotYet if is_running(attempt) => format!("{place} runs{doing}{failed}"),
+        AttemptEnd::NotYet if attempt.host == host_name() => format!(
             "{place} was killed{doing}{failed}: it ran out of memory, time or disk, or somebody ended it"
         ),
-        RunOutcome::NotYet => format!(
+        AttemptEnd::NotYet => format!(
             "{place} runs{doing}, or was killed there{failed}: out of memory, time or disk, or the machine was lost"
         ),
     }

@@ -78,21 +78,21 @@ pub(crate) fn submit(
 ) -> Result<SubmitResult, StepError> {
     let opened = OpenedPlan::of(&std::path::absolute(directory)?)?;
     let config = ClusterConfig::read(options.config.as_deref())?;
-    let submission = Handover { opened: &opened, config: &config, options };
+    let submitter = Submitter { opened: &opened, config: &config, options };
     match options.engine {
-        Engine::Slurm => submission.slurm(),
-        Engine::Ray => submission.ray(),
-        Engine::Kubernetes => submission.kubernetes(),
+        Engine::Slurm => submitter.slurm(),
+        Engine::Ray => submitter.ray(),
+        Engine::Kubernetes => submitter.kubernetes(),
     }
 }
 
-struct Handover<'a> {
+struct Submitter<'a> {
     opened: &'a OpenedPlan,
     config: &'a ClusterConfig,
     options: &'a ClusterSubmitOptions,
 }
 
-impl Handover<'_> {
+impl Submitter<'_> {
     fn is_dry(&self) -> bool {
         self.options.submission == Submission::Shown
     }

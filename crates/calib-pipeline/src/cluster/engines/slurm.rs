@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use calib_study::shell_words;
 
 use super::TaskDemand;
-use crate::cluster::{config::ClusterConfig, missing::ranges};
+use crate::cluster::{config::ClusterConfig, shard_ranges::ranges};
 
 /// The script of an array whose tasks are shards.
 ///
