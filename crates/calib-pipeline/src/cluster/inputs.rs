@@ -31,10 +31,8 @@ use crate::cluster::{
     results::{self, Extent, Header, ShardResults, UnitsInOrder},
 };
 
-const STATES: &str = "states.npy";
-const ROWS: &str = "rows.parquet";
 /// What log replay reads; a model has files of the same names.
-const LOG: [&str; 2] = [STATES, ROWS];
+const LOG: [&str; 2] = ["states.npy", "rows.parquet"];
 const HELD_OUT: [&str; 2] = ["held_out.npy", "held_out.parquet"];
 const STARTS: &str = "starts.safetensors";
 const STORED: &str = "stored.units";
@@ -190,16 +188,14 @@ impl<'p> Inputs<'p> {
         let members: Vec<usize> = opened.iter().filter_map(member).collect();
         let replays = opened.contains(&EnvironmentId::LogReplay);
         // Baselines are fitted on the log, whatever is replayed.
-        let is_fitted = part.candidates.iter().any(|candidate| candidate.agent.baseline.is_some());
-        let needs_log = replays || is_fitted || !members.is_empty();
-        let states = needs_log.then(|| files.frames(STATES, ROWS));
-        let states = states.transpose()?;
+        let needs_log = replays || has_baselines(part) || !members.is_empty();
+        let states = needs_log.then(|| files.frames(LOG)).transpose()?;
         let model = match &states {
             Some(states) if !members.is_empty() => Some(files.model(part, states, &members)?),
             _ => None,
         };
         let held_out = opened.contains(&EnvironmentId::Online);
-        let held_out = held_out.then(|| files.frames(HELD_OUT[0], HELD_OUT[1])).transpose()?;
+        let held_out = held_out.then(|| files.frames(HELD_OUT)).transpose()?;
         let starts = if files.has(STARTS)? { read_starts(directory)? } else { BTreeMap::new() };
         let stored = if files.has(STORED)? {
             ShardResults::read(&directory.join(STORED))?.units
@@ -239,9 +235,7 @@ impl<'p> Inputs<'p> {
 
     /// What agents start from, if that is fitted on the log.
     pub(crate) fn baselines(&self) -> Option<Baselines<'_>> {
-        let is_fitted =
-            self.part.candidates.iter().any(|candidate| candidate.agent.baseline.is_some());
-        self.states.as_ref().filter(|_| is_fitted).map(Baselines::new)
+        self.states.as_ref().filter(|_| has_baselines(self.part)).map(Baselines::new)
     }
 
     /// The plan of the part's sweep.
@@ -268,6 +262,11 @@ impl<'p> Inputs<'p> {
         let plan = plan.starting_from(self.starts.clone()).with_baselines(baselines);
         raced(plan, study)
     }
+}
+
+/// Whether an agent starts from a predictor that is fitted on the log.
+fn has_baselines(part: &SweepPart) -> bool {
+    part.candidates.iter().any(|candidate| candidate.agent.baseline.is_some())
 }
 
 fn member(id: &EnvironmentId) -> Option<usize> {
@@ -302,7 +301,7 @@ impl CheckedFiles<'_> {
         Ok(())
     }
 
-    fn frames(&self, states: &str, rows: &str) -> Result<Frames, StepError> {
+    fn frames(&self, [states, rows]: [&str; 2]) -> Result<Frames, StepError> {
         self.require(states)?;
         self.require(rows)?;
         frames::open(&self.directory.join(rows), frames::map_states(&self.directory.join(states))?)

@@ -107,14 +107,13 @@ pub(crate) fn make(
         remove_inputs(directory, record)?;
         record.note([PLAN])?;
     }
-    let seen = BTreeSet::new();
     let mut planning = Planning {
         directory,
         record,
         maker: &maker,
         division,
         measured: MeasuredPasses::default(),
-        seen,
+        seen: BTreeSet::new(),
     };
     let mut parts = Vec::new();
     let mut work = Vec::new();

@@ -11,7 +11,7 @@ use calib_base::{
     options::{ClusterSubmitOptions, Engine, ShardsToSubmit, Submission},
     outcome::StepResult,
 };
-use calib_files::{FolderRecord, write_atomically};
+use calib_files::{FolderRecord, write_atomically, write_json};
 use calib_study::{StepKind, shell_words};
 
 use crate::cluster::{
@@ -150,7 +150,7 @@ impl Submitter<'_> {
         // It runs also where something failed, and then says what, and writes nothing.
         let after = submitted.arrays.last().map(|job| format!("afterany:{job}"));
         submitted.merge = sbatch(merge, after.as_deref())?;
-        submitted.write(&self.opened.directory)?;
+        write_json(&self.opened.directory.join(JOBS), &submitted)?;
         let SubmittedJobs { arrays, merge } = submitted;
         Ok(StepResult::Made(SubmittedPlan::Slurm {
             directory: self.opened.directory.clone(),

@@ -2,8 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path, process::Command};
 
-use calib_base::StepError;
-use calib_files::{read_json, write_json};
+use calib_files::read_json;
 use serde::{Deserialize, Serialize};
 
 /// Where it is kept which jobs were submitted, in the folder of the plan.
@@ -15,13 +14,6 @@ pub(crate) struct SubmittedJobs {
     /// Arrays, one a stage.
     pub(crate) arrays: Vec<String>,
     pub(crate) merge: String,
-}
-
-impl SubmittedJobs {
-    /// Keep it beside the scripts.
-    pub(crate) fn write(&self, plan: &Path) -> Result<(), StepError> {
-        Ok(write_json(&plan.join(JOBS), self)?)
-    }
 }
 
 /// What the queue says of each shard: `running`, `pending` and so on. Nothing where nothing was submitted, or no queue can be asked.
