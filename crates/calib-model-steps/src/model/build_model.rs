@@ -251,7 +251,7 @@ fn build(
         .into_par_iter()
         .map(|member: usize| {
             let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
-            summary(study, &knn, member, &dataset.train, (classes, ends))
+            summary(study, &knn, member, &dataset.train, classes, ends)
         })
         .collect::<Result<_, _>>()?;
     let recall = recall_of(study, &knn, &printer.progress())?;
@@ -308,7 +308,7 @@ fn refresh(
                 classes.before = now.clone();
             }
             classes.after = now;
-            summary(study, &knn, member, &dataset.train, (classes, &ends))
+            summary(study, &knn, member, &dataset.train, classes, &ends)
         })
         .collect::<Result<Vec<MemberSummary>, StepError>>()?;
     manifest.study = study.clone();
@@ -338,7 +338,8 @@ fn summary(
     knn: &KnnModel,
     member: usize,
     frames: &Frames,
-    (classes, ends): (Recurrence, &Ends),
+    classes: Recurrence,
+    ends: &Ends,
 ) -> Result<MemberSummary, StepError> {
     let weights = study.model.weights()?;
     let recurrence = MemberRecurrence::new(knn, member, classes, ends, frames, weights, study.seed);

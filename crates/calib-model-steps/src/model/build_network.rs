@@ -62,7 +62,7 @@ pub(crate) fn run(
     } else if let Some(reason) = cannot_train {
         return Err(reason);
     } else {
-        build(job, options, (&dataset, states.as_deref()), key, (clock, context))?
+        build(job, options, &dataset, states.as_deref(), key, clock, context)?
     };
     let took = clock.elapsed();
     let verified = Outcome::Done;
@@ -72,9 +72,11 @@ pub(crate) fn run(
 fn build(
     job: &Job,
     options: &BuildOptions,
-    (dataset, states): (&Dataset, Option<&Path>),
+    dataset: &Dataset,
+    states: Option<&Path>,
     key: String,
-    (clock, printer): (Stopwatch, &Printer),
+    clock: Stopwatch,
+    printer: &Printer,
 ) -> Result<ModelManifest, StepError> {
     let study = job.study();
     let directory = &job.layout().model();

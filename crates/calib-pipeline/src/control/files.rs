@@ -332,8 +332,10 @@ fn log_change(job: &Job, directory: &Path) -> Option<String> {
 /// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.
 pub(super) fn write(
     directory: &Path,
-    (study, key): (&Study, String),
-    (log, evaluation): (&Fingerprint, &ControlEvaluation),
+    study: &Study,
+    key: String,
+    log: &Fingerprint,
+    evaluation: &ControlEvaluation,
     runs: &[Run],
     show: impl FnOnce() -> Result<Vec<String>, StepError>,
 ) -> Result<(), StepError> {

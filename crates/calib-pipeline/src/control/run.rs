@@ -90,7 +90,7 @@ pub(crate) fn run(
     }
     if let Some(share) = job.policy().share {
         let units = RunFiles::of_share(&job.layout().control_units(), origin, share)?;
-        run_share(job, config, &log, &agents, (share, &units), printer)?;
+        run_share(job, config, &log, &agents, share, &units, printer)?;
         return Ok(StepResult::Nothing(Outcome::Done));
     }
     plan::require_room(job, config, &log.decisions, agents.count())?;
@@ -100,7 +100,7 @@ pub(crate) fn run(
     }
     let JudgedSettings { log, evaluation, runs } =
         judged(job, config, log, &agents, &units, printer)?;
-    files::write(&directory, (study, key), (&log, &evaluation), &runs, || {
+    files::write(&directory, study, key, &log, &evaluation, &runs, || {
         page::write(&directory, job, &evaluation)
     })?;
     files::note_sources(&directory, &sources, printer)?;
@@ -121,7 +121,8 @@ fn run_share(
     config: &ControlConfig,
     log: &ActionLog,
     agents: &ComparedAgents,
-    (share, units): (Share, &RunFiles),
+    share: Share,
+    units: &RunFiles,
     printer: &Printer,
 ) -> Result<(), StepError> {
     let seed = Seed::new(job.study().seed).child("control");

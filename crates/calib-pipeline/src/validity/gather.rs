@@ -63,7 +63,7 @@ pub(super) fn gather(
         }
         let mut all = Vec::with_capacity(models.len());
         for model in models {
-            all.push(of_model(study, (model.as_deref(), deployment), context)?);
+            all.push(of_model(study, model.as_deref(), deployment, context)?);
         }
         let Some(first) = all.first() else {
             return Ok(Err(ReasonLeftOut("no model of it can be made here".to_owned())));
@@ -83,7 +83,7 @@ pub(super) fn gather(
             without: Vec::new(),
         });
         for sensor in &first.judged.study().sweep.sensors {
-            add(own, sensor, deployment, (study, &all))?;
+            add(own, sensor, deployment, study, &all)?;
         }
     }
     Ok(gathered.ok_or_else(|| ReasonLeftOut(reasons.join("; "))))
@@ -91,7 +91,8 @@ pub(super) fn gather(
 
 fn of_model(
     study: &ListedStudy,
-    (model, deployment): (Option<&str>, Option<&str>),
+    model: Option<&str>,
+    deployment: Option<&str>,
     context: &RunContext,
 ) -> Result<ModelEvidence, StepError> {
     let judged = evaluate::judge(&study.job.choose(model, deployment)?, context, &Silent)?;
@@ -113,7 +114,8 @@ fn add(
     gathered: &mut Gathered,
     sensor: &str,
     deployment: Option<&str>,
-    (study, models): (&ListedStudy, &[ModelEvidence]),
+    study: &ListedStudy,
+    models: &[ModelEvidence],
 ) -> Result<(), StepError> {
     let own = models[0].judged.study().part();
     let parts = [own, Part::AfterFirstQuarter];
@@ -133,7 +135,7 @@ fn add(
             continue;
         }
         let candidates = &models[0].judged.manifest.candidates;
-        let mut pair = pair(study, sensor, (truth, candidates), &gathered.task);
+        let mut pair = pair(study, sensor, truth, candidates, &gathered.task);
         for (model, verdict) in models.iter().zip(&verdicts) {
             let errors = verdict.selection.iter().flat_map(|ranks| &ranks.mean_errors);
             if errors.clone().all(|error| error.is_infinite()) {
@@ -176,7 +178,8 @@ fn verdict(
 fn pair(
     study: &ListedStudy,
     sensor: &str,
-    (truth, candidates): (&Truth, &[Candidate]),
+    truth: &Truth,
+    candidates: &[Candidate],
     task: &Task,
 ) -> Pair {
     let baseline =

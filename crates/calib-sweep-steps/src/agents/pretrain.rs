@@ -99,7 +99,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
         return Ok(StepResult::Planned(NoPlan));
     }
     if let Some(share) = job.policy().share {
-        let ended = shares::run(share, job, &parts, (&wanted, &missing), context)?;
+        let ended = shares::run(share, job, &parts, &wanted, &missing, context)?;
         return Ok(StepResult::Nothing(ended));
     }
     if missing.is_empty()
@@ -134,7 +134,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
         };
         let config = study.pretrain.agent(&study.agent.for_sensor(sensor));
         let agent =
-            write_agent(&directory, (sensor, *column), key.clone(), config, width, pretrained)?;
+            write_agent(&directory, sensor, *column, key.clone(), config, width, pretrained)?;
         done.insert(sensor.clone(), agent);
     }
     let agents = wanted.iter().filter_map(|wanted| done.remove(&wanted.sensor)).collect();

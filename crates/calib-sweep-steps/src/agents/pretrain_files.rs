@@ -101,7 +101,8 @@ pub(crate) struct TrainedAgent {
 /// Write the files of one agent, and say what they are.
 pub(crate) fn write_agent(
     directory: &Path,
-    (sensor, column): (&str, usize),
+    sensor: &str,
+    column: usize,
     key: String,
     agent: AgentConfig,
     width: usize,

@@ -94,7 +94,8 @@ pub(super) fn run(
     share: Share,
     job: &Job,
     parts: &Parts,
-    (wanted, missing): (&[AgentToTrain], &[&AgentToTrain]),
+    wanted: &[AgentToTrain],
+    missing: &[&AgentToTrain],
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     let study = job.study();
@@ -120,10 +121,10 @@ pub(super) fn run(
         let ended = match ended {
             Ok(pretrained) => {
                 let config = study.pretrain.agent(&study.agent.for_sensor(sensor));
-                let state = (sensor.as_str(), *column);
                 // Beside the agents that the manifest tells of, until all are there.
                 let place = directory.join(SHARES);
-                let agent = write_agent(&place, state, key.clone(), config, width, pretrained)?;
+                let agent =
+                    write_agent(&place, sensor, *column, key.clone(), config, width, pretrained)?;
                 TrainingEnd::Trained(Box::new(agent))
             }
             Err(PretrainingDiverged { epoch }) => {
