@@ -246,8 +246,6 @@ fn judged(
     let study = job.study();
     let progress = printer.progress();
     let seed = Seed::new(study.seed).child("control");
-    // Agents that live for less than an episode have no longer ones.
-    let timeout = config.timeout.min(config.steps);
     let model = model::open_or_build(job, config, &log, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
@@ -260,7 +258,8 @@ fn judged(
     let default = agents.default(config);
     let question = Question {
         log: decisions,
-        timeout,
+        // Agents that live for less than an episode have no longer ones.
+        timeout: config.timeout.min(config.steps),
         candidates: agents.count(),
         default: default.filter(|&default| !acting.has_failed(default)),
         rule: config.rule,
@@ -272,13 +271,11 @@ fn judged(
     if default.is_some() && question.default.is_none() {
         verdict.doubts.push(Doubt::DefaultFailed);
     }
-    let steps = config.steps;
-    let timeout = config.timeout;
     let failures = program.as_ref().map_or_else(Vec::new, ProgramAgents::failures);
     let described = described(&model, config.model.distance, &names)?;
-    let span = RunLength { steps, timeout: config.timeout };
+    let span = RunLength { steps: config.steps, timeout: config.timeout };
     // An agent that has learned, as far as it will.
-    let kept = steps.div_ceil(4).min(MOST_TOLD_STEPS);
+    let kept = config.steps.div_ceil(4).min(MOST_TOLD_STEPS);
     let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
     let of_reward: Vec<String> = config.reward.columns().cloned().collect();
     let conduct: Option<AgentConduct> = (!last.run.diverged)
@@ -292,7 +289,7 @@ fn judged(
     }
     // All three ask for the probabilities of an agent's actions, which a program does not tell.
     let OffPolicyValues { fitted_q, importance, doubly_robust } =
-        off_policy_values(decisions, &observed, own, steps, timeout, &progress)?;
+        off_policy_values(decisions, &observed, own, config.steps, config.timeout, &progress)?;
     let evaluation = ControlEvaluation {
         log: described,
         worst_return: model.worst_return(),
