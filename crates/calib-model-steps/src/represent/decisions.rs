@@ -12,7 +12,7 @@ use calib_study::{Job, StepKind, Study};
 
 use super::{
     LESS, Material, RepresentationCost, RepresentationFacts, RepresentationManifest,
-    TriedCandidates, grid, made, needed_bytes, none_qualifies, read, scored, seed, trained,
+    TriedCandidates, grid, made, needed_bytes, none_qualifies, read, scored, trained,
 };
 
 /// Fingerprint of what the representation of the states of `material` follows from. What kind of representation a model without actions has does not
@@ -52,8 +52,8 @@ pub fn open_or_train(
         let tried = trained_in_memory(job.study(), material, printer)?;
         return tried.psi.ok_or_else(|| none_qualifies(directory, &command));
     };
-    let manifest = made(job, (directory, &claim), material, key, |split| {
-        trained(job, None, (material, split), directory, printer)
+    let manifest = made(job, directory, &claim, material, key, |split| {
+        trained(job, None, material, split, directory, printer)
     })?;
     Ok(read(directory, &manifest, &command)?.psi)
 }
@@ -66,7 +66,7 @@ fn trained_in_memory(
 ) -> Result<TriedCandidates, StepError> {
     memory::require(needed_bytes(study, material), "training the representations", LESS)?;
     let split = Split::in_time(material.segments)?;
-    let trained = grid::train_in_memory(study, material, (&split, seed(study)), printer)?;
+    let trained = grid::train_in_memory(study, material, &split, printer)?;
     scored(study, material, &split, &trained)
 }
 

@@ -6,7 +6,7 @@ use std::{
 };
 
 use calib_base::{StepError, artefact, options::Device, output::Printer, torch};
-use calib_core::{Monitor as _, Seed};
+use calib_core::Monitor as _;
 use calib_files::{
     FileError, Fingerprint, Unfinished, fingerprint_file, is_temporary, read_sealed_json,
     remove_known, write_sealed_json,
@@ -20,7 +20,7 @@ use calib_study::{Share, Study};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Candidate, ENCODER, Material};
+use super::{Candidate, ENCODER, Material, seed};
 
 /// Version of the training: greater when the same configuration and seed lead to other weights.
 const TRAINING: u32 = 1;
@@ -49,12 +49,13 @@ const KEY_DIGITS: usize = 16;
 pub(super) fn train(
     study: &Study,
     material: Material<'_>,
-    task: (&Split, Seed, Option<Device>),
+    split: &Split,
+    device: Option<Device>,
     directory: &Path,
     printer: &Printer,
 ) -> Result<Vec<(Candidate, Option<Mlp>)>, StepError> {
     let grid = keyed(study, material)?;
-    train_missing(&grid, material, task, directory, printer)?;
+    train_missing(&grid, task(study, material, split), device, directory, printer)?;
     grid.iter().map(|(key, _)| finished(&place(directory, key), key)).collect()
 }
 
@@ -62,7 +63,8 @@ pub(super) fn train(
 pub(super) fn train_share(
     study: &Study,
     material: Material<'_>,
-    task: (&Split, Seed, Option<Device>),
+    split: &Split,
+    device: Option<Device>,
     directory: &Path,
     share: Share,
     printer: &Printer,
@@ -71,7 +73,7 @@ pub(super) fn train_share(
     let grid = keyed(study, material)?.into_iter().enumerate();
     let own: Vec<KeyedCandidate> =
         grid.filter(|(place, _)| share.has(*place)).map(|(_, keyed)| keyed).collect();
-    train_missing(&own, material, task, directory, printer)?;
+    train_missing(&own, task(study, material, split), device, directory, printer)?;
     Ok(own.len())
 }
 
@@ -79,11 +81,10 @@ pub(super) fn train_share(
 pub(super) fn train_in_memory(
     study: &Study,
     material: Material<'_>,
-    (split, seed): (&Split, Seed),
+    split: &Split,
     printer: &Printer,
 ) -> Result<Vec<(Candidate, Option<Mlp>)>, StepError> {
-    let Material { states, segments, .. } = material;
-    let task = Task { states, segments, split, seed };
+    let task = task(study, material, split);
     let grid = study.representation.candidates();
     let progress = printer.progress();
     progress.begin("training", grid.iter().map(|config| config.steps as u64).sum());
@@ -101,6 +102,11 @@ pub(super) fn train_in_memory(
             Ok((candidate, encoder))
         })
         .collect()
+}
+
+/// What every candidate is trained on.
+fn task<'a>(study: &Study, material: Material<'a>, split: &'a Split) -> Task<'a> {
+    Task { states: material.states, segments: material.segments, split, seed: seed(study) }
 }
 
 /// A candidate, and the fingerprint of what it follows from.
@@ -135,13 +141,11 @@ fn place(directory: &Path, key: &str) -> PathBuf {
 
 fn train_missing(
     grid: &[KeyedCandidate],
-    material: Material<'_>,
-    (split, seed, device): (&Split, Seed, Option<Device>),
+    task: Task<'_>,
+    device: Option<Device>,
     directory: &Path,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    let Material { states, segments, .. } = material;
-    let task = Task { states, segments, split, seed };
     let at = |key: &str| place(directory, key);
     let (there, missing): (Vec<_>, Vec<_>) =
         grid.iter().partition(|(key, _)| read(&at(key), key).is_some());

@@ -203,8 +203,7 @@ fn train_share(
         memory::require(needed_bytes(study, material), "training the representations", LESS)?;
     }
     let split = Split::in_time(material.segments)?;
-    let task = (&split, seed(study), device);
-    let trained = grid::train_share(study, material, task, &directory, share, printer)?;
+    let trained = grid::train_share(study, material, &split, device, &directory, share, printer)?;
     printer.result(&format!(
         "share {share}: {} trained, of {} in all",
         counted(trained, "representation"),
@@ -280,18 +279,19 @@ fn make(
     let directory = &job.layout().representation();
     let material = Material::of(dataset);
     let claim = DirectoryLock::new(directory, Below::Ours)?;
-    made(job, (directory, &claim), material, key, |split| {
+    made(job, directory, &claim, material, key, |split| {
         if job.study().representation.kind == RepresentationKind::Import {
             return imported(job, dataset, split);
         }
-        trained(job, device, (material, split), directory, printer)
+        trained(job, device, material, split, directory, printer)
     })
 }
 
 /// Make what is in a directory that this process has claimed anew: what `try_all` tries, on the split that it is given.
 fn made(
     job: &Job,
-    (directory, claim): (&Path, &DirectoryLock),
+    directory: &Path,
+    claim: &DirectoryLock,
     material: Material<'_>,
     key: String,
     try_all: impl FnOnce(&Split) -> Result<TriedCandidates, StepError>,
@@ -350,7 +350,8 @@ fn imported(job: &Job, dataset: &Dataset, split: &Split) -> Result<TriedCandidat
 fn trained(
     job: &Job,
     device: Option<Device>,
-    (material, split): (Material<'_>, &Split),
+    material: Material<'_>,
+    split: &Split,
     directory: &Path,
     printer: &Printer,
 ) -> Result<TriedCandidates, StepError> {
@@ -358,7 +359,7 @@ fn trained(
     if device.is_none() {
         memory::require(needed_bytes(study, material), "training the representations", LESS)?;
     }
-    let trained = grid::train(study, material, (split, seed(study), device), directory, printer)?;
+    let trained = grid::train(study, material, split, device, directory, printer)?;
     scored(study, material, split, &trained)
 }
 
