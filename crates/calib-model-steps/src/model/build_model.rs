@@ -311,11 +311,7 @@ fn refresh(
             summary(study, &knn, member, &dataset.train, classes, &ends)
         })
         .collect::<Result<Vec<MemberSummary>, StepError>>()?;
-    manifest.study = study.clone();
-    let claim = DirectoryLock::new(directory, Below::Ours)?;
-    model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
-    claim.complete(&manifest)?;
-    Ok(manifest)
+    model_files::rewrite(manifest, study, dataset, directory)
 }
 
 /// What distances are measured in: the states, or their representation.

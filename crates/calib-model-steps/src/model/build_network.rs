@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_base::{
     StepError,
-    artefact::{self, Below, DirectoryLock},
+    artefact::{self, DirectoryLock},
     bail,
     clock::Stopwatch,
     log::{context::RunContext, partition},
@@ -16,7 +16,7 @@ use calib_core::Transitions;
 use calib_data::Dataset;
 use calib_files::write_json;
 use calib_model::ModelKind;
-use calib_study::{Job, Study};
+use calib_study::Job;
 use serde::Serialize;
 
 use crate::model::{
@@ -57,12 +57,16 @@ pub(crate) fn run(
     }
     let existing = ModelManifest::of_job(job, &key, context)?;
     let freshness = if existing.is_some() { Freshness::Kept } else { Freshness::Made };
-    let manifest = if let Some(manifest) = existing {
-        refresh(manifest, study, &dataset, &directory)?
-    } else if let Some(reason) = cannot_train {
-        return Err(reason);
-    } else {
-        build(job, options, &dataset, states.as_deref(), key, clock, context)?
+    let manifest = match (existing, cannot_train) {
+        (Some(manifest), _)
+            if manifest.study == *study && model_files::has_profile(&manifest, &directory) =>
+        {
+            manifest
+        }
+        // The study may differ in what the weights do not follow from.
+        (Some(manifest), _) => model_files::rewrite(manifest, study, &dataset, &directory)?,
+        (None, Some(reason)) => return Err(reason),
+        (None, None) => build(job, options, &dataset, states.as_deref(), key, clock, context)?,
     };
     let took = clock.elapsed();
     let verified = Outcome::Done;
@@ -106,23 +110,6 @@ fn build(
     write_json(&directory.join("timings.json"), &timings)?;
     let files = file_names(0, train_model::files(study.model.kind));
     claim.finish(facts, files.iter().map(String::as_str))
-}
-
-/// A model that is up to date, under a study that may differ in what does not change its weights.
-fn refresh(
-    mut manifest: ModelManifest,
-    study: &Study,
-    dataset: &Dataset,
-    directory: &Path,
-) -> Result<ModelManifest, StepError> {
-    if manifest.study == *study && model_files::has_profile(&manifest, directory) {
-        return Ok(manifest);
-    }
-    let claim = DirectoryLock::new(directory, Below::Ours)?;
-    manifest.study = study.clone();
-    model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
-    claim.complete(&manifest)?;
-    Ok(manifest)
 }
 
 /// Wall times.

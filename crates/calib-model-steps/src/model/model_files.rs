@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Artefact, Facts, Files},
+    artefact::{self, Artefact, Below, DirectoryLock, Facts},
     bail, ensure, frames,
     log::profile_file::{self, PROFILE},
     stale::StoredArtefact,
@@ -237,16 +237,21 @@ pub(crate) fn write(
     Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
 }
 
-/// Write the profile again: it tells of the held-out range, which the model does not follow from. The fingerprints
-/// of all other files stay, so that what was damaged since is still told from what was written.
-pub(crate) fn rewrite_profile(
-    directory: &Path,
+/// Write the manifest and the profile again: the study may differ in what tables and weights do not follow from, such as
+/// the held-out range. The fingerprints of all other files stay, so that what was damaged since is still told from what
+/// was written.
+pub(crate) fn rewrite(
+    mut manifest: ModelManifest,
+    study: &Study,
     dataset: &Dataset,
-    files: &mut Files,
-) -> Result<(), StepError> {
+    directory: &Path,
+) -> Result<ModelManifest, StepError> {
+    let claim = DirectoryLock::new(directory, Below::Ours)?;
+    manifest.study = study.clone();
     profile_file::write(directory, &dataset.profile)?;
-    files.insert(PROFILE.to_owned(), fingerprint_file(&directory.join(PROFILE))?);
-    Ok(())
+    manifest.files.insert(PROFILE.to_owned(), fingerprint_file(&directory.join(PROFILE))?);
+    claim.complete(&manifest)?;
+    Ok(manifest)
 }
 
 /// Row → timestamp, segment and, for neighbours, block.
