@@ -203,12 +203,11 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
         return None;
     }
     let label = |candidate: usize| {
-        let role = match candidate {
-            other if other == evaluation.verdict.chosen => " (chosen)",
-            other if Some(other) == evaluation.verdict.default => " (default)",
-            _ => "",
-        };
-        format!("{}{role}", show::name(evaluation, candidate))
+        let name = show::name(evaluation, candidate);
+        match show::role(evaluation, candidate) {
+            "" => name,
+            role => format!("{name} ({role})"),
+        }
     };
     let drawn = with.iter().zip(&curves).enumerate();
     let drawn = drawn

@@ -96,14 +96,9 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
         rows: show::best(evaluation, evaluation.candidates.len())
             .into_iter()
             .map(|candidate: usize| {
-                let role = match candidate {
-                    other if other == verdict.chosen => "chosen",
-                    other if Some(other) == verdict.default => "default",
-                    _ => "",
-                };
                 let mut row = vec![
                     Cell::Text(show::name(evaluation, candidate)),
-                    Cell::Text(role.to_owned()),
+                    Cell::Text(show::role(evaluation, candidate).to_owned()),
                     Cell::Text(show::rank(evaluation, candidate)),
                     if evaluation.has_failed(candidate) {
                         Cell::Text(show::FAILED.to_owned())

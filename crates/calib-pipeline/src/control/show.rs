@@ -148,14 +148,9 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     let rows: Vec<_> = order
         .iter()
         .map(|&candidate| {
-            let mark = match candidate {
-                other if other == verdict.chosen => "chosen",
-                other if Some(other) == verdict.default => "default",
-                _ => "",
-            };
             let mut row = vec![
                 name(evaluation, candidate),
-                mark.to_owned(),
+                role(evaluation, candidate).to_owned(),
                 rank(evaluation, candidate),
                 if evaluation.has_failed(candidate) {
                     FAILED.to_owned()
@@ -192,6 +187,18 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
         header.push("doubly robust");
     }
     table(&header, &rows)
+}
+
+/// "chosen" or "default"; nothing of other candidates.
+pub(super) fn role(evaluation: &ControlEvaluation, candidate: usize) -> &'static str {
+    let verdict = &evaluation.verdict;
+    if candidate == verdict.chosen {
+        "chosen"
+    } else if Some(candidate) == verdict.default {
+        "default"
+    } else {
+        ""
+    }
 }
 
 /// The rank that the rule goes by.
