@@ -64,14 +64,16 @@ impl SimulatedTask {
 
 /// Steps after which behaviour that is not near-optimal stops learning.
 const LEARNING: usize = 200_000;
-/// Microseconds from one row to the next; episodes are sixty of them apart: a gap, which ends a segment.
+/// Steps from one episode to the next: a gap, which ends a segment.
+const PAUSE: i64 = 60;
+
+/// Microseconds from one row to the next.
 const fn step(kind: TaskKind) -> i64 {
     match kind {
         TaskKind::Membrane => 1_800_000_000,
         _ => 1_000_000,
     }
 }
-const PAUSE: i64 = 60;
 
 /// Write the log of a policy in a task, and a study of it.
 pub(crate) fn simulate(
@@ -106,7 +108,7 @@ fn simulated<T: Task>(
     study: &Path,
 ) -> Result<SimulatedTask, StepError> {
     let kind = wanted.task;
-    let timeout = wanted.task.timeout();
+    let timeout = kind.timeout();
     let seed = Seed::new(wanted.seed).child(kind.name()).child(wanted.policy.name());
     let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
     let mut behaviour = behaviour::<T>(wanted, &mut world, seed)?;
