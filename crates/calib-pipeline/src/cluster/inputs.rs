@@ -218,13 +218,13 @@ impl<'p> Inputs<'p> {
             train: states,
             held_out: self.held_out.as_ref(),
         };
-        let rolling = StreamParameters::of(&self.part.study, streams.span)?;
+        let parameters = StreamParameters::of(&self.part.study, streams.span)?;
         streams
             .environments
             .iter()
             .map(|described| -> Result<Box<dyn Environment + '_>, StepError> {
                 if self.opened.contains(&described.id()) {
-                    return described.open(sources, rolling);
+                    return described.open(sources, parameters);
                 }
                 let id = described.id();
                 let inputs = described.inputs();

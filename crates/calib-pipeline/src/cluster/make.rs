@@ -188,9 +188,9 @@ impl Planning<'_> {
         let study = job.study();
         let setting = match SweepContext::of(job, context)? {
             Ok(setting) => setting,
-            Err(unsettled) => {
+            Err(skipped) => {
                 let name = job.deployment().unwrap_or_default();
-                context.warn(&format!("deployment {name} is left out: {}", unsettled.reason));
+                context.warn(&format!("deployment {name} is left out: {}", skipped.reason));
                 return Ok(None);
             }
         };

@@ -161,7 +161,7 @@ fn key(job: &Job, config: &ControlConfig, log: &ActionLog) -> Result<String, Ste
 }
 
 /// The metric of the model: the states, or their representation.
-pub(super) fn metric(
+fn metric(
     job: &Job,
     config: &ControlConfig,
     log: &ActionLog,

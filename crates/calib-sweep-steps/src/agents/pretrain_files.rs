@@ -213,7 +213,7 @@ pub(crate) fn curves(agents: &[PretrainedAgent]) -> Table {
 }
 
 /// Where the agents of a study come from, if they are pre-trained.
-pub(crate) fn directory(job: &Job) -> Option<PathBuf> {
+fn directory(job: &Job) -> Option<PathBuf> {
     let pretrain = &job.study().pretrain;
     match &pretrain.checkpoint {
         Some(given) => Some(job.beside(given)),

@@ -129,8 +129,8 @@ impl SweepStreams {
         let mut runs = Vec::new();
         let mut windows = Vec::new();
         for (group, described) in groups.iter().zip(&made.described) {
-            let rolling = StreamParameters::of(study, group.streams.demand.span)?;
-            let environments = open_all(described, sources, rolling)?;
+            let parameters = StreamParameters::of(study, group.streams.demand.span)?;
+            let environments = open_all(described, sources, parameters)?;
             runs.extend(runs_of(study, group, &sensors, &environments)?);
             let opened: Vec<&dyn Environment> =
                 environments.iter().map(|environment| &**environment).collect();

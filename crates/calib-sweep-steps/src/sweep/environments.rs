@@ -240,9 +240,9 @@ fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<EnvironmentS
 pub(crate) fn open_all<'a>(
     described: &[EnvironmentSpec],
     sources: Sources<'a>,
-    rolling: StreamParameters,
+    parameters: StreamParameters,
 ) -> Result<Vec<Box<dyn Environment + 'a>>, StepError> {
-    described.iter().map(|one| one.open(sources, rolling)).collect()
+    described.iter().map(|one| one.open(sources, parameters)).collect()
 }
 
 /// One sentence a member whose start states are not those that were asked for.

@@ -116,12 +116,7 @@ pub fn agents_of(candidates: &[Candidate]) -> Vec<AgentConfig> {
 }
 
 /// What agents take that learn along one stream. A program's own are its own: calib has one prediction of each for every state, and returns.
-pub(crate) fn agents_bytes(
-    agents: &[AgentConfig],
-    sensors: usize,
-    width: usize,
-    states: usize,
-) -> u64 {
+fn agents_bytes(agents: &[AgentConfig], sensors: usize, width: usize, states: usize) -> u64 {
     if agents.iter().any(AgentConfig::is_external) {
         (states * (4 * agents.len() + 8) * sensors) as u64
     } else {

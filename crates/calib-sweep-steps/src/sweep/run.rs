@@ -163,7 +163,7 @@ fn sweep(
     let (study, directory) = (job.study(), job.layout().sweep());
     let setting = match SweepContext::of(job, context)? {
         Ok(setting) => setting,
-        Err(unsettled) => return leave_out(job, unsettled, context),
+        Err(skipped) => return leave_out(job, skipped, context),
     };
     let span = setting.span();
     let environments = setting.open(study)?;
@@ -372,10 +372,10 @@ fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
 /// Write down why nothing can be scored in a deployment, so that the other ones are judged without it.
 fn leave_out(
     job: &Job,
-    unsettled: SkippedDeployment,
+    skipped: SkippedDeployment,
     printer: &Printer,
 ) -> Result<SweepResult, StepError> {
-    let SkippedDeployment { dataset, model, candidates, reason } = unsettled;
+    let SkippedDeployment { dataset, model, candidates, reason } = skipped;
     let study = job.study();
     let name = job.deployment().unwrap_or_default();
     printer.error(&format!("deployment {name} is left out: {reason}"));

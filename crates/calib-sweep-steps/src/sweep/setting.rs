@@ -158,8 +158,8 @@ impl SweepContext {
             train: Some(&self.dataset.train),
             held_out: self.dataset.held_out.as_ref(),
         };
-        let rolling = StreamParameters::of(study, span)?;
-        open_all(&self.environments.described[group], sources, rolling)
+        let parameters = StreamParameters::of(study, span)?;
+        open_all(&self.environments.described[group], sources, parameters)
     }
 
     /// What simple predictors come to over the recorded windows of the environments.
