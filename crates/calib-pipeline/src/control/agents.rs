@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    sync::{Mutex, PoisonError},
+    sync::{Mutex, MutexGuard, PoisonError},
 };
 
 use calib_base::StepError;
@@ -205,7 +205,7 @@ impl<'a> ProgramAgents<'a> {
 
     /// The settings that failed. Why is not among it: it may differ from one run to the next.
     pub(super) fn failures(&self) -> Vec<SettingFailure> {
-        let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
+        let failures = locked(&self.failures);
         let failed = failures.keys().map(|&candidate| SettingFailure {
             candidate,
             setting: self.candidates[candidate].label(),
@@ -215,15 +215,14 @@ impl<'a> ProgramAgents<'a> {
 
     /// Why settings failed, each in the run in which it did first.
     pub(super) fn reasons(&self) -> Vec<String> {
-        let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
-        failures.values().cloned().collect()
+        locked(&self.failures).values().cloned().collect()
     }
 
     /// Go on without a setting that failed, as long as there are others.
     fn go_on_without(&self, candidate: usize, reason: &str) -> Result<AgentRun, ControlError> {
         // What is no longer the program that began does not tell of the setting.
         self.command.check_unchanged().map_err(failed)?;
-        let mut failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut failures = locked(&self.failures);
         failures.entry(candidate).or_insert_with(|| reason.to_owned());
         if failures.len() < self.candidates.len() {
             return Ok(could_not_act());
@@ -274,7 +273,7 @@ impl<'a> ProgramAgents<'a> {
             stopped: None,
             monitor,
         };
-        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let idle = locked(&self.idle).pop();
         let mut actor = match idle.map(new_actor) {
             // One that fails as soon as it is asked again may have failed at the agent before.
             Some(mut actor) => match actor.begin(&begin) {
@@ -287,7 +286,7 @@ impl<'a> ProgramAgents<'a> {
         if let Some(stopped) = actor.stopped {
             return Err(stopped);
         }
-        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(actor.process);
+        locked(&self.idle).push(actor.process);
         Ok(run)
     }
 
@@ -333,9 +332,13 @@ impl ActingAgents for ProgramAgents<'_> {
     }
 
     fn has_failed(&self, candidate: usize) -> bool {
-        let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
-        failures.contains_key(&candidate)
+        locked(&self.failures).contains_key(&candidate)
     }
+}
+
+/// What a mutex holds, also after a thread panicked with it.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The run of an agent that could not take a step.
