@@ -164,11 +164,6 @@ impl ControlEvaluation {
         warnings.extend(self.failures.iter().map(SettingFailure::warning));
         warnings
     }
-
-    /// The agent to deploy, if the log supports the choice.
-    pub fn supported(&self) -> Option<&ActingAgent> {
-        self.verdict.is_supported().then(|| &self.candidates[self.verdict.chosen])
-    }
 }
 
 /// The same for machines, with the choice before it.
