@@ -167,6 +167,7 @@ impl PlannedStep {
 
     /// Whether it is taken for this part of the study, be it with others.
     fn is_of(&self, part: &Job) -> bool {
+        let is_own = |own: Option<&str>, of_part: Option<&str>| own.is_none() || own == of_part;
         is_own(self.model.as_deref(), part.model())
             && is_own(self.deployment.as_deref(), part.deployment())
     }
@@ -176,11 +177,6 @@ impl PlannedStep {
         let names = [self.model.as_deref(), self.deployment.as_deref()];
         names.into_iter().flatten().collect::<Vec<_>>().join(" ")
     }
-}
-
-/// Whether a step of this model or deployment, or of all, is taken for a part of that one.
-fn is_own(name: Option<&str>, of_part: Option<&str>) -> bool {
-    name.is_none() || name == of_part
 }
 
 /// Whether what a step made for a part of the study is what it would make now of what is there.
