@@ -273,7 +273,7 @@ pub fn cluster_plan(
     options: &ClusterPlanOptions,
     printer: &Printer,
 ) -> Result<StepResult<ClusterPlan, ClusterDryPlan>, StepError> {
-    told(cluster::make(job, options, &RunContext::new(printer))?, &(), printer)
+    told(cluster::plan(job, options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Make one shard of a plan. Whoever makes it twice gets the same bytes.

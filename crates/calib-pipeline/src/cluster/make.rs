@@ -74,7 +74,7 @@ impl ClusterDryPlan {
     }
 }
 
-pub(crate) fn make(
+pub(crate) fn plan(
     job: &Job,
     options: &ClusterPlanOptions,
     context: &RunContext,

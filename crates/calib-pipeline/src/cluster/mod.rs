@@ -25,7 +25,7 @@ mod sink;
 mod status;
 mod submit;
 
-pub(crate) use make::make;
+pub(crate) use make::plan;
 pub use make::{ClusterDryPlan, ClusterPlan};
 pub use merge::MergedSweeps;
 pub(crate) use merge::merge;
