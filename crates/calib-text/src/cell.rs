@@ -105,6 +105,11 @@ impl Words {
         &self.list[position as usize]
     }
 
+    /// All words, by their positions.
+    pub fn all(&self) -> impl Iterator<Item = &str> {
+        self.list.iter().map(|word| &**word)
+    }
+
     /// Whether a cell stands for words that were too many to be kept.
     pub fn is_other(&self, cell: u64) -> bool {
         matches!(Cell::decode(cell), Cell::Word(word) if self.others == Some(word))

@@ -30,30 +30,12 @@ struct LongChunk {
     tags: Vec<u32>,
     stamps: Vec<Option<ParsedTime>>,
     cells: Vec<u64>,
-    names: Names,
+    /// The names that `tags` are positions of.
+    names: Words,
     /// What each column of `Roles::sides` says beside each tag, `[tags][columns]`.
     sides: Vec<SideLabels>,
     seen: Seen,
     bad_quality: u64,
-}
-
-/// Names of tags, each once.
-#[derive(Default)]
-struct Names {
-    list: Vec<String>,
-    positions: HashMap<String, u32>,
-}
-
-impl Names {
-    fn position(&mut self, name: &str) -> u32 {
-        if let Some(&position) = self.positions.get(name) {
-            return position;
-        }
-        let position = self.list.len() as u32;
-        self.list.push(name.to_owned());
-        self.positions.insert(name.to_owned(), position);
-        position
-    }
 }
 
 /// Samples of a file on their way into their tags. Each tag goes through an hour that comes twice by itself.
@@ -267,7 +249,7 @@ impl LongChunk {
     }
 
     fn pour(mut self, roles: &Roles, into: &mut Pouring<'_>) -> Result<(), DataError> {
-        let tags = self.names.list.iter().map(|name| into.sink.tag(name));
+        let tags = self.names.all().map(|name| into.sink.tag(name));
         let tags: Vec<usize> = tags.collect::<Result<_, _>>()?;
         for (place, labels) in self.sides.iter().enumerate() {
             let (tag, side) = (place / roles.sides.len(), place % roles.sides.len());
