@@ -9,7 +9,7 @@ use crate::{
     disk::{Announced, directory_of, sync_directory},
     faults::{Operation, reach},
     remove_file,
-    writer::{is_abandoned, is_temporary, prefix, suffix},
+    writer::{SUFFIX, is_abandoned, is_temporary, prefix},
 };
 
 /// Write `path` as a whole: `fill` writes to a temporary file in the same directory,
@@ -79,7 +79,7 @@ pub fn check_output(path: &Path, existing: ExistingFile) -> Result<(), FileError
 pub(crate) fn temporary_in(directory: &Path) -> io::Result<tempfile::NamedTempFile> {
     tempfile::Builder::new()
         .prefix(&prefix())
-        .suffix(suffix())
+        .suffix(SUFFIX)
         .permissions(default_permissions())
         .tempfile_in(directory)
 }
@@ -172,29 +172,21 @@ pub fn remove_temporaries(directory: &Path, below: Below) -> Result<(), FileErro
 pub fn link_or_copy(from: &Path, path: &Path) -> Result<(), FileError> {
     let directory = directory_of(path);
     create_directory(directory)?;
-    match link(from, path, directory).map_err(|source| FileError::io("write", path, source))? {
-        Linked::Yes => Ok(()),
-        Linked::NotHere => {
-            let mut file = crate::open_regular(from)?;
-            write_atomically(path, |copy| io::copy(&mut file, copy).map(|_| ()))
-        }
+    if link(from, path, directory).map_err(|source| FileError::io("write", path, source))? {
+        return Ok(());
     }
+    let mut file = crate::open_regular(from)?;
+    write_atomically(path, |copy| io::copy(&mut file, copy).map(|_| ()))
 }
 
-/// Whether a file has a second name.
-enum Linked {
-    Yes,
-    /// The file system has no such, or `from` lies on another one.
-    NotHere,
-}
-
-fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<Linked> {
+/// Give a file a second name. False if the file system has no such, or `from` lies on another one.
+fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<bool> {
     reach(Operation::Create, path)?;
     let prefix = prefix();
     let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(suffix());
+    builder.prefix(&prefix).suffix(SUFFIX);
     let Ok(temporary) = builder.make_in(directory, |name| fs::hard_link(from, name)) else {
-        return Ok(Linked::NotHere);
+        return Ok(false);
     };
     reach(Operation::Rename, path)?;
     // A name of the same file stays as it is, and the temporary one goes with `temporary`.
@@ -202,7 +194,7 @@ fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<Linked> {
     fs::rename(&temporary, path)?;
     drop(temporary);
     sync_directory(directory)?;
-    Ok(Linked::Yes)
+    Ok(true)
 }
 
 /// Write a file that the user named. A file that is there is replaced only if that is wanted, a link never; a device or

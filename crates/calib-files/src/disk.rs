@@ -104,8 +104,10 @@ pub(crate) fn sync_directory(directory: &Path) -> io::Result<()> {
 /// # Errors
 /// If there is one, and it cannot be removed.
 pub fn remove_file(path: &Path) -> Result<(), FileError> {
-    let removed = reach(Operation::Remove, path).and_then(|()| fs::remove_file(path));
-    absent(removed).map_err(|source| FileError::io("remove", path, source))
+    match reach(Operation::Remove, path).and_then(|()| fs::remove_file(path)) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        removed => removed.map_err(|source| FileError::io("remove", path, source)),
+    }
 }
 
 /// Remove the files below `folder` that `is_ours` knows by their path in it, and the folders that are empty then. Everything
@@ -167,13 +169,6 @@ impl TemporaryFolder {
 /// Remove a folder if it is empty; where it is not, or cannot be removed, it stays.
 pub fn remove_empty_folder(path: &Path) {
     let _ = reach(Operation::Remove, path).and_then(|()| fs::remove_dir(path));
-}
-
-fn absent(removed: io::Result<()>) -> io::Result<()> {
-    match removed {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-        other => other,
-    }
 }
 
 #[cfg(test)]

@@ -55,13 +55,13 @@ pub fn write_tensors(path: &Path, content: &Tensors) -> Result<(), FileError> {
     for Tensor { name, shape, values } in &content.tensors {
         let view = TensorView::new(Dtype::F32, shape.clone(), bytemuck::cast_slice(values))
             .map_err(|error| refuse(format!("'{name}' of shape {shape:?}: {error}")))?;
-        if views.insert(name, view).is_some() {
+        if views.insert(name.as_str(), view).is_some() {
             return Err(refuse(format!("the name '{name}' is used twice")));
         }
     }
     // The format's library keeps texts in a hash map, whose order differs from run to run; one text keeps bytes equal.
     let mut own = content.metadata.clone();
-    own.insert(SEAL.to_owned(), seal(views.iter().map(of_view), &content.metadata).to_string());
+    own.insert(SEAL.to_owned(), seal(&views, &content.metadata).to_string());
     let metadata = Some(HashMap::from([(METADATA.to_owned(), texts(&own))]));
     let bytes =
         safetensors::serialize(views, metadata).map_err(|error| refuse(error.to_string()))?;
@@ -112,14 +112,11 @@ fn read(path: &Path) -> Result<(Tensors, Option<String>), FileError> {
         }
     }
     let carried = metadata.remove(SEAL);
-    if let Some(carried) = &carried {
-        let views = file.iter().collect::<BTreeMap<_, _>>();
-        if seal(views.iter().map(|(name, view)| of_view((name, view))), &metadata).as_str()
-            != carried
-        {
-            let reason = "its content does not have the fingerprint in its metadata";
-            return Err(FileError::Damaged { path: path.to_owned(), reason });
-        }
+    if let Some(carried) = &carried
+        && seal(&file.iter().collect::<BTreeMap<_, _>>(), &metadata).as_str() != carried
+    {
+        let reason = "its content does not have the fingerprint in its metadata";
+        return Err(FileError::Damaged { path: path.to_owned(), reason });
     }
     Ok((Tensors { tensors, metadata }, carried))
 }
@@ -127,21 +124,15 @@ fn read(path: &Path) -> Result<(Tensors, Option<String>), FileError> {
 /// The text that holds the fingerprint of all else.
 const SEAL: &str = "fingerprint";
 
-/// What a fingerprint is of: name, type, shape and bytes of an array.
-type Sealed<'a> = (&'a str, Dtype, &'a [usize], &'a [u8]);
-
-fn of_view<'a, N: AsRef<str>>((name, view): (&'a N, &'a TensorView<'_>)) -> Sealed<'a> {
-    (name.as_ref(), view.dtype(), view.shape(), view.data())
-}
-
-/// The fingerprint of the arrays, ordered by name, and the texts.
-fn seal<'a>(
-    arrays: impl Iterator<Item = Sealed<'a>>,
+/// The fingerprint of the arrays and the texts.
+fn seal(
+    views: &BTreeMap<&str, TensorView<'_>>,
     metadata: &BTreeMap<String, String>,
 ) -> Fingerprint {
     let mut all = Fingerprinter::default();
-    for (name, dtype, shape, bytes) in arrays {
-        all.add(name.as_bytes()).add(format!("{dtype:?} {shape:?}").as_bytes()).add(bytes);
+    for (name, view) in views {
+        let kind = format!("{:?} {:?}", view.dtype(), view.shape());
+        all.add(name.as_bytes()).add(kind.as_bytes()).add(view.data());
     }
     all.add(texts(metadata).as_bytes());
     all.finish()

@@ -15,7 +15,8 @@ use crate::{
 };
 
 const PREFIX: &str = ".calib-";
-const SUFFIX: &str = ".tmp";
+/// What the names of temporary files end with.
+pub(crate) const SUFFIX: &str = ".tmp";
 
 /// A file of another machine that nobody has written to for so long has nobody who writes it.
 const ABANDONED_AFTER: Duration = Duration::from_hours(24);
@@ -44,11 +45,6 @@ fn machine() -> Option<&'static str> {
 /// What the names of temporary files of this process begin with.
 pub(crate) fn prefix() -> String {
     format!("{PREFIX}{}-{}-", machine().unwrap_or("unknown"), process::id())
-}
-
-/// What they end with.
-pub(crate) const fn suffix() -> &'static str {
-    SUFFIX
 }
 
 /// Whether `path` has the name of a temporary file of [`write_atomically`](crate::write_atomically):
