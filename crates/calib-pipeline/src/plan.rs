@@ -184,7 +184,7 @@ fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunCo
     let directory = &part.layout().directory(step);
     let study = match step {
         StepKind::Prepare => {
-            return plant_of_study::data(part)
+            return plant_of_study::data_of(part)
                 .is_ok_and(|data| prepared::is_there(part, &data, context));
         }
         StepKind::Pretrain => {

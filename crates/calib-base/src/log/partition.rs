@@ -41,7 +41,7 @@ pub struct PretrainPart {
 /// # Errors
 /// As [`load`].
 pub fn load_training(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
-    let data = DataConfig { held_out: None, ..plant_of_study::data(job)? };
+    let data = DataConfig { held_out: None, ..plant_of_study::data_of(job)? };
     parts(job.study(), prepared::open(job, &data, None, context)?)
 }
 
@@ -51,7 +51,7 @@ pub fn load_training(job: &Job, context: &RunContext) -> Result<Parts, StepError
 /// If the log is not there, cannot be read or has nothing of a range of the study; or the observer asks to stop.
 pub fn load(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
     let study = job.study();
-    let data = plant_of_study::data(job)?;
+    let data = plant_of_study::data_of(job)?;
     let prepared = prepared::open(job, &data, None, context);
     // What is held out is the deployment, where the study has several.
     let prepared = match job.deployment() {

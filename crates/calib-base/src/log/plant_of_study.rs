@@ -90,7 +90,7 @@ impl PlantOfStudy {
 ///
 /// # Errors
 /// As [`PlantOfStudy::of`]; also if the log of the plant is not there, or is another one.
-pub fn data(job: &Job) -> Result<DataConfig, StepError> {
+pub fn data_of(job: &Job) -> Result<DataConfig, StepError> {
     if let Some(PlantOfStudy { directory, found, .. }) = PlantOfStudy::of(job)? {
         let directory = directory.display();
         let command = job.command(StepKind::Simulate);
@@ -136,12 +136,4 @@ pub fn data_to_read(job: &Job) -> Result<DataConfig, StudyError> {
 pub fn plant_of(job: &Job) -> Result<Option<(PathBuf, PlantOptions)>, StepError> {
     let plant = PlantOfStudy::of(job)?;
     Ok(plant.map(|PlantOfStudy { directory, options, .. }| (directory, options)))
-}
-
-/// The `[data]` section of a study to read a log with, which must be there if the study says how it is simulated.
-///
-/// # Errors
-/// If the log of the plant that the study describes is not there, or a variable of the environment is not set.
-pub fn data_of(job: &Job) -> Result<DataConfig, StepError> {
-    data(job)
 }

@@ -106,7 +106,7 @@ pub fn run(
         bail!("--device is for networks, and model.kind is \"knn\"; leave it out");
     }
     let directory = paths.model();
-    let data = plant_of_study::data(job)?;
+    let data = plant_of_study::data_of(job)?;
     let is_dry = job.policy().is_dry();
     let memory = options.memory;
     let known = if is_dry {
