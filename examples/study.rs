@@ -7,9 +7,7 @@
 use std::{error::Error, io, path::PathBuf, sync::Arc};
 
 use calib_core::{Monitor, Silent};
-use calib_pipeline::{
-    Job, Observer, Outcome, Printer, Remark, Request, Shown, output::Result as Answered,
-};
+use calib_pipeline::{Job, Observer, Outcome, Printer, Remark, Request, Shown, output::ResultPart};
 
 /// Three days of a plant, and linear agents: seconds.
 const STUDY: &str = r#"
@@ -53,8 +51,8 @@ impl Observer for Brief {
     }
 
     #[expect(clippy::print_stdout, reason = "an example shows what it is told")]
-    fn result(&self, result: Answered<'_>) -> io::Result<()> {
-        let (Answered::Line(text) | Answered::Lines(text) | Answered::Json(text)) = result;
+    fn result(&self, result: ResultPart<'_>) -> io::Result<()> {
+        let (ResultPart::Line(text) | ResultPart::Lines(text) | ResultPart::Json(text)) = result;
         println!("{text}");
         Ok(())
     }

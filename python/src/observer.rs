@@ -13,7 +13,7 @@ use std::{
 use calib_core::Monitor;
 use calib_pipeline::{
     Observer, Printer, Remark, Shown,
-    output::{Lines, Result as Answered, harmless},
+    output::{Lines, ResultPart, harmless},
 };
 
 /// Something that was said: its kind, and the text.
@@ -94,11 +94,11 @@ impl Observer for WatchObserver {
         self.0.tell(kind, &harmless(text, lines));
     }
 
-    fn result(&self, result: Answered<'_>) -> io::Result<()> {
+    fn result(&self, result: ResultPart<'_>) -> io::Result<()> {
         match result {
-            Answered::Line(text) => self.0.tell("result", &harmless(text, Lines::One)),
-            Answered::Lines(text) => self.0.tell("result", &harmless(text, Lines::Several)),
-            Answered::Json(text) => self.0.tell("json", text),
+            ResultPart::Line(text) => self.0.tell("result", &harmless(text, Lines::One)),
+            ResultPart::Lines(text) => self.0.tell("result", &harmless(text, Lines::Several)),
+            ResultPart::Json(text) => self.0.tell("json", text),
         }
         Ok(())
     }

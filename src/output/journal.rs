@@ -10,7 +10,7 @@ use std::{
 use calib_core::Monitor;
 use calib_pipeline::{
     Context as _, Observer, Remark, Shown, StepError, Stopwatch, ensure,
-    output::{Lines, Result, Stage, harmless},
+    output::{Lines, ResultPart, Stage, harmless},
 };
 use jiff::Timestamp;
 
@@ -57,7 +57,7 @@ impl Journal {
         terminal: Terminal,
         verbosity: Verbosity,
         path: Option<&Path>,
-    ) -> std::result::Result<Self, StepError> {
+    ) -> Result<Self, StepError> {
         let file = path.map(open).transpose()?;
         let started = Stopwatch::start();
         let stage = Mutex::new(None);
@@ -87,7 +87,7 @@ fn keep_in(file: &Mutex<File>, kind: &str, text: &str) {
 }
 
 /// Open a journal, or begin one. Whatever else has content is somebody's, and nothing is appended to it.
-fn open(path: &Path) -> std::result::Result<File, StepError> {
+fn open(path: &Path) -> Result<File, StepError> {
     let mut begin = Vec::new();
     if path.exists() {
         let file = calib_files::open_regular(path)?;
@@ -138,8 +138,8 @@ impl Observer for Journal {
         }
     }
 
-    fn result(&self, result: Result<'_>) -> io::Result<()> {
-        let (Result::Line(text) | Result::Lines(text) | Result::Json(text)) = result;
+    fn result(&self, result: ResultPart<'_>) -> io::Result<()> {
+        let (ResultPart::Line(text) | ResultPart::Lines(text) | ResultPart::Json(text)) = result;
         self.keep("result", text);
         self.terminal.result(result)
     }

@@ -6,7 +6,7 @@ use std::{
 use calib_core::Monitor;
 use calib_pipeline::{
     Observer, Remark, Shown,
-    output::{Lines, Result, harmless, harmless_json},
+    output::{Lines, ResultPart, harmless, harmless_json},
 };
 
 use super::progress::ProgressMonitor;
@@ -65,11 +65,11 @@ impl Observer for Terminal {
         });
     }
 
-    fn result(&self, result: Result<'_>) -> io::Result<()> {
+    fn result(&self, result: ResultPart<'_>) -> io::Result<()> {
         let text = match result {
-            Result::Line(text) => one_line(text),
-            Result::Lines(text) => harmless(text, Lines::Several),
-            Result::Json(text) => harmless_json(text),
+            ResultPart::Line(text) => one_line(text),
+            ResultPart::Lines(text) => harmless(text, Lines::Several),
+            ResultPart::Json(text) => harmless_json(text),
         };
         match writeln!(io::stdout().lock(), "{text}") {
             // `calib … | head` is no failure.

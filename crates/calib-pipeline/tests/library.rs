@@ -11,7 +11,7 @@ use calib_data::table::write_log;
 use calib_pipeline::{
     BuildOptions, Calibration, ClusterPlanOptions, ClusterStatusOptions, Evaluation, ExistingFile,
     Freshness, Job, Leftovers, Logs, Observer, Outcome, Printer, ProposeOptions, Remark, Request,
-    Shown, StandingOf, StatusRequest, StepResult, output::Result,
+    Shown, StandingOf, StatusRequest, StepResult, output::ResultPart,
 };
 
 const STUDY: &str = "\
@@ -56,7 +56,7 @@ impl Observer for Kept {
         self.remarks.lock().expect("no panic").push(text);
     }
 
-    fn result(&self, result: Result<'_>) -> io::Result<()> {
+    fn result(&self, result: ResultPart<'_>) -> io::Result<()> {
         self.results.lock().expect("no panic").push(format!("{result:?}"));
         Ok(())
     }

@@ -10,5 +10,7 @@ pub use format::{
     about, bytes, count, counted, duration, duration_of_secs, percent, rounded, significant, span,
     table,
 };
-pub use observer::{Announced, Observer, OutputFormat, Remark, Result, Shown, Stage, Unobserved};
+pub use observer::{
+    Announced, Observer, OutputFormat, Remark, ResultPart, Shown, Stage, Unobserved,
+};
 pub use printer::Printer;

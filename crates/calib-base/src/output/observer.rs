@@ -21,7 +21,7 @@ pub enum Remark<'a> {
 
 /// A part of what a step was run for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Result<'a> {
+pub enum ResultPart<'a> {
     /// A line.
     Line(&'a str),
     /// Several lines, such as a table, whose line breaks are calib's own.
@@ -78,7 +78,7 @@ pub trait Observer: Send + Sync {
     ///
     /// # Errors
     /// If it cannot be passed on; the step then ends.
-    fn result(&self, result: Result<'_>) -> io::Result<()>;
+    fn result(&self, result: ResultPart<'_>) -> io::Result<()>;
 
     /// Hear how far a run of several stages is; what is watched from now on is work of this part of it.
     fn stage(&self, _stage: Stage) {}
@@ -99,7 +99,7 @@ pub struct Unobserved;
 impl Observer for Unobserved {
     fn remark(&self, _remark: Remark<'_>) {}
 
-    fn result(&self, _result: Result<'_>) -> io::Result<()> {
+    fn result(&self, _result: ResultPart<'_>) -> io::Result<()> {
         Ok(())
     }
 

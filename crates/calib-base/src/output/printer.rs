@@ -4,23 +4,23 @@ use calib_core::Monitor;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{Announced, Observer, OutputFormat, Remark, Result, Shown, Stage, Unobserved};
+use super::{Announced, Observer, OutputFormat, Remark, ResultPart, Shown, Stage, Unobserved};
 use crate::{Context as _, StepError};
 
 /// Decides what an observer is told: results, or talk where a step is on the way to another result.
 #[derive(Clone)]
 pub struct Printer {
     observer: Arc<dyn Observer>,
-    voice: Verbosity,
+    verbosity: Verbosity,
     results: Results,
-    answer: OutputFormat,
+    format: OutputFormat,
     reasons: Reasons,
 }
 
 impl fmt::Debug for Printer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { voice, results, answer, .. } = self;
-        f.debug_tuple("Printer").field(voice).field(results).field(answer).finish()
+        let Self { verbosity, results, format, .. } = self;
+        f.debug_tuple("Printer").field(verbosity).field(results).field(format).finish()
     }
 }
 
@@ -52,10 +52,10 @@ enum Reasons {
 impl Printer {
     /// A printer that tells this observer everything.
     pub fn new(observer: Arc<dyn Observer>) -> Self {
-        let voice = Verbosity::Audible;
+        let verbosity = Verbosity::Audible;
         let results = Results::Wanted;
         let reasons = Reasons::InTheReport;
-        Self { observer, voice, results, answer: OutputFormat::Text, reasons }
+        Self { observer, verbosity, results, format: OutputFormat::Text, reasons }
     }
 
     /// The same printer, which gives the reasons of verdicts as well.
@@ -77,24 +77,24 @@ impl Printer {
     /// The same printer, which says nothing but results and errors.
     #[must_use]
     pub fn quiet(self) -> Self {
-        Self { voice: Verbosity::Quiet, ..self }
+        Self { verbosity: Verbosity::Quiet, ..self }
     }
 
     /// The same printer for a step on the way: its results are talk.
     #[must_use]
     pub fn talking(&self) -> Self {
-        Self { results: Results::Talk, answer: OutputFormat::Text, ..self.clone() }
+        Self { results: Results::Talk, format: OutputFormat::Text, ..self.clone() }
     }
 
-    /// The same printer for a result that is an `answer`.
+    /// The same printer, whose result is in this format.
     #[must_use]
-    pub fn in_format(&self, answer: OutputFormat) -> Self {
-        Self { answer, ..self.clone() }
+    pub fn in_format(&self, format: OutputFormat) -> Self {
+        Self { format, ..self.clone() }
     }
 
     /// Whether the result is to be JSON.
     pub fn is_json(&self) -> bool {
-        self.answer == OutputFormat::Json
+        self.format == OutputFormat::Json
     }
 
     /// The same printer for what is done twice: it says nothing.
@@ -106,38 +106,35 @@ impl Printer {
     /// The same printer for a step that is up to date: what is done, and warnings that were told before, are for those who ask for more.
     #[must_use]
     pub fn in_detail(&self) -> Self {
-        Self { voice: Verbosity::InDetail, ..self.clone() }
+        Self { verbosity: Verbosity::InDetail, ..self.clone() }
     }
 
     fn is_quiet(&self) -> bool {
-        self.voice == Verbosity::Quiet
+        self.verbosity == Verbosity::Quiet
     }
 
     /// A line of the result.
     ///
     /// # Errors
     /// If it cannot be passed on.
-    pub fn result(&self, text: &str) -> std::result::Result<(), StepError> {
-        self.pass(Result::Line(text.trim_end_matches('\n')))
+    pub fn result(&self, text: &str) -> Result<(), StepError> {
+        self.pass(ResultPart::Line(text.trim_end_matches('\n')))
     }
 
     /// Several lines of the result, such as a table, whose line breaks are calib's own.
     ///
     /// # Errors
     /// If they cannot be passed on.
-    pub fn lines(&self, text: &str) -> std::result::Result<(), StepError> {
-        self.pass(Result::Lines(text.trim_end_matches('\n')))
+    pub fn lines(&self, text: &str) -> Result<(), StepError> {
+        self.pass(ResultPart::Lines(text.trim_end_matches('\n')))
     }
 
     /// The result for machines; whatever it is has a schema.
     ///
     /// # Errors
     /// If it cannot be passed on.
-    pub fn json(
-        &self,
-        value: &(impl Serialize + JsonSchema),
-    ) -> std::result::Result<(), StepError> {
-        self.pass(Result::Json(&serde_json::to_string_pretty(value)?))
+    pub fn json(&self, value: &(impl Serialize + JsonSchema)) -> Result<(), StepError> {
+        self.pass(ResultPart::Json(&serde_json::to_string_pretty(value)?))
     }
 
     /// What calib is doing; silent with `-q`.
@@ -207,7 +204,7 @@ impl Printer {
     }
 
     fn remark(&self, remark: Remark<'_>) {
-        match (self.voice, remark) {
+        match (self.verbosity, remark) {
             (Verbosity::Quiet, _) => {}
             (
                 Verbosity::InDetail,
@@ -219,9 +216,10 @@ impl Printer {
         }
     }
 
-    fn pass(&self, result: Result<'_>) -> std::result::Result<(), StepError> {
+    fn pass(&self, result: ResultPart<'_>) -> Result<(), StepError> {
         if self.results == Results::Talk {
-            let (Result::Line(text) | Result::Lines(text) | Result::Json(text)) = result;
+            let (ResultPart::Line(text) | ResultPart::Lines(text) | ResultPart::Json(text)) =
+                result;
             self.detail(text);
             return Ok(());
         }

@@ -19,7 +19,7 @@ use super::note::{CommandState, FOLDER, Note, Task, notes};
 use crate::{
     StepError,
     clock::{Stopwatch, unix_secs},
-    output::{Announced, Observer, Printer, Remark, Result as Told, Shown, Stage},
+    output::{Announced, Observer, Printer, Remark, ResultPart, Shown, Stage},
 };
 
 /// Before the first note: what fails at once leaves no trace.
@@ -199,7 +199,7 @@ impl Observer for Recording {
         self.inner.remark(remark);
     }
 
-    fn result(&self, result: Told<'_>) -> io::Result<()> {
+    fn result(&self, result: ResultPart<'_>) -> io::Result<()> {
         self.inner.result(result)
     }
 

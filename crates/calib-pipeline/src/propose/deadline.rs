@@ -6,7 +6,7 @@ use calib_base::{
     StepError,
     clock::Stopwatch,
     log::context::RunContext,
-    output::{Observer, Printer, Remark, Result as Answered, Shown},
+    output::{Observer, Printer, Remark, ResultPart, Shown},
 };
 use calib_core::Monitor;
 
@@ -88,7 +88,7 @@ impl Observer for StoppingObserver {
         }
     }
 
-    fn result(&self, _result: Answered<'_>) -> io::Result<()> {
+    fn result(&self, _result: ResultPart<'_>) -> io::Result<()> {
         Ok(())
     }
 
