@@ -82,7 +82,7 @@ pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
 fn hush_readers() {
     let usual = panic::take_hook();
     panic::set_hook(Box::new(move |panic| {
-        if !calib_data::may_be_of_a_reader() {
+        if !calib_data::is_reading_parquet() {
             usual(panic);
         }
     }));

@@ -43,7 +43,7 @@ pub fn unix_secs() -> f64 {
 /// When a process of this machine began, in ticks since the machine did, as Linux says it: a later process of the same
 /// number began later.
 pub(crate) fn process_began(process: u32) -> Option<u64> {
-    let stat = memory::stat_of(process)?;
+    let stat = memory::read_proc_stat(process)?;
     let (_, fields) = stat.rsplit_once(')')?;
     fields.split_whitespace().nth(19)?.parse().ok()
 }
@@ -86,11 +86,11 @@ impl TimeTaken {
 
 /// Processor time of this process so far, as Linux says it.
 fn processor_secs() -> f64 {
-    memory::of_process("stat").and_then(|text| of_stat(&text)).unwrap_or(0.0)
+    memory::read_proc_self("stat").and_then(|text| processor_secs_in(&text)).unwrap_or(0.0)
 }
 
 /// `utime` and `stime` of `/proc/PID/stat` (proc(5)), in hundredths of a second on every machine.
-fn of_stat(text: &str) -> Option<f64> {
+fn processor_secs_in(text: &str) -> Option<f64> {
     // The name of the program may hold spaces and brackets.
     let (_, fields) = text.rsplit_once(')')?;
     let mut times = fields.split_whitespace().skip(11).map(str::parse::<u64>);
@@ -114,8 +114,8 @@ mod tests {
     #[test]
     fn processor_time_is_read_from_what_linux_says() {
         let stat = "71 (a b) c) S 1 71 71 0 -1 4194304 150 0 0 0 1234 66 7 8 20 0 4 0 99 1 1 1";
-        assert_eq!(of_stat(stat), Some(13.0));
-        assert_eq!(of_stat("71 (a) S 1"), None);
+        assert_eq!(processor_secs_in(stat), Some(13.0));
+        assert_eq!(processor_secs_in("71 (a) S 1"), None);
     }
 
     #[test]

@@ -54,29 +54,29 @@ impl FromStr for MemorySize {
 /// Bytes that this process may still take: what the system has available, or less where a control group
 /// (a container, a batch job) allows less. None where the system does not say.
 pub fn available() -> Option<u64> {
-    let system = fs::read_to_string("/proc/meminfo").ok().and_then(|text| of_meminfo(&text));
-    let groups = of_process("cgroup").unwrap_or_default();
+    let system = fs::read_to_string("/proc/meminfo").ok().and_then(|text| mem_available(&text));
+    let groups = read_proc_self("cgroup").unwrap_or_default();
     let allowed = limits(Path::new("/sys/fs/cgroup"), &groups);
-    let addresses = of_process("limits").and_then(|text| {
-        let mapped = of_process("status")?;
-        of_limits(&text, &mapped)
+    let addresses = read_proc_self("limits").and_then(|text| {
+        let mapped = read_proc_self("status")?;
+        addresses_left(&text, &mapped)
     });
     system.into_iter().chain(allowed).chain(addresses).min()
 }
 
 /// What Linux says of this process in `/proc/self`; none elsewhere.
-pub(super) fn of_process(file: &str) -> Option<String> {
+pub(super) fn read_proc_self(file: &str) -> Option<String> {
     fs::read_to_string(Path::new("/proc/self").join(file)).ok()
 }
 
 /// `/proc/PID/stat` of another process; none if it has ended, or where the system is not Linux.
-pub(super) fn stat_of(process: u32) -> Option<String> {
+pub(super) fn read_proc_stat(process: u32) -> Option<String> {
     fs::read_to_string(format!("/proc/{process}/stat")).ok()
 }
 
 /// What is left of the limit on addresses (`ulimit -v`), from `/proc/self/limits` and `/proc/self/status`; none if there
 /// is no limit.
-fn of_limits(limits: &str, status: &str) -> Option<u64> {
+fn addresses_left(limits: &str, status: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmSize:"))?;
@@ -149,7 +149,7 @@ pub fn check_table(path: &Path, names: Option<&[&str]>) -> Result<(), StepError>
 }
 
 /// `MemAvailable`, which counts what the system would free if asked.
-fn of_meminfo(text: &str) -> Option<u64> {
+fn mem_available(text: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)
@@ -217,8 +217,8 @@ mod tests {
     #[test]
     fn the_systems_own_figure_is_read() {
         let text = "MemTotal:       16 kB\nMemAvailable:    1024 kB\n";
-        assert_eq!(of_meminfo(text), Some(1 << 20));
-        assert_eq!(of_meminfo("MemTotal: 16 kB\n"), None);
+        assert_eq!(mem_available(text), Some(1 << 20));
+        assert_eq!(mem_available("MemTotal: 16 kB\n"), None);
     }
 
     #[test]
@@ -234,9 +234,9 @@ mod tests {
         let limits =
             "Limit  Soft Limit  Hard Limit  Units\nMax address space  4096000  unlimited  bytes\n";
         let status = "Name:\tcalib\nVmSize:\t    1000 kB\n";
-        assert_eq!(of_limits(limits, status), Some(3_072_000));
+        assert_eq!(addresses_left(limits, status), Some(3_072_000));
         let none = "Max address space         unlimited            unlimited            bytes\n";
-        assert_eq!(of_limits(none, status), None);
+        assert_eq!(addresses_left(none, status), None);
     }
 
     #[test]

@@ -14,7 +14,7 @@ const REASON: usize = 240;
 static READING: AtomicUsize = AtomicUsize::new(0);
 
 /// Whether a panic may be that of a reader on a damaged file, which becomes an error: nobody need be told of it.
-pub fn may_be_of_a_reader() -> bool {
+pub fn is_reading_parquet() -> bool {
     READING.load(Ordering::Relaxed) > 0
 }
 
@@ -55,7 +55,7 @@ mod tests {
         let error = catch_panic::<()>(|| Err(pl::polars_err!(ComputeError: "first\nsecond")));
         assert_eq!(error, Err("first".to_owned()));
         let panic = catch_panic::<()>(|| {
-            assert!(may_be_of_a_reader());
+            assert!(is_reading_parquet());
             panic!("bad {}", "thrift")
         });
         assert_eq!(panic, Err("the reader failed: bad thrift".to_owned()));

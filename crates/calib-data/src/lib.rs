@@ -72,7 +72,7 @@ pub use calib_text::{TimestampUnit, Zone, format_time, parse_time};
 
 pub use angle::{AngleOf, AnglePart, angle_hint};
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
-pub use catch_panic::may_be_of_a_reader;
+pub use catch_panic::is_reading_parquet;
 pub use channel::is_same;
 pub use config::{
     BadRows, Contradictions, DataConfig, MaxAge, Missing, Moment, Normalisation, Outliers, Paths,
