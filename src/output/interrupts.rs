@@ -20,8 +20,8 @@ static KEEPS_NOTHING: AtomicBool = AtomicBool::new(false);
 /// How long work has to come to its next safe point. Some has none for long: inside an update of a large network, or in
 /// a library.
 const GRACE: Duration = Duration::from_millis(1_500);
-/// How long it has if it has come there, and is putting aside what it goes on from.
-const PUTTING_ASIDE: Duration = Duration::from_secs(10);
+/// How long it has if it has come there, and is writing what it goes on from.
+const WRITING_CHECKPOINT: Duration = Duration::from_secs(10);
 /// Between two looks.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -60,7 +60,7 @@ fn end_in_time() {
         thread::sleep(LOOK);
     }
     let mut waited = Duration::ZERO;
-    while waited < GRACE || (calib_files::is_putting_aside() && waited < PUTTING_ASIDE) {
+    while waited < GRACE || (calib_files::is_writing_checkpoint() && waited < WRITING_CHECKPOINT) {
         thread::sleep(LOOK);
         waited += LOOK;
     }

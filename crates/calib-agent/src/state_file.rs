@@ -3,7 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use calib_files::{FileError, Tensor, Tensors, Unfinished};
+use calib_files::{CheckpointFile, FileError, Tensor, Tensors};
 use calib_nn::Moments;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -11,7 +11,7 @@ use crate::{Checkpoint, ValueState};
 
 /// The state of unfinished training, in one file (safetensors; what is no array is JSON in its metadata).
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StateFile(Unfinished);
+pub struct StateFile(CheckpointFile);
 
 /// What does not fit into arrays.
 #[derive(Serialize, Deserialize)]
@@ -26,7 +26,7 @@ const PARTS: [&str; 5] = ["parameters", "mean", "square", "target", "traces"];
 impl StateFile {
     /// The file at `path` of the training that `key` stands for.
     pub fn new(path: PathBuf, key: String) -> Self {
-        Self(Unfinished::new(path, key))
+        Self(CheckpointFile::new(path, key))
     }
 
     /// Where it is.

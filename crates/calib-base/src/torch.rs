@@ -4,7 +4,7 @@
 use calib_agent::Accelerator;
 use calib_core::{Monitor, Seed};
 use calib_dynamics::{Dynamics, DynamicsConfig, Trainer, Transitioning};
-use calib_files::{Tensors, Unfinished};
+use calib_files::{CheckpointFile, Tensors};
 use calib_model::ModelKind;
 use calib_represent::{LaplacianConfig, Task, Trained};
 
@@ -79,7 +79,7 @@ pub fn accelerator(device: Device) -> Result<Box<dyn Accelerator>, StepError> {
 pub fn represent(
     config: &LaplacianConfig,
     task: Task<'_>,
-    checkpoint: &Unfinished,
+    checkpoint: &CheckpointFile,
     device: Device,
     monitor: &dyn Monitor,
 ) -> Result<Trained, StepError> {

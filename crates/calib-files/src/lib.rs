@@ -9,7 +9,7 @@
 //! ([`read_array`]) and from CSV ([`read_csv`]). Weights are safetensors files
 //! ([`read_tensors`], [`write_tensors`]). Files that nothing else vouches for carry a fingerprint of themselves
 //! ([`write_sealed_json`], [`read_sealed_tensors`]); what is read must be a file, never a pipe ([`open_regular`]).
-//! Work that may be killed puts aside what it needs to go on ([`Unfinished`]).
+//! Work that may be killed keeps what it needs to go on in a [`CheckpointFile`].
 //! What of a folder is calib's stands in a record there ([`FolderRecord`]): nothing else is replaced or removed.
 //! Nothing but this crate changes a disk, and every operation that does can be made to fail ([`faults`]).
 //!
@@ -28,6 +28,7 @@
 
 mod array;
 mod atomic;
+mod checkpoint_file;
 mod csv;
 mod disk;
 mod error;
@@ -49,7 +50,6 @@ mod sealed;
 mod shared_file;
 mod spill;
 mod tensors;
-mod unfinished;
 mod writer;
 
 pub use array::{Array, array_bytes, read_array};
@@ -57,6 +57,7 @@ pub use atomic::{
     Below, ExistingFile, check_output, link_or_copy, remove_temporaries, write_atomically,
     write_new, write_output,
 };
+pub use checkpoint_file::{CheckpointFile, is_writing_checkpoint};
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
     Announced, Output, TemporaryFolder, create_directory, remove_empty_folder, remove_file,
@@ -79,5 +80,4 @@ pub use sealed::{read_sealed_json, write_new_sealed_json, write_sealed_json};
 pub use shared_file::{HeldFile, HeldReader};
 pub use spill::Spill;
 pub use tensors::{Tensor, Tensors, read_sealed_tensors, read_tensors, write_tensors};
-pub use unfinished::{Unfinished, is_putting_aside};
 pub use writer::{host_name, is_temporary};

@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use calib_files::{Tensor, Tensors, Unfinished};
+use calib_files::{CheckpointFile, Tensor, Tensors};
 use calib_nn::Moments;
 use serde::{Deserialize, Serialize};
 
@@ -25,9 +25,9 @@ pub(crate) struct Progress {
 
 const PROGRESS: &str = "progress";
 
-/// Put aside all that `training` needs to go on.
+/// Write all that `training` needs to go on.
 pub(crate) fn write(
-    unfinished: &Unfinished,
+    file: &CheckpointFile,
     training: &dyn Stepper,
     progress: &Progress,
 ) -> Result<(), RepresentError> {
@@ -39,28 +39,28 @@ pub(crate) fn write(
     ];
     let progress = Progress { done: training.done(), powers, ..progress.clone() };
     let metadata = BTreeMap::from([(PROGRESS.to_owned(), serde_json::json!(progress).to_string())]);
-    Ok(unfinished.write(Tensors { tensors, metadata })?)
+    Ok(file.write(Tensors { tensors, metadata })?)
 }
 
-/// Put `training` where it stopped; none if nothing of it was put aside.
+/// Put `training` where it stopped; none if there is no checkpoint of it.
 pub(crate) fn read(
-    unfinished: &Unfinished,
+    file: &CheckpointFile,
     training: &mut dyn Stepper,
 ) -> Result<Option<Progress>, RepresentError> {
     let parameter_count = training.encoder()?.parameter_count();
-    let Some((progress, parameters, moments)) = put_aside(unfinished, parameter_count) else {
+    let Some((progress, parameters, moments)) = parts_of(file, parameter_count) else {
         return Ok(None);
     };
     training.restore(&parameters, moments, progress.done);
     Ok(Some(progress))
 }
 
-/// What [`write`] put aside, parameters second; `None` if it is of an encoder of another size.
-fn put_aside(
-    unfinished: &Unfinished,
+/// What [`write`] wrote, parameters second; `None` if it is of an encoder of another size.
+fn parts_of(
+    file: &CheckpointFile,
     parameter_count: usize,
 ) -> Option<(Progress, Vec<f32>, Moments)> {
-    let content = unfinished.read()?;
+    let content = file.read()?;
     let progress: Progress = serde_json::from_str(content.metadata.get(PROGRESS)?).ok()?;
     let values = |name: &str| {
         let found = content.get(name).filter(|tensor| tensor.values.len() == parameter_count);

@@ -1,7 +1,7 @@
 use std::fmt;
 
 use calib_core::{Monitor, Seed, Segments, States};
-use calib_files::Unfinished;
+use calib_files::CheckpointFile;
 use calib_nn::Mlp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -96,7 +96,7 @@ pub struct Trained {
 pub fn train(
     config: &LaplacianConfig,
     task: Task<'_>,
-    checkpoint: Option<&Unfinished>,
+    checkpoint: Option<&CheckpointFile>,
     monitor: &dyn Monitor,
 ) -> Result<Trained, RepresentError> {
     let Task { states, segments, split, seed } = task;
@@ -112,7 +112,7 @@ pub fn train_with(
     training: &mut dyn Stepper,
     config: &LaplacianConfig,
     task: Task<'_>,
-    checkpoint: Option<&Unfinished>,
+    checkpoint: Option<&CheckpointFile>,
     monitor: &dyn Monitor,
 ) -> Result<Trained, RepresentError> {
     let Task { states, segments, split, seed } = task;

@@ -24,7 +24,7 @@ use calib_dynamics::{
     Residuals, Trainer, TrainingRecord, Transitioning,
 };
 use calib_files::{
-    Fingerprint, Unfinished, fingerprint_file, read_regular, read_tensors, remove_file,
+    CheckpointFile, Fingerprint, fingerprint_file, read_regular, read_tensors, remove_file,
     write_atomically, write_json, write_tensors,
 };
 use calib_model::ModelKind;
@@ -213,7 +213,7 @@ pub(crate) fn train(
     let fraction = config.validation_fraction;
     let data = Transitioning::new(dataset.train.states(), &transitions, fraction)?;
     let seed = Seed::new(study.seed).child("dynamics");
-    let checkpoint = Unfinished::new(directory.join(CHECKPOINT), key.to_owned());
+    let checkpoint = CheckpointFile::new(directory.join(CHECKPOINT), key.to_owned());
     let found = checkpoint.read();
     let (mut trainer, backend): (Box<dyn Trainer + '_>, String) = match (study.model.kind, device) {
         (ModelKind::Nn, None) => {
@@ -251,7 +251,7 @@ pub(crate) fn train(
 fn run_epochs(
     trainer: &mut dyn Trainer,
     config: &DynamicsConfig,
-    checkpoint: &Unfinished,
+    checkpoint: &CheckpointFile,
     printer: &Printer,
 ) -> Result<(), StepError> {
     let progress = printer.progress();

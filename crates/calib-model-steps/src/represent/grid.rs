@@ -8,7 +8,7 @@ use std::{
 use calib_base::{StepError, artefact, options::Device, output::Printer, torch};
 use calib_core::Monitor as _;
 use calib_files::{
-    FileError, Fingerprint, Unfinished, fingerprint_file, is_temporary, read_sealed_json,
+    CheckpointFile, FileError, Fingerprint, fingerprint_file, is_temporary, read_sealed_json,
     remove_known, write_sealed_json,
 };
 use calib_nn::Mlp;
@@ -174,8 +174,8 @@ fn train_missing(
 }
 
 /// Where the training of a candidate is put aside.
-fn checkpoint(directory: &Path, key: &str) -> Unfinished {
-    Unfinished::new(directory.join(CHECKPOINT), key.to_owned())
+fn checkpoint(directory: &Path, key: &str) -> CheckpointFile {
+    CheckpointFile::new(directory.join(CHECKPOINT), key.to_owned())
 }
 
 /// Forget every candidate and every training that was put aside; what else lies beside them stays.

@@ -58,8 +58,8 @@ fn an_interrupted_training_goes_on_to_the_same_bytes() {
 
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path().join("checkpoint.safetensors");
-    let unfinished = |key: &str| Unfinished::new(path.clone(), key.to_owned());
-    let checkpoint = unfinished("a");
+    let checkpoint_of = |key: &str| CheckpointFile::new(path.clone(), key.to_owned());
+    let checkpoint = checkpoint_of("a");
     for updates in [1, 40, 37] {
         let monitor = After(AtomicUsize::new(updates + 77));
         // What was done before counts, so that every call gets further.
@@ -69,7 +69,7 @@ fn an_interrupted_training_goes_on_to_the_same_bytes() {
     let parts = train(&config(), task, Some(&checkpoint), &Silent).expect("goes on");
     assert!(parts == whole, "{:?} and {:?}", parts.points, whole.points);
     // Of another key: begun anew.
-    assert!(train(&config(), task, Some(&unfinished("b")), &Silent).expect("trains") == whole);
+    assert!(train(&config(), task, Some(&checkpoint_of("b")), &Silent).expect("trains") == whole);
     checkpoint.remove().expect("removed");
     checkpoint.remove().expect("nothing to remove");
     std::fs::write(&path, "text").expect("written");

@@ -5,25 +5,25 @@ use std::{
 
 use crate::{FileError, Tensors, read_sealed_tensors, remove_file, write_tensors};
 
-/// Works that are being put aside.
-static PUTTING_ASIDE: AtomicUsize = AtomicUsize::new(0);
+/// Checkpoints that are being written.
+static WRITING: AtomicUsize = AtomicUsize::new(0);
 
-/// Whether some work is being put aside: whoever has to end this process may wait for it.
-pub fn is_putting_aside() -> bool {
-    PUTTING_ASIDE.load(Ordering::Acquire) > 0
+/// Whether a checkpoint is being written: whoever has to end this process may wait for it.
+pub fn is_writing_checkpoint() -> bool {
+    WRITING.load(Ordering::Acquire) > 0
 }
 
 /// The text in the file that names its work.
 const KEY: &str = "key";
 
-/// Where work that may be killed puts aside what it needs to go on: arrays, and texts beside them.
+/// The file that work which may be killed goes on from: arrays, and texts beside them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unfinished {
+pub struct CheckpointFile {
     path: PathBuf,
     key: String,
 }
 
-impl Unfinished {
+impl CheckpointFile {
     /// The safetensors file at `path`, which need not exist, of the work that `key` stands for: it names everything that
     /// the work follows from.
     pub fn new(path: PathBuf, key: String) -> Self {
@@ -35,14 +35,14 @@ impl Unfinished {
         &self.path
     }
 
-    /// What was put aside last. A file that is missing, damaged or of other work is nothing: the work begins anew, and
-    /// replaces it.
+    /// The last checkpoint. A file that is missing, damaged or of other work is none: the work begins anew, and replaces
+    /// it.
     pub fn read(&self) -> Option<Tensors> {
         let mut content = read_sealed_tensors(&self.path).ok()?;
         (content.metadata.remove(KEY)? == self.key).then_some(content)
     }
 
-    /// Put `content` aside in place of what was there.
+    /// Write a checkpoint in place of the one that was there.
     ///
     /// # Errors
     /// If the file cannot be written, or has a text that is named "key".
@@ -51,9 +51,9 @@ impl Unfinished {
             let reason = format!("the text '{KEY}' names the work");
             return Err(FileError::Tensors { path: self.path.clone(), reason });
         }
-        PUTTING_ASIDE.fetch_add(1, Ordering::AcqRel);
+        WRITING.fetch_add(1, Ordering::AcqRel);
         let written = write_tensors(&self.path, &content);
-        PUTTING_ASIDE.fetch_sub(1, Ordering::AcqRel);
+        WRITING.fetch_sub(1, Ordering::AcqRel);
         written
     }
 
@@ -76,28 +76,28 @@ mod tests {
     #[test]
     fn what_was_put_aside_comes_back_and_only_to_the_same_work() {
         let directory = tempfile::tempdir().expect("a directory");
-        let unfinished =
-            |key: &str| Unfinished::new(directory.path().join("a/state"), key.to_owned());
+        let checkpoint =
+            |key: &str| CheckpointFile::new(directory.path().join("a/state"), key.to_owned());
         let mut content = Tensors {
             tensors: vec![Tensor::flat("weights", vec![0.5, -0.0])],
             ..Tensors::default()
         };
         content.metadata.insert("done".to_owned(), "7".to_owned());
-        assert_eq!(unfinished("a").read(), None);
-        unfinished("a").write(content.clone()).expect("written");
-        assert_eq!(unfinished("a").read(), Some(content.clone()));
-        assert_eq!(unfinished("b").read(), None);
+        assert_eq!(checkpoint("a").read(), None);
+        checkpoint("a").write(content.clone()).expect("written");
+        assert_eq!(checkpoint("a").read(), Some(content.clone()));
+        assert_eq!(checkpoint("b").read(), None);
         // Damage is nothing, and is replaced.
-        let mut bytes = fs::read(unfinished("a").path()).expect("there");
+        let mut bytes = fs::read(checkpoint("a").path()).expect("there");
         *bytes.last_mut().expect("not empty") ^= 1;
-        fs::write(unfinished("a").path(), bytes).expect("written");
-        assert_eq!(unfinished("a").read(), None);
-        unfinished("a").write(content.clone()).expect("replaced");
-        assert_eq!(unfinished("a").read(), Some(content.clone()));
+        fs::write(checkpoint("a").path(), bytes).expect("written");
+        assert_eq!(checkpoint("a").read(), None);
+        checkpoint("a").write(content.clone()).expect("replaced");
+        assert_eq!(checkpoint("a").read(), Some(content.clone()));
         content.metadata.insert(KEY.to_owned(), "c".to_owned());
-        assert!(unfinished("a").write(content).is_err());
-        unfinished("a").remove().expect("removed");
-        unfinished("a").remove().expect("nothing is left to remove");
-        assert_eq!(unfinished("a").read(), None);
+        assert!(checkpoint("a").write(content).is_err());
+        checkpoint("a").remove().expect("removed");
+        checkpoint("a").remove().expect("nothing is left to remove");
+        assert_eq!(checkpoint("a").read(), None);
     }
 }
