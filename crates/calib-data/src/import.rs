@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::{
     BadRowsFound, DataConfig, DataError, Shape,
-    log::{Batch, Codes, Contradicting, Log, Room, log_files},
+    log::{Batch, Codes, Contradicting, Log, MemoryLimit, log_files},
 };
 
 /// Memory that a row group takes before it is written, in bytes.
@@ -90,7 +90,7 @@ pub fn import(
     }
     let (log, wanted) = Log::open_whole(data, monitor)?;
     let rows = log.rows.timestamps.len();
-    Room::of(data).require(
+    MemoryLimit::of(data).require(
         writer_bytes(rows, wanted.len()),
         || format!("writing {rows} rows of {} channels", wanted.len()),
         "choose channels with data.include, or put them on one clock with data.resample",

@@ -10,7 +10,7 @@ use crate::{
     Sentinel, Shape, Zone,
     channel::{Moments, Movement, is_same},
     format_time,
-    log::{Batch, Channel, ChannelValues, Contradicting, Log, Seldom},
+    log::{Batch, Channel, ChannelValues, Contradicting, Log, SparseValues},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
 };
@@ -127,7 +127,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     let mut batch = Batch::default();
     monitor.begin("looking at channels", wanted.len() as u64);
     for some in wanted.chunks(log.batch_size()) {
-        let read = log.look(some, &mut batch, monitor)?;
+        let read = log.read_sparse(some, &mut batch, monitor)?;
         for (&channel, values) in some.iter().zip(&*read) {
             extremes.push((channel, values.extremes.clone()));
             if values.contradictions.count > 0 {
@@ -191,8 +191,8 @@ struct Look<'a> {
 impl Look<'_> {
     fn channel(&self, source: &Channel, channel: &mut ChannelValues) -> ChannelSketch {
         let text = channel.not_numbers.example();
-        if let Some(seldom) = &channel.seldom {
-            let sketch = self.seldom(source, seldom, channel.contradictions.count);
+        if let Some(sparse) = &channel.sparse {
+            let sketch = self.sparse(source, sparse, channel.contradictions.count);
             return ChannelSketch { text, ..sketch };
         }
         let values = &mut channel.values;
@@ -235,14 +235,14 @@ impl Look<'_> {
     }
 
     /// The same of a channel that has a value in few rows, by these rows alone.
-    fn seldom(&self, source: &Channel, seldom: &Seldom, contradicting: u64) -> ChannelSketch {
+    fn sparse(&self, source: &Channel, sparse: &SparseValues, contradicting: u64) -> ChannelSketch {
         let timestamps = &self.log.rows.timestamps;
-        let mut near = seldom.with_neighbours(&self.log.steps.stretches);
+        let mut near = sparse.with_neighbours(&self.log.steps.stretches);
         let times: Vec<Timestamp> = near.rows.iter().map(|&row| timestamps[row]).collect();
         let (movement, spikes) = treated(&mut near.values, &times, &near.stretches);
         let moments = Moments::of(&near.values);
         let changes = Changes::of(&near.values, &near.stretches, moments);
-        let mut there: Vec<Sample> = Vec::with_capacity(seldom.rows.len());
+        let mut there: Vec<Sample> = Vec::with_capacity(sparse.rows.len());
         for (stretch, places) in near.stretches.iter().enumerate() {
             let samples = places.clone().filter(|&place| !near.values[place].is_nan());
             there.extend(samples.map(|place| Sample {

@@ -19,7 +19,9 @@ use crate::{
     channel::{Moments, Movement, is_same},
     describe::describe_rows,
     impute::{clean, impute},
-    log::{Batch, Channel, ChannelValues, Contradicting, EXAMPLES, Log, Neighbourhood, Seldom},
+    log::{
+        Batch, Channel, ChannelValues, Contradicting, EXAMPLES, Log, Neighbourhood, SparseValues,
+    },
     modes::Modes,
     names::Names,
     sample::Samples,
@@ -202,7 +204,7 @@ impl Scan<'_> {
         let mut batch = Batch::default();
         monitor.begin("inspecting channels", to_read.len() as u64);
         for channels in to_read.chunks(self.log.batch_size()) {
-            let values = self.log.look(channels, &mut batch, monitor)?;
+            let values = self.log.read_sparse(channels, &mut batch, monitor)?;
             let ends =
                 channels.iter().zip(&*values).map(|(at, values)| (*at, values.extremes.clone()));
             extremes.extend(ends);
@@ -236,10 +238,10 @@ impl Scan<'_> {
             found.insert(index, channel.contradictions.clone());
         }
         let has_words = !channel.not_numbers.words.is_empty();
-        let seldom = channel.seldom.take();
+        let sparse = channel.sparse.take();
         let (looked, bounds) =
-            if let Some(seldom) = seldom.as_ref().filter(|seldom| self.misses_too_much(seldom)) {
-                let mut near = seldom.with_neighbours(&log.steps.stretches);
+            if let Some(sparse) = sparse.as_ref().filter(|sparse| self.misses_too_much(sparse)) {
+                let mut near = sparse.with_neighbours(&log.steps.stretches);
                 let looked = self.looked(&mut Viewed::some(&mut near, self));
                 let bounds = match looked.in_train {
                     Some(_) => {
@@ -250,8 +252,8 @@ impl Scan<'_> {
                 };
                 (looked, bounds)
             } else {
-                if let Some(seldom) = seldom {
-                    channel.values = seldom.into_all(log.rows.timestamps.len());
+                if let Some(sparse) = sparse {
+                    channel.values = sparse.into_all(log.rows.timestamps.len());
                 }
                 let values = &mut channel.values;
                 let looked = self.looked(&mut Viewed::all(values, self));
@@ -295,9 +297,9 @@ impl Scan<'_> {
     }
 
     /// Whether a channel is dropped for what it misses in the training range.
-    fn misses_too_much(&self, seldom: &Seldom) -> bool {
+    fn misses_too_much(&self, sparse: &SparseValues) -> bool {
         let train = &self.log.train;
-        let missing = 1.0 - seldom.count(train) as f64 / train.len() as f64;
+        let missing = 1.0 - sparse.count(train) as f64 / train.len() as f64;
         missing > self.preprocess.max_missing
     }
 

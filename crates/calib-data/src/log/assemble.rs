@@ -12,9 +12,9 @@ use super::{
     filename_tag::prefixes,
     gaps,
     max_ages::max_ages,
+    memory_limit::MemoryLimit,
     open::{Opened, Samples, Tables, refuse_pair},
     resample::{Coverage, Grid},
-    room::Room,
     row_ranges,
     rows::{Irregularities, NO_TIME, Rows},
     split::{self, Split},
@@ -52,7 +52,7 @@ fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> 
     let Tables { files, times, instants, undecided, left_out, bad_rows, without_times, read_as } =
         tables;
     let total: usize = instants.iter().map(Vec::len).sum();
-    Room::of(data).require_rows(total as u64, None)?;
+    MemoryLimit::of(data).require_rows(total as u64, None)?;
     let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
     let (Some(first), Some(last)) = (present().min(), present().max()) else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
@@ -108,7 +108,7 @@ fn plan_samples(samples: Samples, data: &DataConfig) -> Result<Planned, DataErro
     let split = Split::new(data, first, last)?;
     let window = split.window();
     let timestamps = if data.resample.is_some() { Vec::new() } else { series.clock(&window)? };
-    Room::of(data).require_rows(timestamps.len() as u64, None)?;
+    MemoryLimit::of(data).require_rows(timestamps.len() as u64, None)?;
     let irregularities = Irregularities { null_timestamps, ..Irregularities::default() };
     Ok(Planned {
         channels: series
@@ -233,7 +233,7 @@ fn grid_rows(
             }
         }
     }
-    Room::of(data).require_rows(coverage.rows(), data.period_secs)?;
+    MemoryLimit::of(data).require_rows(coverage.rows(), data.period_secs)?;
     Ok(grid.rows(&mut coverage))
 }
 

@@ -9,7 +9,7 @@ use calib_text::ParsedTime;
 use super::{
     bad_rows::BadRowsFound,
     clock::{Clock, Fractions, Instants},
-    room::Room,
+    memory_limit::MemoryLimit,
 };
 use crate::{
     DataConfig, DataError,
@@ -25,7 +25,7 @@ pub(crate) struct Store {
     pub(crate) spill: Spill,
     pub(crate) words: Words,
     pub(crate) signs: Signs,
-    pub(crate) room: Room,
+    pub(crate) memory: MemoryLimit,
     pub(crate) bad_rows: BadRowsFound,
 }
 
@@ -44,7 +44,7 @@ impl Store {
             spill: Spill::new(&data.scratch)?,
             words: Words::bounded(),
             signs: Signs::default(),
-            room: Room::of(data),
+            memory: MemoryLimit::of(data),
             bad_rows: BadRowsFound::default(),
         })
     }
@@ -165,7 +165,7 @@ impl Imported {
         self.columns.parts.push((self.columns.rows, rows, at));
         self.columns.rows += rows;
         // Packed text may be any number of rows.
-        store.room.require_rows(self.columns.rows as u64, None)
+        store.memory.require_rows(self.columns.rows as u64, None)
     }
 }
 

@@ -18,17 +18,17 @@ mod gaps;
 mod head;
 mod long;
 mod max_ages;
+mod memory_limit;
 mod open;
 mod read;
 mod resample;
-mod room;
 mod rows;
-mod seldom;
 mod series;
 mod shape;
 mod shared_times;
 mod side_labels;
 mod source;
+mod sparse;
 mod split;
 mod times;
 mod union;
@@ -49,10 +49,10 @@ pub(crate) use self::{
     dedup::Contradicting,
     file::{FieldKind, classify},
     gaps::{Steps, inside, inside_both, interval},
+    memory_limit::MemoryLimit,
     read::{Batch, ChannelValues, Codes},
-    room::Room,
     rows::EXAMPLES,
-    seldom::{Neighbourhood, Seldom},
+    sparse::{Neighbourhood, SparseValues},
 };
 use self::{dedup::SHOWN, file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
 use crate::{

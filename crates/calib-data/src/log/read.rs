@@ -11,8 +11,8 @@ use super::{
     file::LogFile,
     resample::Grid,
     rows::{LEFT_OUT, RowMap, Rows},
-    seldom::Seldom,
     series::Series,
+    sparse::SparseValues,
     values::{NotNumbers, RawColumn, cells_to_numbers, each_label, to_numbers, with_label},
 };
 use crate::{
@@ -34,10 +34,10 @@ pub(crate) struct Batch(Vec<ChannelValues>);
 /// The values of one channel in time order.
 #[derive(Default)]
 pub(crate) struct ChannelValues {
-    /// One per row of the log, NaN where missing; none where `seldom` has them.
+    /// One per row of the log, NaN where missing; none where `sparse` has them.
     pub(crate) values: Vec<f64>,
     /// Those of a channel with few of them, where they were asked for like this.
-    pub(crate) seldom: Option<Seldom>,
+    pub(crate) sparse: Option<SparseValues>,
     /// One per duplicate of the recorded rows.
     duplicates: Vec<f64>,
     pub(crate) not_numbers: NotNumbers,
@@ -106,18 +106,18 @@ impl Log {
         batch: &'a mut Batch,
         monitor: &dyn Monitor,
     ) -> Result<&'a mut [ChannelValues], DataError> {
-        let read = self.look(channels, batch, monitor)?;
+        let read = self.read_sparse(channels, batch, monitor)?;
         let rows = self.rows.timestamps.len();
         read.par_iter_mut().for_each(|channel| {
-            if let Some(seldom) = channel.seldom.take() {
-                channel.values = seldom.into_all(rows);
+            if let Some(sparse) = channel.sparse.take() {
+                channel.values = sparse.into_all(rows);
             }
         });
         Ok(read)
     }
 
-    /// The same, but that channels with few values have them in `seldom`.
-    pub(crate) fn look<'a>(
+    /// The same, but that channels with few values have them in `sparse`.
+    pub(crate) fn read_sparse<'a>(
         &self,
         channels: &[usize],
         batch: &'a mut Batch,
@@ -194,8 +194,8 @@ impl Log {
             return Ok(());
         }
         let rows = &self.rows.timestamps;
-        channel.seldom = Seldom::of(&placed.times, &values, rows);
-        if channel.seldom.is_none() {
+        channel.sparse = SparseValues::of(&placed.times, &values, rows);
+        if channel.sparse.is_none() {
             channel.values.resize(rows.len(), f64::NAN);
             self.put(&placed.times, &values, &mut channel.values);
         }

@@ -79,7 +79,7 @@ impl Sink {
 
     /// The position of a tag that gets its name later.
     pub(crate) fn add_tag(&mut self) -> Result<usize, DataError> {
-        self.store.room.require_channels(self.tags.len())?;
+        self.store.memory.require_channels(self.tags.len())?;
         self.tags.push(Tag {
             name: String::new(),
             pieces: Vec::new(),
@@ -132,7 +132,7 @@ impl Sink {
             self.store.append(&tag.cells)?;
             tag.pieces.push((at, tag.times.len()));
             let samples = tag.pieces.iter().map(|(_, count)| *count as u64).sum();
-            self.store.room.require_samples(samples, &tag.name)?;
+            self.store.memory.require_samples(samples, &tag.name)?;
             tag.times.clear();
             tag.cells.clear();
         }

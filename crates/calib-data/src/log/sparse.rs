@@ -6,29 +6,29 @@ use std::ops::Range;
 use calib_core::Timestamp;
 
 /// A channel with a value in fewer than one row in this many is kept by its rows.
-const SELDOM: usize = 16;
+const SPARSE: usize = 16;
 
 /// The rows of a channel that have a value.
 #[derive(Debug, Default)]
-pub(crate) struct Seldom {
+pub(crate) struct SparseValues {
     /// In order.
     pub(crate) rows: Vec<u32>,
     pub(crate) values: Vec<f64>,
 }
 
-impl Seldom {
+impl SparseValues {
     /// Samples that lie on rows of the log, if they are few.
     pub(crate) fn of(times: &[i64], values: &[f64], log: &[Timestamp]) -> Option<Self> {
-        if times.len().saturating_mul(SELDOM) >= log.len() {
+        if times.len().saturating_mul(SPARSE) >= log.len() {
             return None;
         }
-        let mut seldom = Self::default();
+        let mut sparse = Self::default();
         for (&time, &value) in times.iter().zip(values).filter(|(_, value)| !value.is_nan()) {
             let row = log.partition_point(|row| row.as_micros() < time);
-            seldom.rows.push(row as u32);
-            seldom.values.push(value);
+            sparse.rows.push(row as u32);
+            sparse.values.push(value);
         }
-        Some(seldom)
+        Some(sparse)
     }
 
     /// One value for each of `rows` rows, NaN where there is none.

@@ -11,11 +11,11 @@ const BYTES_PER_SAMPLE: u64 = 2 * (8 + 8) + 8;
 /// Per channel: its name and key, what waits to be written, and what is told of it.
 const BYTES_PER_CHANNEL: u64 = 2 << 10;
 
-/// Memory that there is.
+/// Memory that there is, in bytes; `None` where nobody knows.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Room(Option<u64>);
+pub(crate) struct MemoryLimit(Option<u64>);
 
-impl Room {
+impl MemoryLimit {
     pub(crate) fn of(data: &DataConfig) -> Self {
         Self(data.memory)
     }
