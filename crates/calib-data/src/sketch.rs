@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use calib_core::{Monitor, Timestamp};
+use calib_core::{Monitor, Period, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
@@ -10,7 +10,7 @@ use crate::{
     Sentinel, Shape, Zone,
     channel::{Moments, Movement, is_same},
     format_time,
-    log::{Batch, Channel, ChannelValues, Contradicting, Log, SparseValues},
+    log::{Batch, Channel, ChannelValues, Contradicting, Log, SparseValues, detect_period},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
 };
@@ -195,42 +195,30 @@ impl Look<'_> {
             let sketch = self.sparse(source, sparse, channel.contradictions.count);
             return ChannelSketch { text, ..sketch };
         }
-        let values = &mut channel.values;
         let timestamps = &self.log.rows.timestamps;
         let stretches = &self.log.steps.stretches;
-        let (movement, spikes) = treated(values, timestamps, stretches);
-        let values = &*values;
-        let moments = Moments::of(values);
-        let changes = Changes::of(values, stretches, moments);
+        let contradicting = channel.contradictions.count;
+        let (sketch, moments) =
+            moving(source, &mut channel.values, timestamps, stretches, contradicting);
+        let values = &channel.values;
         let is_there = |row: &usize| !values[*row].is_nan();
         let there = stretches.iter().enumerate().flat_map(|(stretch, rows)| {
             rows.clone().filter(is_there).map(move |row| (stretch, row))
         });
         ChannelSketch {
-            name: source.name.clone(),
-            angle: source.angle.clone(),
             text,
             present: self.bins.iter().map(|bin| present(&values[bin.clone()])).collect(),
             moves: self.bins.iter().map(|bin| moves(&values[bin.clone()])).collect(),
-            distinct: movement.distinct,
-            range: moments.map(|moments| [moments.min, moments.max]),
-            rises: changes.rises,
-            even: changes.even,
-            restarts: changes.restarts,
-            wraps: changes.wraps,
-            unchanged: movement.unchanged,
-            longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
             autocorrelation: moments.map_or_else(Vec::new, |moments| {
                 autocorrelation(values, stretches, moments.std().powi(2))
             }),
-            spikes,
-            contradicting: channel.contradictions.count,
             bridged: channel.bridged.clone(),
             thinned: values.iter().step_by(self.every).copied().collect(),
             missing_run: missing_run(there),
             own_period_secs: own_period(
                 (0..values.len()).filter(is_there).map(|row| timestamps[row]),
             ),
+            ..sketch
         }
     }
 
@@ -239,9 +227,8 @@ impl Look<'_> {
         let timestamps = &self.log.rows.timestamps;
         let mut near = sparse.with_neighbours(&self.log.steps.stretches);
         let times: Vec<Timestamp> = near.rows.iter().map(|&row| timestamps[row]).collect();
-        let (movement, spikes) = treated(&mut near.values, &times, &near.stretches);
-        let moments = Moments::of(&near.values);
-        let changes = Changes::of(&near.values, &near.stretches, moments);
+        let (sketch, moments) =
+            moving(source, &mut near.values, &times, &near.stretches, contradicting);
         let mut there: Vec<Sample> = Vec::with_capacity(sparse.rows.len());
         for (stretch, places) in near.stretches.iter().enumerate() {
             let samples = places.clone().filter(|&place| !near.values[place].is_nan());
@@ -264,32 +251,19 @@ impl Look<'_> {
             thinned[sample.row / self.every] = sample.value;
         }
         ChannelSketch {
-            name: source.name.clone(),
-            angle: source.angle.clone(),
-            text: None,
             present: self
                 .bins
                 .iter()
                 .map(|bin| inside(bin).len() as f64 / bin.len().max(1) as f64)
                 .collect(),
             moves: moves.collect(),
-            distinct: movement.distinct,
-            range: moments.map(|moments| [moments.min, moments.max]),
-            rises: changes.rises,
-            even: changes.even,
-            restarts: changes.restarts,
-            wraps: changes.wraps,
-            unchanged: movement.unchanged,
-            longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
             autocorrelation: moments.map_or_else(Vec::new, |moments| {
                 autocorrelation_of_samples(&there, moments.std().powi(2))
             }),
-            spikes,
-            contradicting,
-            bridged: BridgedStops::default(),
             thinned,
             missing_run: missing_run(there.iter().map(|sample| (sample.stretch, sample.row))),
             own_period_secs: own_period(there.iter().map(|sample| timestamps[sample.row])),
+            ..sketch
         }
     }
 }
@@ -300,19 +274,45 @@ struct Sample {
     value: f64,
 }
 
-/// How values move, and how many spikes they had, which are missing now.
-fn treated(
+/// What the moments and the movement of values tell of a channel, and the moments. Its spikes are missing afterwards.
+fn moving(
+    source: &Channel,
     values: &mut [f64],
     timestamps: &[Timestamp],
     stretches: &[Range<usize>],
-) -> (Movement, u64) {
+    contradicting: u64,
+) -> (ChannelSketch, Option<Moments>) {
     let movement = Movement::of(values, timestamps, stretches);
     let mut spikes = 0;
     if let Some(fences) = Fences::of(values, movement.smallest_change) {
         fences.spikes(values, stretches, |_| spikes += 1);
         fences.treat(values, stretches, crate::Outliers::Missing);
     }
-    (movement, spikes)
+    let moments = Moments::of(values);
+    let changes = Changes::of(values, stretches, moments);
+    let sketch = ChannelSketch {
+        name: source.name.clone(),
+        angle: source.angle.clone(),
+        text: None,
+        present: Vec::new(),
+        moves: Vec::new(),
+        distinct: movement.distinct,
+        range: moments.map(|moments| [moments.min, moments.max]),
+        rises: changes.rises,
+        even: changes.even,
+        restarts: changes.restarts,
+        wraps: changes.wraps,
+        unchanged: movement.unchanged,
+        longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
+        autocorrelation: Vec::new(),
+        spikes,
+        contradicting,
+        bridged: BridgedStops::default(),
+        thinned: Vec::new(),
+        missing_run: 0,
+        own_period_secs: None,
+    };
+    (sketch, moments)
 }
 
 fn present(values: &[f64]) -> f64 {
@@ -477,13 +477,7 @@ fn missing_run(there: impl Iterator<Item = (usize, usize)>) -> usize {
 }
 
 fn own_period(there: impl Iterator<Item = Timestamp>) -> Option<f64> {
-    let there: Vec<Timestamp> = there.collect();
-    let mut steps: Vec<i64> = there.windows(2).map(|pair| pair[1].micros_since(pair[0])).collect();
-    if steps.is_empty() {
-        return None;
-    }
-    let middle = steps.len() / 2;
-    Some(*steps.select_nth_unstable(middle).1 as f64 / 1e6)
+    detect_period(&there.collect::<Vec<_>>()).map(Period::as_secs)
 }
 
 #[cfg(test)]

@@ -48,7 +48,7 @@ pub(crate) use self::{
     column_aliases::{TAGS, plain},
     dedup::Contradicting,
     file::{FieldKind, classify},
-    gaps::{Steps, inside, inside_both, interval},
+    gaps::{Steps, detect_period, inside, inside_both, interval},
     memory_limit::MemoryLimit,
     read::{Batch, ChannelValues, Codes},
     rows::EXAMPLES,
