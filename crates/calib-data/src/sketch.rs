@@ -120,7 +120,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     let bins: Vec<Range<usize>> =
         (0..count).map(|bin| bin * rows / count..(bin + 1) * rows / count).collect();
     let thinned = (ALL_THINNED / wanted.len().max(1)).clamp(LEAST_THINNED, THINNED);
-    let look = Look { log: &log, bins: &bins, every: rows.div_ceil(thinned).max(1) };
+    let sketcher = Sketcher { log: &log, bins: &bins, every: rows.div_ceil(thinned).max(1) };
     let mut channels = Vec::with_capacity(wanted.len());
     let mut contradicting: Vec<(usize, Contradicting)> = Vec::new();
     let mut extremes: Vec<(usize, Extremes)> = Vec::with_capacity(wanted.len());
@@ -137,7 +137,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         let sketched = read
             .par_iter_mut()
             .zip(some)
-            .map(|(values, &channel)| look.channel(&log.channels[channel], values));
+            .map(|(values, &channel)| sketcher.channel(&log.channels[channel], values));
         channels.extend(sketched.collect::<Vec<_>>());
     }
     let found = log.contradictions_of(&contradicting);
@@ -181,14 +181,14 @@ impl Sketch {
 }
 
 /// What all channels share.
-struct Look<'a> {
+struct Sketcher<'a> {
     log: &'a Log,
     bins: &'a [Range<usize>],
     /// Rows from one value that is kept to the next.
     every: usize,
 }
 
-impl Look<'_> {
+impl Sketcher<'_> {
     fn channel(&self, source: &Channel, channel: &mut ChannelValues) -> ChannelSketch {
         let text = channel.not_numbers.example();
         if let Some(sparse) = &channel.sparse {

@@ -156,22 +156,22 @@ impl Planned {
             read_as,
         } = self;
         let channels = with_angles(channels, data)?;
-        let (rows, recorded, grid) =
-            match data.resample.zip(data.period_secs.and_then(Period::from_secs)) {
-                None => (rows, None, None),
-                Some((resample, period)) => {
-                    let ranges = split.ranges_inside(span);
-                    let grid = Grid::new(resample, period, data.max_age(period), ranges);
-                    let timestamps = grid_rows(&grid, &origin, &rows, data)?;
-                    let recorded = match &origin {
-                        Origin::Tables(_) => rows.timestamps.len() as u64 * channels.len() as u64,
-                        Origin::Series(series, _) => series.count(),
-                    };
-                    refuse_too_fine(timestamps.len(), recorded, &channels, data)?;
-                    (Rows::of(timestamps, Irregularities::default()), Some(rows), Some(grid))
-                }
-            };
-        let max_ages = match data.period_secs.and_then(Period::from_secs) {
+        let given_period = data.period_secs.and_then(Period::from_secs);
+        let (rows, recorded, grid) = match data.resample.zip(given_period) {
+            None => (rows, None, None),
+            Some((resample, period)) => {
+                let ranges = split.ranges_inside(span);
+                let grid = Grid::new(resample, period, data.max_age(period), ranges);
+                let timestamps = grid_rows(&grid, &origin, &rows, data)?;
+                let recorded = match &origin {
+                    Origin::Tables(_) => rows.timestamps.len() as u64 * channels.len() as u64,
+                    Origin::Series(series, _) => series.count(),
+                };
+                refuse_too_fine(timestamps.len(), recorded, &channels, data)?;
+                (Rows::of(timestamps, Irregularities::default()), Some(rows), Some(grid))
+            }
+        };
+        let max_ages = match given_period {
             Some(period) if grid.is_some() => max_ages(&channels, data, period)?,
             _ => Vec::new(),
         };
@@ -181,9 +181,7 @@ impl Planned {
         {
             split::refuse_lopsided(data.train_fraction, &rows.timestamps, &train, held_out)?;
         }
-        let period = data
-            .period_secs
-            .and_then(Period::from_secs)
+        let period = given_period
             // By the training range where that is enough: what is held out must not change what a model follows from.
             .or_else(|| gaps::detect_period(&rows.timestamps[train.clone()]))
             .or_else(|| gaps::detect_period(&rows.timestamps))

@@ -89,7 +89,7 @@ impl Fractions {
         let mut signs = Signs::default();
         for (head, &time) in heads.iter().zip(times) {
             if let Head::Text(file) = head {
-                signs.adopt(file.signs(time));
+                signs.adopt(file.dialect.signs(time, &file.path));
             }
         }
         Ok(Self { decimal: signs.decimal()?, told_by: Some(signs) })

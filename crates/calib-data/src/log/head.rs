@@ -95,14 +95,15 @@ impl Head {
 /// Rows of a Parquet file that are looked at.
 const SAMPLE: usize = 10_000;
 
-/// One cell in so many may be damaged.
-const DAMAGED: usize = 20;
+/// Whether there are cells, and all are so but for one in 20, which may be damaged.
+pub(super) fn mostly(cells: &[&str], is: impl Fn(&str) -> bool) -> bool {
+    let mut others = cells.iter().filter(|cell| !is(cell));
+    !cells.is_empty() && others.nth(cells.len() / 20).is_none()
+}
 
 /// What the cells of a text column are; without any they may become numbers.
 fn kind_of(cells: &[&str]) -> FieldKind {
-    // Lines may be damaged, but not many of them.
-    let mut others = cells.iter().filter(|cell| !is_time(cell));
-    if !cells.is_empty() && others.nth(cells.len() / DAMAGED).is_none() {
+    if mostly(cells, is_time) {
         FieldKind::Time
     } else if cells.is_empty() || cells.iter().any(|cell| is_number(cell)) {
         FieldKind::Number

@@ -43,7 +43,7 @@ use std::{
 use calib_core::{Monitor, Period, Timestamp};
 use calib_text::format_time;
 
-pub use self::{bad_rows::BadRowsFound, cause::ContradictionCause};
+pub use self::{bad_rows::BadRowsFound, cause::ContradictionCause, source::text_left_alone};
 pub(crate) use self::{
     column_aliases::{TAGS, plain},
     dedup::Contradicting,
@@ -303,15 +303,6 @@ fn row_ranges(
 /// If a pattern selects nothing, or a folder cannot be read.
 pub fn log_files(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
     Ok(source::find_files(data)?.into_iter().map(|source| source.path).collect())
-}
-
-/// The text files in folders of `data` that are left alone because Parquet lies beside them, in order of their names. Nothing of them is
-/// read: they may be lists of tags or notes, or a part of the log that somebody has to name.
-///
-/// # Errors
-/// If a folder cannot be read.
-pub fn text_left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
-    source::left_alone(data)
 }
 
 /// What the footers of a log say, before anything of it is read.

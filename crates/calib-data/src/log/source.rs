@@ -139,8 +139,12 @@ fn is_result(path: &Path) -> bool {
     LogFile::open(source).is_ok_and(|file| file.is_result)
 }
 
-/// Text files in the folders that `data.path` names which [`find_files`] leaves alone, in order of their names.
-pub(crate) fn left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
+/// The text files in folders of `data` that are left alone because Parquet lies beside them, in order of their names. Nothing of them is
+/// read: they may be lists of tags or notes, or a part of the log that somebody has to name.
+///
+/// # Errors
+/// If a folder cannot be read.
+pub fn text_left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
     let named: BTreeSet<PathBuf> = data.path.0.iter().map(PathBuf::from).collect();
     let mut left = BTreeSet::new();
     for folder in data.path.0.iter().map(Path::new).filter(|path| path.is_dir()) {
@@ -267,7 +271,7 @@ mod tests {
         let names = |patterns| names(folder.path(), patterns).expect("found");
         assert_eq!(names(&["."]), ["a.parquet", "b.PQ", "day/d.parquet", "x[1].parquet"]);
         let data = DataConfig::at(folder.path().to_owned());
-        assert_eq!(left_alone(&data).expect("readable"), [folder.path().join("c.csv")]);
+        assert_eq!(text_left_alone(&data).expect("readable"), [folder.path().join("c.csv")]);
         assert_eq!(names(&["*.parquet", "a.parquet"]), ["a.parquet", "x[1].parquet"]);
         assert_eq!(names(&["d*"]), ["day/d.parquet"]);
         assert_eq!(names(&["x[1].parquet"]), ["x[1].parquet"]);

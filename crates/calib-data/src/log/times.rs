@@ -9,7 +9,7 @@ use super::{
     clock::Clock,
     column_aliases::{TIME_FIELDS, TIMES, plain},
     file::{FieldKind, LogFile},
-    head::Head,
+    head::{Head, mostly},
     rows::NO_TIME,
     values::RawColumn,
 };
@@ -157,20 +157,11 @@ pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataErro
     Ok(date)
 }
 
-/// Whether there are cells, and all are so but for damaged ones.
-fn mostly(cells: &[&str], is: impl Fn(&str) -> bool) -> bool {
-    let others = cells.iter().filter(|cell| !is(cell)).count();
-    !cells.is_empty() && others * DAMAGED <= cells.len()
-}
-
 /// Whether a cell is a date without a time, and no number.
 fn is_date(cell: &str) -> bool {
     let found = Candidates::of(&[cell], None).left;
     !cell.contains(':') && found.iter().any(|notation| !matches!(notation, Notation::Number(_)))
 }
-
-/// One cell in so many may be damaged.
-const DAMAGED: usize = 20;
 
 /// Times of a slice of a Parquet file, as its type has them.
 pub(crate) enum Times {

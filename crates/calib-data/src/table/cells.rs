@@ -34,16 +34,13 @@ impl<T> Cells<T> {
         }
     }
 
-    fn map<U>(&self, absent: U, map: impl Fn(&T) -> U) -> Vec<U>
-    where
-        U: Clone,
-    {
+    /// NaN where a value is missing.
+    fn numbers(&self, number: impl Fn(&T) -> f64) -> Vec<f64> {
         match self {
-            Self::Full(values) => values.iter().map(map).collect(),
-            Self::Optional(values) => values
-                .iter()
-                .map(|value| value.as_ref().map_or_else(|| absent.clone(), &map))
-                .collect(),
+            Self::Full(values) => values.iter().map(number).collect(),
+            Self::Optional(values) => {
+                values.iter().map(|value| value.as_ref().map_or(f64::NAN, &number)).collect()
+            }
         }
     }
 }
@@ -129,12 +126,12 @@ impl Values {
     /// The values as `f64`, NaN where one is missing; `None` for text and timestamps.
     pub fn numbers(&self) -> Option<Vec<f64>> {
         Some(match self {
-            Self::Float64(cells) => cells.map(f64::NAN, |&value| value),
-            Self::Float32(cells) => cells.map(f64::NAN, |&value| f64::from(value)),
-            Self::UInt32(cells) => cells.map(f64::NAN, |&value| f64::from(value)),
-            Self::UInt64(cells) => cells.map(f64::NAN, |&value| value as f64),
-            Self::Int64(cells) => cells.map(f64::NAN, |&value| value as f64),
-            Self::Bool(cells) => cells.map(f64::NAN, |&value| f64::from(u8::from(value))),
+            Self::Float64(cells) => cells.numbers(|&value| value),
+            Self::Float32(cells) => cells.numbers(|&value| f64::from(value)),
+            Self::UInt32(cells) => cells.numbers(|&value| f64::from(value)),
+            Self::UInt64(cells) => cells.numbers(|&value| value as f64),
+            Self::Int64(cells) => cells.numbers(|&value| value as f64),
+            Self::Bool(cells) => cells.numbers(|&value| f64::from(u8::from(value))),
             Self::Text(_) | Self::Time(_) => return None,
         })
     }

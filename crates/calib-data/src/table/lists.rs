@@ -1,4 +1,4 @@
-use std::{fs::File, path::Path, sync::Arc};
+use std::{path::Path, sync::Arc};
 
 use calib_files::{HeldFile, open_regular};
 use pl::ArrowDataType as D;
@@ -26,7 +26,7 @@ pub struct Lists {
 /// # Errors
 /// If the file cannot be read or is not Parquet.
 pub fn parquet_names(path: &Path) -> Result<Vec<String>, TableError> {
-    let mut reader = open(path)?;
+    let mut reader = pl::ParquetReader::new(open_regular(path)?);
     catch_panic(|| Ok(reader.schema()?.iter_names().map(ToString::to_string).collect()))
         .map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })
 }
@@ -85,12 +85,10 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
     Ok(Some(Lists { values, rows: lists.len() }))
 }
 
-fn open(path: &Path) -> Result<pl::ParquetReader<File>, TableError> {
-    Ok(pl::ParquetReader::new(open_regular(path)?))
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+
     use pl::NamedFrom as _;
 
     use super::*;

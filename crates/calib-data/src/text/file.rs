@@ -7,7 +7,7 @@ use calib_text::{Decimal, Dialect};
 use rayon::prelude::*;
 
 use super::{
-    RecordReader, Signs, TextColumn,
+    RecordReader, TextColumn,
     blocks::Blocks,
     cut_number::decimals_before_cut,
     decode,
@@ -99,11 +99,6 @@ impl TextFile {
 
     pub(crate) fn estimated_rows(&self) -> u64 {
         (self.bytes as f64 / self.row_bytes) as u64
-    }
-
-    /// What its first rows say about the decimal sign, in all columns but `time`.
-    pub(crate) fn signs(&self, time: usize) -> Signs {
-        self.dialect.signs(time, &self.path)
     }
 
     /// Read all records from the first row of values: parts of a block side by side, by `read`, and what each gave in order to `take`.
