@@ -7,7 +7,7 @@
 //! - [`cell_of`], [`plain_decimal`], [`Signs`]: numbers, and which sign separates their fractions.
 //! - [`Candidates`], [`Notation`]: the notations that a column of times may have; [`TimestampUnit`], [`units`]: what times that are
 //!   numbers count.
-//! - [`Zone`], [`Walls`]: clocks of a place, where an hour comes twice a year.
+//! - [`Zone`], [`LocalTimes`]: clocks of a place, where an hour comes twice a year.
 //! - [`parse_time`], [`format_time`]: instants as text.
 //!
 //! ```
@@ -35,7 +35,7 @@ pub use number::{
 pub use record::{Marks, RecordReader};
 pub use time::{ParsedTime, format_time, parse_stamp, parse_time};
 pub use unit::{TimestampUnit, unit_readings, units};
-pub use zone::{Walls, Zone};
+pub use zone::{LocalTimes, Zone};
 
 /// A time that is missing, in a list of times in microseconds.
 pub const NO_TIME: i64 = i64::MIN;

@@ -226,8 +226,12 @@ pub(crate) fn sign_of(text: &str) -> Sign {
         (2.., 0) if grouped(text, ',') => Sign::Point,
         (0, 2..) if grouped(text, '.') => Sign::Comma,
         (1.., 1..) => match (text.rfind(','), text.rfind('.')) {
-            (Some(comma), Some(point)) if comma > point => comma_if(grouped(&text[..comma], '.')),
-            (Some(_), Some(point)) if grouped(&text[..point], ',') => Sign::Point,
+            (Some(comma), Some(point)) if comma > point && grouped(&text[..comma], '.') => {
+                Sign::Comma
+            }
+            (Some(comma), Some(point)) if comma < point && grouped(&text[..point], ',') => {
+                Sign::Point
+            }
             _ => Sign::Nothing,
         },
         _ => Sign::Nothing,
@@ -238,34 +242,30 @@ fn is_finite(text: &str) -> bool {
     text.parse::<f64>().is_ok_and(f64::is_finite)
 }
 
-fn comma_if(is: bool) -> Sign {
-    if is { Sign::Comma } else { Sign::Nothing }
-}
-
 /// The number that `text` is; `None` if it is none, or not certainly one.
 pub fn parse_number(text: &str, decimal: Decimal) -> Option<f64> {
     let bytes = text.as_bytes();
     let has_comma = memchr::memchr(b',', bytes).is_some();
     match decimal {
-        Decimal::Point if !has_comma => plain(text),
-        Decimal::Point => whole_of(text, '.', ','),
+        Decimal::Point if !has_comma => parse_plain(text),
+        Decimal::Point => parse_grouped(text, '.', ','),
         Decimal::Comma => {
             if !has_comma && memchr::memchr(b'.', bytes).is_none() {
-                plain(text)
+                parse_plain(text)
             } else {
-                whole_of(text, ',', '.')
+                parse_grouped(text, ',', '.')
             }
         }
-        Decimal::Unknown if !has_comma && count(text, b'.') < 2 => plain(text),
+        Decimal::Unknown if !has_comma && count(text, b'.') < 2 => parse_plain(text),
         Decimal::Unknown => match sign_of(text) {
-            Sign::Comma => whole_of(text, ',', '.'),
-            Sign::Point => whole_of(text, '.', ','),
+            Sign::Comma => parse_grouped(text, ',', '.'),
+            Sign::Point => parse_grouped(text, '.', ','),
             Sign::Either | Sign::Nothing => None,
         },
     }
 }
 
-fn plain(text: &str) -> Option<f64> {
+fn parse_plain(text: &str) -> Option<f64> {
     text.parse().ok().or(match text {
         "true" | "True" | "TRUE" => Some(1.0),
         "false" | "False" | "FALSE" => Some(0.0),
@@ -274,7 +274,7 @@ fn plain(text: &str) -> Option<f64> {
 }
 
 /// A number with this sign before its fraction and that one between its thousands.
-fn whole_of(text: &str, fraction: char, thousands: char) -> Option<f64> {
+fn parse_grouped(text: &str, fraction: char, thousands: char) -> Option<f64> {
     let mantissa = mantissa(text);
     let (whole, rest) = match mantissa.find(fraction) {
         Some(at) => (&mantissa[..at], &mantissa[at + 1..]),

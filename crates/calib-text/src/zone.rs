@@ -1,7 +1,7 @@
 //! Wall-clock times of a place as instants.
 //!
 //! Where clocks are set back, an hour of wall-clock times comes twice. Which of the two a row is of, its time alone does
-//! not say: the rows around it may. [`Walls`] holds the rows of such an hour back until they do.
+//! not say: the rows around it may. [`LocalTimes`] holds the rows of such an hour back until they do.
 
 use std::collections::{HashSet, VecDeque};
 
@@ -80,14 +80,16 @@ impl Zone {
     }
 }
 
-/// Steps before an hour that comes twice of which the shortest tells how far apart rows are: at least, and at most.
-const STEPS: (usize, usize) = (8, 30);
+/// Of the last steps before an hour that comes twice, the shortest tells how far apart rows are: so many are needed, and
+/// so many are kept.
+const FEWEST_STEPS: usize = 8;
+const MOST_STEPS: usize = 30;
 /// A step longer than this many of those is a gap.
 const GAP: f64 = 1.25;
 
 /// Rows of a file or of a tag, one after the other as they were recorded, on the clock of a place.
 #[derive(Debug)]
-pub struct Walls<Row> {
+pub struct LocalTimes<Row> {
     zone: Zone,
     last: Option<i64>,
     /// Steps forward less steps back: below zero where the newest rows come first. A few rows in disorder change nothing.
@@ -100,7 +102,7 @@ pub struct Walls<Row> {
     pub undecided: u64,
 }
 
-impl<Row> Walls<Row> {
+impl<Row> LocalTimes<Row> {
     /// Rows on the clock of `zone`.
     pub fn new(zone: Zone) -> Self {
         Self {
@@ -197,7 +199,7 @@ impl<Row> Walls<Row> {
         if let Some(last) = self.last {
             self.forward += instant.cmp(&last) as i64;
             if instant != last {
-                if self.steps.len() == STEPS.1 {
+                if self.steps.len() == MOST_STEPS {
                     self.steps.pop_front();
                 }
                 self.steps.push_back(instant.saturating_sub(last).saturating_abs());
@@ -232,7 +234,7 @@ impl<Row> Walls<Row> {
 
     /// The step from one row to the next where none is missing, if there are enough to tell.
     fn step(&self) -> Option<i64> {
-        if self.steps.len() < STEPS.0 { None } else { self.steps.iter().copied().min() }
+        if self.steps.len() < FEWEST_STEPS { None } else { self.steps.iter().copied().min() }
     }
 }
 
@@ -316,7 +318,7 @@ mod tests {
     }
 
     fn instants(zone: &str, walls: &[i64]) -> (Vec<i64>, u64) {
-        let mut rows = Walls::new(Zone::new(zone).expect("a zone"));
+        let mut rows = LocalTimes::new(Zone::new(zone).expect("a zone"));
         let mut all = Vec::new();
         let mut out = |row: usize, instant: i64| {
             all.push((row, instant));

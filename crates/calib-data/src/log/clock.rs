@@ -6,7 +6,8 @@ use super::{head::Head, rows::NO_TIME, times::CALENDAR};
 use crate::{
     DataConfig, DataError,
     text::{
-        Candidates, Decimal, Notation, Records, Signs, TextFile, Unreadable, Walls, Zone, shown,
+        Candidates, Decimal, LocalTimes, Notation, Records, Signs, TextFile, Unreadable, Zone,
+        shown,
     },
 };
 
@@ -28,14 +29,14 @@ impl Clock {
 
     /// For the rows of a file or of a tag, one after the other.
     pub(crate) fn rows<Row>(&self) -> Instants<Row> {
-        Instants { walls: self.zone.clone().map(Walls::new) }
+        Instants { local: self.zone.clone().map(LocalTimes::new) }
     }
 }
 
 /// Rows one after the other, and their instants.
 #[derive(Debug)]
 pub(crate) struct Instants<Row> {
-    walls: Option<Walls<Row>>,
+    local: Option<LocalTimes<Row>>,
 }
 
 impl<Row> Instants<Row> {
@@ -48,8 +49,8 @@ impl<Row> Instants<Row> {
         out: &mut impl FnMut(Row, i64) -> Result<(), E>,
     ) -> Result<(), E> {
         let stamp = stamp.filter(|stamp| CALENDAR.contains(&stamp.as_it_stands()));
-        match &mut self.walls {
-            Some(walls) => walls.push(stamp, row, out),
+        match &mut self.local {
+            Some(local) => local.push(stamp, row, out),
             None => out(row, stamp.map_or(NO_TIME, ParsedTime::as_it_stands)),
         }
     }
@@ -60,9 +61,9 @@ impl<Row> Instants<Row> {
         &mut self,
         out: &mut impl FnMut(Row, i64) -> Result<(), E>,
     ) -> Result<u64, E> {
-        let Some(walls) = &mut self.walls else { return Ok(0) };
-        walls.finish(out)?;
-        Ok(walls.undecided)
+        let Some(local) = &mut self.local else { return Ok(0) };
+        local.finish(out)?;
+        Ok(local.undecided)
     }
 }
 

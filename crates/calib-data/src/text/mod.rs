@@ -12,9 +12,9 @@ mod input;
 mod quality;
 
 pub(crate) use calib_text::{
-    Candidates, Cell, Decimal, Marks, Notation, RecordReader, Signs, TextColumn, Unreadable, Walls,
-    Words, Zone, cell_of, compact_pattern, decode, either_way, is_time_of_day, parse_number,
-    plain_decimal, unbracketed,
+    Candidates, Cell, Decimal, LocalTimes, Marks, Notation, RecordReader, Signs, TextColumn,
+    Unreadable, Words, Zone, cell_of, compact_pattern, decode, either_way, is_time_of_day,
+    parse_number, plain_decimal, unbracketed,
 };
 
 pub(crate) use self::{
