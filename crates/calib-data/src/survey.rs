@@ -121,7 +121,7 @@ impl Survey {
             held_out: held_out_profile,
             unseen_modes: unseen_modes(&log, modes.as_ref()),
             sentinels: sentinels(&log.by_recorded_name(&extremes)),
-            contradictions: told(&log, contradictions, monitor)?,
+            contradictions: contradictions_found(&log, contradictions, monitor)?,
             ..describe_rows(&log, conflicting)
         };
         Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
@@ -156,7 +156,7 @@ struct Scanned {
 }
 
 /// The contradictions of a log, and their cause.
-fn told(
+fn contradictions_found(
     log: &Log,
     found: BTreeMap<usize, Contradicting>,
     monitor: &dyn Monitor,
@@ -239,31 +239,31 @@ impl Scan<'_> {
         }
         let has_words = !channel.not_numbers.words.is_empty();
         let sparse = channel.sparse.take();
-        let (looked, bounds) =
+        let (summary, bounds) =
             if let Some(sparse) = sparse.as_ref().filter(|sparse| self.misses_too_much(sparse)) {
                 let mut near = sparse.with_neighbours(&log.steps.stretches);
-                let looked = self.looked(&mut Viewed::some(&mut near, self));
-                let bounds = match looked.in_train {
+                let summary = self.summarise(&mut ChannelView::few_rows(&mut near, self));
+                let bounds = match summary.in_train {
                     Some(_) => {
                         let limit = self.preprocess.max_missing;
-                        Err(DropReason::Missing { fraction: looked.missing_fraction, limit })
+                        Err(DropReason::Missing { fraction: summary.missing_fraction, limit })
                     }
                     None => fit(&[], None, has_words, self.preprocess),
                 };
-                (looked, bounds)
+                (summary, bounds)
             } else {
                 if let Some(sparse) = sparse {
                     channel.values = sparse.into_all(log.rows.timestamps.len());
                 }
                 let values = &mut channel.values;
-                let looked = self.looked(&mut Viewed::all(values, self));
+                let summary = self.summarise(&mut ChannelView::all_rows(values, self));
                 let in_train = &values[log.train.clone()];
-                let bounds = fit(in_train, looked.in_train, has_words, self.preprocess);
-                (looked, bounds)
+                let bounds = fit(in_train, summary.in_train, has_words, self.preprocess);
+                (summary, bounds)
             };
         let mut imputed = 0;
         let mut unfilled = 0;
-        if bounds.is_ok() && looked.missing > 0 {
+        if bounds.is_ok() && summary.missing > 0 {
             imputed = impute(
                 &mut channel.values,
                 &log.rows.timestamps,
@@ -281,13 +281,13 @@ impl Scan<'_> {
         let profile = ChannelProfile {
             angle,
             dropped: bounds.as_ref().err().cloned(),
-            values: looked.profile,
-            missing: looked.missing as u64,
-            missing_fraction: looked.missing_fraction,
+            values: summary.profile,
+            missing: summary.missing as u64,
+            missing_fraction: summary.missing_fraction,
             non_finite: channel.not_numbers.non_finite,
             stood_for_missing: channel.stood_for_missing,
             words: channel.not_numbers.by_frequency().into_iter().take(EXAMPLES).collect(),
-            far_out: looked.far_out,
+            far_out: summary.far_out,
             bridged: channel.bridged.clone(),
             imputed,
             unfilled,
@@ -304,10 +304,10 @@ impl Scan<'_> {
     }
 
     /// What the values are like; spikes are treated as the study says.
-    fn looked(&self, viewed: &mut Viewed<'_>) -> Looked {
-        let movement = Movement::of(viewed.values, &viewed.timestamps, &viewed.stretches);
-        let mut far_out = self.treat_spikes(viewed, movement.smallest_change);
-        let Viewed { values, train, held_out, .. } = viewed;
+    fn summarise(&self, view: &mut ChannelView<'_>) -> ValueSummary {
+        let movement = Movement::of(view.values, &view.timestamps, &view.stretches);
+        let mut far_out = self.treat_spikes(view, movement.smallest_change);
+        let ChannelView { values, train, held_out, .. } = view;
         let in_train = Moments::of(&values[train.clone()]);
         let around = [Moments::of(&values[..train.start]), Moments::of(&values[train.end..])];
         let moments = around.into_iter().chain([in_train]).flatten().reduce(Moments::merge);
@@ -316,7 +316,7 @@ impl Scan<'_> {
         if let (Some(moments), Some(held_out)) = (in_train, held_out) {
             note_held_out(&values[held_out.clone()], moments, &mut far_out);
         }
-        Looked {
+        ValueSummary {
             in_train,
             missing: self.log.rows.timestamps.len() - present,
             missing_fraction: 1.0 - present_in_train as f64 / self.log.train.len() as f64,
@@ -336,8 +336,8 @@ impl Scan<'_> {
     }
 
     /// Find the spikes of a channel, and do with them what the study says.
-    fn treat_spikes(&self, viewed: &mut Viewed<'_>, smallest_change: Option<f64>) -> FarOut {
-        let Viewed { values, timestamps, cut, train, .. } = viewed;
+    fn treat_spikes(&self, view: &mut ChannelView<'_>, smallest_change: Option<f64>) -> FarOut {
+        let ChannelView { values, timestamps, cut, train, .. } = view;
         let mut found = FarOut::default();
         let Some(fences) = Fences::of(&values[train.clone()], smallest_change) else {
             return found;
@@ -357,7 +357,7 @@ impl Scan<'_> {
 }
 
 /// The values of a channel in all rows of the log, or in those that say something of it.
-struct Viewed<'a> {
+struct ChannelView<'a> {
     values: &'a mut [f64],
     timestamps: Cow<'a, [Timestamp]>,
     /// Stretches without a gap.
@@ -368,8 +368,8 @@ struct Viewed<'a> {
     held_out: Option<Range<usize>>,
 }
 
-impl<'a> Viewed<'a> {
-    fn all(values: &'a mut [f64], scan: &Scan<'a>) -> Self {
+impl<'a> ChannelView<'a> {
+    fn all_rows(values: &'a mut [f64], scan: &Scan<'a>) -> Self {
         let log = scan.log;
         Self {
             values,
@@ -381,7 +381,7 @@ impl<'a> Viewed<'a> {
         }
     }
 
-    fn some(near: &'a mut Neighbourhood, scan: &Scan<'a>) -> Self {
+    fn few_rows(near: &'a mut Neighbourhood, scan: &Scan<'a>) -> Self {
         let log = scan.log;
         let train = near.positions(&log.train);
         let held_out = log.held_out.as_ref().map(|rows| near.positions(rows));
@@ -397,7 +397,7 @@ impl<'a> Viewed<'a> {
 }
 
 /// What the values of a channel are like.
-struct Looked {
+struct ValueSummary {
     in_train: Option<Moments>,
     missing: usize,
     missing_fraction: f64,

@@ -45,7 +45,7 @@ impl Contradicting {
 
 /// Samples of which each has a time of its own.
 #[derive(Debug, Default, PartialEq)]
-pub(crate) struct Placed {
+pub(crate) struct Deduplicated {
     pub(crate) times: Vec<i64>,
     pub(crate) cells: Vec<u64>,
     /// Samples that said again what another had said.
@@ -58,13 +58,13 @@ pub(crate) struct Placed {
 
 /// Samples in order of time, of which several may have the same: the one that has a value is kept, and of several
 /// values the first or the last. They are of `angle`, if they are of one.
-pub(crate) fn place(
+pub(crate) fn deduplicate(
     times: &[i64],
     cells: &[u64],
     angle: Option<&AngleOf>,
     keep: Contradictions,
-) -> Placed {
-    let mut placed = Placed::default();
+) -> Deduplicated {
+    let mut placed = Deduplicated::default();
     for (&time, &cell) in times.iter().zip(cells) {
         let (Some(&last), Some(kept)) = (placed.times.last(), placed.cells.last_mut()) else {
             placed.times.push(time);
@@ -119,24 +119,24 @@ mod tests {
         let nan = f64::NAN;
         let times = [1, 1, 2, 2, 3, 3, 3];
         let values = cells(&[nan, 5.0, 6.0, 6.0, 7.0, nan, 8.0]);
-        let placed = place(&times, &values, None, Contradictions::Refuse);
+        let placed = deduplicate(&times, &values, None, Contradictions::Refuse);
         assert_eq!((placed.times, placed.cells), (vec![1, 2, 3], cells(&[5.0, 6.0, 7.0])));
         assert_eq!((placed.repeated, placed.contradictions.count), (2, 1));
         assert_eq!(placed.contradictions.first, [Contradiction { time: 3, values: [7.0, 8.0] }]);
-        let last = place(&times, &values, None, Contradictions::Last);
+        let last = deduplicate(&times, &values, None, Contradictions::Last);
         assert_eq!(last.cells, cells(&[5.0, 6.0, 8.0]));
     }
 
     #[test]
     fn of_two_words_the_first_or_the_last_is_kept() {
         let words = [3, 3, 4].map(|word| Cell::Word(word).encode());
-        let placed = |keep| place(&[7, 7, 7], &words, None, keep);
+        let placed = |keep| deduplicate(&[7, 7, 7], &words, None, keep);
         let first = placed(Contradictions::First);
         assert_eq!((first.cells, first.repeated), (vec![words[0]], 1));
         assert_eq!((first.contradictions.count, first.words.count), (0, 1));
         assert_eq!(first.words.first, [Contradiction { time: 7, values: [3.0, 4.0] }]);
         assert_eq!(placed(Contradictions::Last).cells, [words[2]]);
         let then_nan = [words[0], Cell::NonFinite.encode()];
-        assert_eq!(place(&[7, 7], &then_nan, None, Contradictions::Refuse).cells, [words[0]]);
+        assert_eq!(deduplicate(&[7, 7], &then_nan, None, Contradictions::Refuse).cells, [words[0]]);
     }
 }

@@ -39,13 +39,13 @@ struct LongChunk {
 }
 
 /// Samples of a file on their way into their tags. Each tag goes through an hour that comes twice by itself.
-struct Pouring<'a> {
+struct SampleWriter<'a> {
     clock: &'a Clock,
     sink: &'a mut Sink,
     instants: BTreeMap<usize, Instants<u64>>,
 }
 
-impl<'a> Pouring<'a> {
+impl<'a> SampleWriter<'a> {
     fn new(clock: &'a Clock, sink: &'a mut Sink) -> Self {
         Self { clock, sink, instants: BTreeMap::new() }
     }
@@ -79,13 +79,13 @@ pub(crate) fn stream_text(
     sink: &mut Sink,
     monitor: &dyn Monitor,
 ) -> Result<(), DataError> {
-    let mut pouring = Pouring::new(clock, sink);
+    let mut writer = SampleWriter::new(clock, sink);
     file.read_parts(
         |records| LongChunk::read(records, roles, &clock.notation, fractions),
-        |part| part.pour(roles, &mut pouring),
+        |part| part.write_to(roles, &mut writer),
         monitor,
     )?;
-    pouring.finish()
+    writer.finish()
 }
 
 impl LongChunk {
@@ -248,17 +248,17 @@ impl LongChunk {
         self.cells.retain(|_| flags.next().is_some_and(|is| *is));
     }
 
-    fn pour(mut self, roles: &Roles, into: &mut Pouring<'_>) -> Result<(), DataError> {
-        let tags = self.names.all().map(|name| into.sink.tag(name));
+    fn write_to(mut self, roles: &Roles, writer: &mut SampleWriter<'_>) -> Result<(), DataError> {
+        let tags = self.names.all().map(|name| writer.sink.tag(name));
         let tags: Vec<usize> = tags.collect::<Result<_, _>>()?;
         for (place, labels) in self.sides.iter().enumerate() {
             let (tag, side) = (place / roles.sides.len(), place % roles.sides.len());
-            into.sink.add_side(tags[tag], &roles.sides[side].name, labels);
+            writer.sink.add_side(tags[tag], &roles.sides[side].name, labels);
         }
-        into.sink.store.adopt(self.seen, &mut self.cells)?;
-        into.sink.bad_quality += self.bad_quality;
+        writer.sink.store.adopt(self.seen, &mut self.cells)?;
+        writer.sink.bad_quality += self.bad_quality;
         for ((tag, stamp), cell) in self.tags.into_iter().zip(self.stamps).zip(self.cells) {
-            into.push(tags[tag as usize], stamp, cell)?;
+            writer.push(tags[tag as usize], stamp, cell)?;
         }
         Ok(())
     }
@@ -283,7 +283,7 @@ pub(crate) fn stream_parquet(
     let tag_column = fields.len() - 1;
     fields.extend(roles.sides.iter().map(|side| side.position));
     let mut unit = data.timestamp_unit;
-    let mut pouring = Pouring::new(clock, sink);
+    let mut writer = SampleWriter::new(clock, sink);
     for slice in file.slices(&(0..file.rows)) {
         monitor.check()?;
         let columns = file.read(&fields, &slice)?;
@@ -318,9 +318,9 @@ pub(crate) fn stream_parquet(
         };
         part.add_sides(&columns, chosen.as_deref(), roles).map_err(|error| file.damaged(&error))?;
         part.keep(chosen.as_deref());
-        part.pour(roles, &mut pouring)?;
+        part.write_to(roles, &mut writer)?;
     }
-    pouring.finish()
+    writer.finish()
 }
 
 /// Read annotated files, whose tags are named when all are known.
@@ -333,28 +333,26 @@ pub(crate) fn stream_annotated(
     let mut known: HashMap<Key, usize> = HashMap::new();
     let mut words = Words::bounded();
     for head in heads {
-        let mut pouring = Pouring::new(clock, sink);
+        let mut writer = SampleWriter::new(clock, sink);
         Annotated::open(head.path())?.read(
             &mut words,
             |sample, words| {
                 let tag = if let Some(&tag) = known.get(sample.key) {
                     tag
                 } else {
-                    let tag = pouring.sink.add_tag()?;
+                    let tag = writer.sink.add_tag()?;
                     known.insert(sample.key.clone(), tag);
                     tag
                 };
                 let cell = match sample.cell {
-                    Cell::Word(word) => {
-                        Cell::Word(pouring.sink.store.words.translated(words, word))
-                    }
+                    Cell::Word(word) => Cell::Word(writer.sink.store.words.translated(words, word)),
                     cell => cell,
                 };
-                pouring.push(tag, sample.time, cell.encode())
+                writer.push(tag, sample.time, cell.encode())
             },
             monitor,
         )?;
-        pouring.finish()?;
+        writer.finish()?;
         monitor.advance(1);
     }
     let mut keys = vec![Key::default(); known.len()];

@@ -176,7 +176,7 @@ impl Log {
         channel.clear(0, 0);
         let source = &self.channels[number];
         let angle = source.angle.as_ref();
-        let placed = series.settled(source.column, window, angle, self.contradictions)?;
+        let placed = series.deduplicated(source.column, window, angle, self.contradictions)?;
         channel.repeated = placed.repeated + placed.contradictions.count + placed.words.count;
         channel.contradictions = placed.contradictions;
         let mut values = vec![f64::NAN; placed.cells.len()];
@@ -387,7 +387,7 @@ impl Log {
             }
             Origin::Series(series, window) => {
                 let tag = self.channels[channel].column;
-                let placed = series.settled(tag, window, None, self.contradictions)?;
+                let placed = series.deduplicated(tag, window, None, self.contradictions)?;
                 let words = &series.store.words;
                 self.refuse(channel, &placed.words, |word| words.word(word as u32).to_owned())?;
                 self.refuse(channel, &placed.contradictions, |number| number.to_string())?;

@@ -12,7 +12,7 @@ use calib_core::Timestamp;
 
 use super::{
     columns::Store,
-    dedup::{Placed, place},
+    dedup::{Deduplicated, deduplicate},
     rows::NO_TIME,
     side_labels::{SideLabels, mixed},
     union::Union,
@@ -244,15 +244,15 @@ impl Series {
     }
 
     /// The samples of a tag, each instant once. They are of `angle`, if they are of one.
-    pub(crate) fn settled(
+    pub(crate) fn deduplicated(
         &self,
         tag: usize,
         window: &Range<i64>,
         angle: Option<&AngleOf>,
         keep: Contradictions,
-    ) -> Result<Placed, DataError> {
+    ) -> Result<Deduplicated, DataError> {
         let (times, cells) = self.samples(tag, window)?;
-        Ok(place(&times, &cells, angle, keep))
+        Ok(deduplicate(&times, &cells, angle, keep))
     }
 }
 
