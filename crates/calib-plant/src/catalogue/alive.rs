@@ -79,27 +79,26 @@ pub(super) fn channels(count: usize) -> Vec<Channel> {
     channels
 }
 
-fn living(name: String, unit: &str, description: String, measured: Measured) -> Channel {
+/// A living channel that shows `recipe`, through an instrument of this nature and range.
+fn living(
+    name: String,
+    unit: &str,
+    description: String,
+    recipe: Recipe,
+    nature: Nature,
+    range: (f64, f64),
+) -> Channel {
     Channel {
-        instrument: Instrument::new(&name, measured.nature, measured.range),
+        instrument: Instrument::new(&name, nature, range),
         info: ChannelInfo { name, unit: unit.to_owned(), description, fate: Fate::Alive },
-        recipe: measured.recipe,
+        recipe,
         availability: Availability::Always,
     }
 }
 
-/// What an instrument is pointed at.
-#[derive(Clone, Copy)]
-struct Measured {
-    recipe: Recipe,
-    nature: Nature,
-    range: (f64, f64),
-}
-
-impl Measured {
-    fn signal(info: &SignalInfo, recipe: Recipe) -> Self {
-        Self { recipe, nature: info.nature, range: info.range }
-    }
+/// A channel with the unit and the instrument of a signal.
+fn of_signal(info: &SignalInfo, name: String, description: String, recipe: Recipe) -> Channel {
+    living(name, info.unit, description, recipe, info.nature, info.range)
 }
 
 fn lagged(signal: Signal, lag_secs: f64) -> Recipe {
@@ -107,32 +106,19 @@ fn lagged(signal: Signal, lag_secs: f64) -> Recipe {
 }
 
 fn direct(info: &SignalInfo) -> Channel {
-    living(
-        info.tag.to_owned(),
-        info.unit,
-        info.description.to_owned(),
-        Measured::signal(info, lagged(info.signal, 0.0)),
-    )
+    of_signal(info, info.tag.to_owned(), info.description.to_owned(), lagged(info.signal, 0.0))
 }
 
 fn computed(derived: &Derived) -> Channel {
-    living(
-        derived.name.to_owned(),
-        derived.unit,
-        derived.description.to_owned(),
-        Measured { recipe: derived.recipe, nature: Nature::Analog(0.0005), range: derived.range },
-    )
+    let &Derived { name, unit, description, range, recipe } = derived;
+    living(name.to_owned(), unit, description.to_owned(), recipe, Nature::Analog(0.0005), range)
 }
 
 /// The switch at the end of a valve's travel answers three seconds later.
 fn limit_switch(info: &SignalInfo) -> Channel {
     let valve = info.tag.split('.').next().unwrap_or(info.tag);
-    living(
-        format!("{valve}.ZSO"),
-        info.unit,
-        format!("{}, limit switch", info.description),
-        Measured::signal(info, lagged(info.signal, 3.0)),
-    )
+    let description = format!("{}, limit switch", info.description);
+    of_signal(info, format!("{valve}.ZSO"), description, lagged(info.signal, 3.0))
 }
 
 /// The copy of a signal in round `round`: filtered in even rounds, lagged in odd ones.
@@ -147,10 +133,6 @@ fn copy(info: &SignalInfo, round: u32) -> Channel {
         let recipe = lagged(info.signal, f64::from(secs));
         (format!("LAG{secs}"), format!("{secs} s earlier"), recipe)
     };
-    living(
-        format!("{}.{suffix}", info.tag),
-        info.unit,
-        format!("{}, {words}", info.description),
-        Measured::signal(info, recipe),
-    )
+    let description = format!("{}, {words}", info.description);
+    of_signal(info, format!("{}.{suffix}", info.tag), description, recipe)
 }
