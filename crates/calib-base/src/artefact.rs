@@ -274,14 +274,14 @@ impl DirectoryLock {
     /// If it cannot be written, another process has claimed it, or, where all below is to be calib's, it has something
     /// else in it.
     pub fn new(directory: &Path, below: Below) -> Result<Self, StepError> {
-        Self::of_nobody(directory, below)?.with_context(|| taken(directory))
+        Self::try_new(directory, below)?.with_context(|| taken(directory))
     }
 
     /// As [`DirectoryLock::new`], of a directory that need not be written: none if another process has claimed it.
     ///
     /// # Errors
     /// As [`DirectoryLock::new`].
-    pub fn of_nobody(directory: &Path, below: Below) -> Result<Option<Self>, StepError> {
+    pub fn try_new(directory: &Path, below: Below) -> Result<Option<Self>, StepError> {
         let record = match below {
             Below::Ours => own(directory)?,
             Below::Unknown => FolderRecord::open(directory)?,
@@ -293,7 +293,7 @@ impl DirectoryLock {
     ///
     /// # Errors
     /// As [`DirectoryLock::new`].
-    pub fn of_named(directory: &Path) -> Result<Self, StepError> {
+    pub fn new_named(directory: &Path) -> Result<Self, StepError> {
         let record = FolderRecord::open_own(directory)?;
         Self::with(directory, record, Below::Unknown)?.with_context(|| taken(directory))
     }

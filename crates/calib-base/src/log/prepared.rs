@@ -262,7 +262,7 @@ impl Place {
 
     /// None where nothing can be written, or where another calib is preparing the same: this one then reads for itself.
     fn claim(&self) -> Result<Option<DirectoryLock>, StepError> {
-        match DirectoryLock::of_nobody(&self.directory, Below::Ours) {
+        match DirectoryLock::try_new(&self.directory, Below::Ours) {
             Err(error) if artefact::is_refusal(&error) => Ok(None),
             claim => claim,
         }
@@ -368,7 +368,7 @@ impl Place {
             }
         }
         for other in folders(&self.root).filter(|other| !read.contains(other)) {
-            if let Ok(Some(claim)) = DirectoryLock::of_nobody(&other, Below::Ours) {
+            if let Ok(Some(claim)) = DirectoryLock::try_new(&other, Below::Ours) {
                 claim.begin()?;
                 forget(&other)?;
             }

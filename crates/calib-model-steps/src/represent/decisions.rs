@@ -44,7 +44,7 @@ pub fn open_or_train(
         return Ok(read(directory, &manifest, &command)?.psi);
     }
     let claim = if job.policy().share.is_some() {
-        DirectoryLock::of_nobody(directory, Below::Ours)?
+        DirectoryLock::try_new(directory, Below::Ours)?
     } else {
         Some(DirectoryLock::new(directory, Below::Ours)?)
     };

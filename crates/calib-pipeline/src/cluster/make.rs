@@ -91,7 +91,7 @@ pub(crate) fn plan(
     if job.policy().is_dry() {
         FolderRecord::check(directory, || false)?;
     } else {
-        claim = Some(DirectoryLock::of_named(directory)?);
+        claim = Some(DirectoryLock::new_named(directory)?);
     }
     // Another calib may have planned meanwhile.
     ensure!(!path.exists(), is_planned(directory));

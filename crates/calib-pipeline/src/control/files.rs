@@ -254,7 +254,7 @@ pub(super) fn note_sources(
     if Sources::noted_in(directory).as_ref() == Some(sources) {
         return Ok(());
     }
-    let claim = DirectoryLock::of_nobody(directory, Below::Ours);
+    let claim = DirectoryLock::try_new(directory, Below::Ours);
     let written = claim.and_then(|claim| match claim {
         Some(_claim) => sources.note_in(directory),
         // Another command writes there, and notes what it has read.

@@ -205,7 +205,7 @@ pub(super) fn open_or_build(
         Some(DirectoryLock::new(directory, Below::Ours))
     } else {
         // Another share that writes the same need not be waited for.
-        DirectoryLock::of_nobody(directory, Below::Ours).transpose()
+        DirectoryLock::try_new(directory, Below::Ours).transpose()
     };
     if let Some(claim) = claim {
         let written = claim.and_then(|claim| write(&claim, job, config, log, &model, &key));

@@ -178,7 +178,7 @@ pub(super) fn remove_left(directory: &Path, key: &str) -> Result<(), StepError> 
     if !has_runs(directory, key) {
         return Ok(());
     }
-    if let Some(_claim) = DirectoryLock::of_nobody(directory, Below::Ours)? {
+    if let Some(_claim) = DirectoryLock::try_new(directory, Below::Ours)? {
         remove_known(directory, &mut |path: &Path| is_unit_of(path, key))?;
     }
     Ok(())
