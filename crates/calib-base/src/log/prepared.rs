@@ -8,7 +8,7 @@ use std::{
 
 use calib_core::{Frames, Normaliser, Period};
 use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed, without_times};
-use calib_files::{FileStat, Fingerprint, ScratchPlace, remove_empty_folder, remove_file};
+use calib_files::{FileStat, Fingerprint, LOCK, ScratchPlace, remove_empty_folder, remove_file};
 use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
 
@@ -308,13 +308,12 @@ impl Place {
         remove_file(&directory.join(SOURCES))?;
         let held_out = dataset.held_out.as_ref().map(|frames| (HELD_OUT, frames));
         let parts = [(TRAIN, &dataset.train)].into_iter().chain(held_out);
+        let mut written = Vec::new();
         for (name, frames) in parts {
             self.write_states(name, frames, &dataset)?;
             artefact::write_table(frames::rows_table(frames), &self.rows(name))?;
+            written.extend(files_of(name));
         }
-        let names =
-            [TRAIN, HELD_OUT].map(|name| [format!("{name}.npy"), format!("{name}.parquet")]);
-        let written = if dataset.held_out.is_some() { &names[..] } else { &names[..1] };
         let study = job.study();
         let facts = LogFacts {
             key: self.key.clone(),
@@ -330,7 +329,7 @@ impl Place {
         if self.sources.files.iter().all(SourceFile::is_same) {
             self.sources.note_in(directory)?;
         }
-        let kept = claim.finish(facts, written.iter().flatten().map(String::as_str))?;
+        let kept = claim.finish(facts, written.iter().map(String::as_str))?;
         self.remove_others(job)?;
         self.map(kept.facts)
     }
@@ -390,19 +389,18 @@ fn folder(key: &str) -> &str {
 
 /// Remove the files of a prepared log, and its folder if nothing of anybody's is left in it.
 fn forget(directory: &Path) -> Result<(), StepError> {
-    for name in [MANIFEST, SOURCES].map(str::to_owned).into_iter().chain(parts()) {
+    let parts = [TRAIN, HELD_OUT].into_iter().flat_map(files_of);
+    for name in [MANIFEST, SOURCES].map(str::to_owned).into_iter().chain(parts) {
         remove_file(&directory.join(name))?;
     }
-    remove_file(&directory.join(".lock"))?;
+    remove_file(&directory.join(LOCK))?;
     remove_empty_folder(directory);
     Ok(())
 }
 
-/// The files of states and of their rows.
-fn parts() -> impl Iterator<Item = String> {
-    [TRAIN, HELD_OUT]
-        .into_iter()
-        .flat_map(|name| [format!("{name}.npy"), format!("{name}.parquet")])
+/// The files of the states of a part, and of their rows.
+fn files_of(name: &str) -> [String; 2] {
+    [format!("{name}.npy"), format!("{name}.parquet")]
 }
 
 fn folders(root: &Path) -> impl Iterator<Item = PathBuf> {

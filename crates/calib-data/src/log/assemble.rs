@@ -278,7 +278,7 @@ fn list_channels(files: &[LogFile], times: &[usize], file_as_prefix: bool) -> Ve
     let mut known: HashMap<String, usize> = HashMap::new();
     for (file, (log_file, &time)) in files.iter().zip(times).enumerate() {
         for (position, field) in log_file.fields.iter().enumerate() {
-            if position == time || log_file.beside.contains(&position) {
+            if position == time || log_file.no_channels.contains(&position) {
                 continue;
             }
             let name = format!("{}{}", prefixes[file], field.name);

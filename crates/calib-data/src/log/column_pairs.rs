@@ -10,13 +10,13 @@ fn paired_times(head: &Head, data: &DataConfig) -> Option<[String; 2]> {
     if columns.iter().any(names_tags) {
         return None;
     }
-    let beside = match head {
-        Head::Text(file) => &file.beside[..],
+    let no_channels = match head {
+        Head::Text(file) => &file.no_channels[..],
         Head::Parquet(_) | Head::Annotated(..) => &[],
     };
     let is_time = |at: usize| {
         columns[at].kind == FieldKind::Time
-            && !beside.contains(&at)
+            && !no_channels.contains(&at)
             && excluded.matching(&columns[at].name).is_none()
     };
     let values = (0..columns.len()).filter(|&at| columns[at].kind == FieldKind::Number);

@@ -195,7 +195,7 @@ impl WideChunk {
         {
             stamps.push(stamp);
             for column in 0..width {
-                let cell = if column == time || records.is_beside(column) {
+                let cell = if column == time || records.is_no_channel(column) {
                     Cell::Missing
                 } else {
                     cell(&records, column, fractions, &mut seen)?

@@ -37,7 +37,7 @@ pub(crate) struct LogFile {
     /// Whether calib wrote it as a result, not as a log.
     pub(crate) is_result: bool,
     /// Columns that are no channels: parts of times, and names of rows.
-    pub(crate) beside: Vec<usize>,
+    pub(crate) no_channels: Vec<usize>,
     content: Content,
 }
 
@@ -116,7 +116,7 @@ impl LogFile {
         let is_result =
             metadata.key_value_metadata.iter().flatten().any(|entry| entry.key == RESULTS_KEY);
         let content = Content::Parquet(Parquet { file, metadata, checked: Mutex::default() });
-        Ok(Self { source, fields, rows, bytes, is_result, beside: Vec::new(), content })
+        Ok(Self { source, fields, rows, bytes, is_result, no_channels: Vec::new(), content })
     }
 
     /// A text file that was read into `stored`.
@@ -129,8 +129,8 @@ impl LogFile {
         let rows = stored.columns.rows;
         let content = Content::Stored(stored);
         let bytes = file.bytes;
-        let beside = file.beside.clone();
-        Self { source, fields, rows, bytes, is_result: false, beside, content }
+        let no_channels = file.no_channels.clone();
+        Self { source, fields, rows, bytes, is_result: false, no_channels, content }
     }
 
     /// The timestamps of a file that was text.

@@ -59,7 +59,7 @@ impl Head {
                     name: file.columns()[column].name.clone(),
                     kind: if column == 0 && file.dialect.has_row_names {
                         FieldKind::Other
-                    } else if file.beside.contains(&column) {
+                    } else if file.no_channels.contains(&column) {
                         FieldKind::Time
                     } else {
                         kind_of(&file.dialect.cells(column))

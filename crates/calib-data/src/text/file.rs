@@ -29,7 +29,7 @@ pub(crate) struct TextFile {
     /// Where its times are, beside the column of times.
     time_parts: TimeParts,
     /// Columns that are no channels: parts of times, and names of rows.
-    pub(crate) beside: Vec<usize>,
+    pub(crate) no_channels: Vec<usize>,
     /// Columns and what they have in the rows that count.
     only: Vec<(usize, String)>,
     /// Bytes of a row on the disk, roughly.
@@ -53,22 +53,22 @@ impl TextFile {
         };
         let row_bytes = ((head.len() as f64 - skip as f64) / lines as f64 / packed).max(1.0);
         let only = chosen(path, &dialect.columns, data)?;
-        let beside = if dialect.has_row_names { vec![0] } else { Vec::new() };
+        let no_channels = if dialect.has_row_names { vec![0] } else { Vec::new() };
         let time_parts = TimeParts::None;
-        Ok(Self { path: path.to_owned(), bytes, dialect, time_parts, beside, only, row_bytes })
+        Ok(Self { path: path.to_owned(), bytes, dialect, time_parts, no_channels, only, row_bytes })
     }
 
     /// Say that the column `date` has dates and the column `clock` times of day.
     pub(crate) fn join_times(&mut self, date: usize, clock: usize) {
         self.time_parts = TimeParts::Clock(clock);
-        self.beside.push(clock);
+        self.no_channels.push(clock);
         self.dialect.join(date, &[clock], |row| joined(&row[date], &row[clock]));
     }
 
     /// Say that these columns have years, months, days, and what there is of hours, minutes and seconds. The first stands for all.
     pub(crate) fn join_fields(&mut self, fields: &[usize]) {
         self.time_parts = TimeParts::Fields(fields.to_vec());
-        self.beside.extend(&fields[1..]);
+        self.no_channels.extend(&fields[1..]);
         self.dialect.join(fields[0], &fields[1..], |row| {
             joined_fields(fields.iter().map(|&column| row[column].clone()))
         });
@@ -322,8 +322,8 @@ impl Records<'_> {
     }
 
     /// Whether a column is no channel: it has a part of the times, or the names of rows.
-    pub(crate) fn is_beside(&self, column: usize) -> bool {
-        self.file.beside.contains(&column)
+    pub(crate) fn is_no_channel(&self, column: usize) -> bool {
+        self.file.no_channels.contains(&column)
     }
 
     /// A cell of the record as text.
