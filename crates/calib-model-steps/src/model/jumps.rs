@@ -17,6 +17,18 @@ pub fn line(jumps: &JumpStatistics) -> String {
     )
 }
 
+/// What is wrong with a member's rollouts for runs of so many steps, if anything is.
+pub fn note(jumps: &JumpStatistics, transitions: usize, run: usize) -> Option<&'static str> {
+    // A rollout that circles departs from nowhere, so it would pass for a replay as well.
+    if jumps.circling(transitions) {
+        Some("circles within few rows")
+    } else if jumps.near_verbatim(run) {
+        Some("replays the log nearly verbatim")
+    } else {
+        None
+    }
+}
+
 /// What to know of members whose rollouts are no good for runs of so many steps, with what to try.
 pub(crate) fn warnings<'a>(
     members: impl Iterator<Item = (Option<&'a JumpStatistics>, usize)>,
@@ -27,11 +39,10 @@ pub(crate) fn warnings<'a>(
     let mut verbatim = Vec::new();
     for (member, (jumps, transitions)) in members.enumerate() {
         let Some(jumps) = jumps else { continue };
-        // A rollout that circles departs from nowhere, so it would pass for a replay as well.
-        if jumps.circling(transitions) {
-            circling.push(member);
-        } else if jumps.near_verbatim(run) {
-            verbatim.push(member);
+        match note(jumps, transitions, run) {
+            Some(_) if jumps.circling(transitions) => circling.push(member),
+            Some(_) => verbatim.push(member),
+            None => {}
         }
     }
     let advice = if model.exclude_self || model.theiler > 0 {
