@@ -255,7 +255,7 @@ impl Log {
         }
         let steps = self.rows.timestamps.len().saturating_sub(1) as u64;
         let recorded = match self.other_interval() {
-            None if 2 * self.steps.gaps > steps => gaps::detect_period(&self.rows.timestamps),
+            None if 2 * self.steps.gaps > steps => detect_period(&self.rows.timestamps),
             interval => interval,
         };
         recorded.map(Period::as_secs)
