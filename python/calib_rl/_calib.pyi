@@ -182,6 +182,7 @@ class ActionModel:
         live: bool,
         kind: str,
     ) -> ActionWalkers: ...
+    def fixed_walks(self, /, runs: int, steps: int, timeout: int) -> tuple[int, int]: ...
     def judge(
         self,
         /,
@@ -189,6 +190,7 @@ class ActionModel:
         settings: list[str],
         fields: list[list[tuple[str, str]]],
         default: int | None,
+        default_failed: bool,
         timeout: int,
         most_uncovered: float | None,
         fewest_terminals: int | None,

@@ -72,7 +72,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Tuned:
-    """What `tune` found. ``print`` shows the advice, and a notebook shows a table too.
+    """What `tune` found. ``print`` shows the advice, `why` all reasons, and a notebook shows a table too.
 
     Examples:
         >>> from calib_rl._tune import label
@@ -87,9 +87,9 @@ class Tuned:
     default: Setting | None
     """What it is compared with."""
     advice: list[str]
-    """What to do, and the evidence, in words. The first line says what to deploy."""
+    """What to do, in a few lines: what to deploy, what the choice gets, and up to three reasons against it, the strongest first. `why` has all of it."""
     doubts: list[str]
-    """Why the log does not support the choice, empty if it does."""
+    """Why the log does not support the choice, the strongest reason first. Empty if it does."""
     failures: list[Failure]
     """Settings that failed."""
     halved: list[tuple[int, list[Setting]]]
@@ -103,6 +103,17 @@ class Tuned:
     def is_supported(self) -> bool:
         """Whether the log supports the choice."""
         return self.chosen is not None and not self.doubts
+
+    def why(self) -> list[str]:
+        """The advice with all reasons, what to do about each, and the evidence.
+
+        Returns:
+            Lines of text, the first two of which are those of `advice`.
+
+        Examples:
+            >>> print(*tuned.why(), sep="\\n")  # doctest: +SKIP
+        """
+        return list(self.verdict.get("why", self.advice))
 
     def frame(self) -> Any:
         """The settings, best first.
@@ -196,7 +207,8 @@ class Tuned:
 
     def __str__(self) -> str:
         first, *rest = self.advice
-        return "\n".join([first, *(f"    {line}" for line in rest), *(f"note: {failure}" for failure in self.failures)])
+        lines = [first, *(f"    {line}" for line in rest), *(f"note: {failure}" for failure in self.failures)]
+        return "\n".join([*lines, *(["all reasons: .why()"] if self.verdict else [])])
 
     def _repr_html_(self) -> str:
         items = "".join(f"<li>{html.escape(line)}</li>" for line in self.advice[1:])
@@ -340,8 +352,7 @@ def tune(
         if place in alive
         for unit in units
     ]
-    decision = verdict["decision"]
-    advice = [f"{decision['headline']} {decision['plain']}", *doubts, *verdict["findings"]]
+    advice = verdict.pop("summary")
     return Tuned(compared, chosen, default, advice, doubts, failures, halved, verdict, told)
 
 
@@ -510,14 +521,16 @@ class _Work:
         from .gym import make_vec
 
         actions, members = len(self.model.actions), len(self.members)
-        # One walk for each action, and one for random ones, in each run of each member. Members are dealt to walks in turn.
-        policies = actions + 1
-        count = members * policies * self.runs
-        policy = np.arange(count) // members % policies
-        is_random = policy == actions
-        drawn = np.random.default_rng(np.random.SeedSequence([self.seed, 2]))
         environment = {**self.environment, "action_space": "discrete", "live": False}
         timeout = environment.get("timeout") or self.model.timeout
+        # Members are dealt to walks in turn.
+        of_random, of_constant = self.model._native.fixed_walks(self.runs, steps, timeout)
+        policies = actions + 1
+        policy = np.repeat(np.arange(policies), [*[of_constant * members] * actions, of_random * members])
+        count = len(policy)
+        member = np.arange(count) % members
+        is_random = policy == actions
+        drawn = np.random.default_rng(np.random.SeedSequence([self.seed, 2]))
         found = []
         for kind in self.kinds:
             walks = make_vec(self.model, count, members=self.members, kind=kind, **environment)
@@ -534,8 +547,8 @@ class _Work:
                 over = terminated | truncated
                 episodes += over
             returns = rewards / np.maximum(episodes + np.where(over, 0, lengths) / timeout, 1.0)
-            by_policy = [[float(np.mean(returns[(policy == one) & (np.arange(count) % members == place)])) for one in range(policies)] for place in range(members)]
-            coverage = [{"steps": steps * members * self.runs, "missing": 0, "far": int(uncovered[policy == action].sum())} for action in range(actions)]
+            by_policy = [[float(np.mean(returns[(policy == one) & (member == place)])) for one in range(policies)] for place in range(members)]
+            coverage = [{"steps": steps * members * of_constant, "missing": 0, "far": int(uncovered[policy == action].sum())} for action in range(actions)]
             by_action, at_random = [own[:actions] for own in by_policy], [own[actions] for own in by_policy]
             found.append({"kind": kind, "members": by_action, "random": at_random, "coverage": coverage})
         return found
@@ -564,6 +577,8 @@ class _Work:
                 [label(setting) for setting in compared],
                 [[(name, _short(value)) for name, value in setting.items()] for setting in compared],
                 standard,
+                # It is among the settings, unless it failed.
+                default is not None and standard is None,
                 timeout,
                 limits["most_uncovered"],
                 limits["fewest_terminals"],

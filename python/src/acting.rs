@@ -6,11 +6,11 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, ConstantReturns, ControlError, Increments, NetworkModel, Pessimism, Question,
-    ReturnVerdict, Rules, Run, StepModel, Support, Walkers, judge,
+    ActionModel, ConstantReturns, ControlError, Doubt, FixedWalks, Increments, NetworkModel,
+    Pessimism, Question, ReturnVerdict, Rules, Run, RunLength, StepModel, Support, Walkers, judge,
 };
 use calib_core::{Seed, Silent};
-use calib_pipeline::{Advice, ControlModel, PYTHON, StepError};
+use calib_pipeline::{Advice, ControlModel, PYTHON, Reason, StepError};
 use calib_report::Decision;
 use pyo3::{exceptions::PyIndexError, prelude::*};
 use serde::Serialize;
@@ -324,9 +324,19 @@ impl PyActionModel {
         })
     }
 
+    /// How often actions at random, and each constant action, are walked in a member, beside agents that have so many `runs` of so many
+    /// `steps`.
+    fn fixed_walks(&self, runs: usize, steps: usize, timeout: usize) -> (usize, usize) {
+        let span = RunLength { steps, timeout };
+        let FixedWalks { random, constant } =
+            FixedWalks::new(runs, span, self.shared.opened.names.actions.len());
+        (random, constant)
+    }
+
     /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them, `settings` what each setting is called, `fields` the
-    /// arguments of each with their values, and `constants` a JSON list of what constant actions get in each kind of model.
-    #[pyo3(signature = (runs, settings, fields, default, timeout, most_uncovered, fewest_terminals, resamples, seed, constants, members))]
+    /// arguments of each with their values, `default_failed` whether the default was tried and is not among them because it failed, and
+    /// `constants` a JSON list of what constant actions get in each kind of model.
+    #[pyo3(signature = (runs, settings, fields, default, default_failed, timeout, most_uncovered, fewest_terminals, resamples, seed, constants, members))]
     #[expect(clippy::too_many_arguments, reason = "what decides about a verdict")]
     fn judge(
         &self,
@@ -335,6 +345,7 @@ impl PyActionModel {
         settings: Vec<String>,
         fields: Vec<Vec<(String, String)>>,
         default: Option<usize>,
+        default_failed: bool,
         timeout: usize,
         most_uncovered: Option<f64>,
         fewest_terminals: Option<usize>,
@@ -360,6 +371,9 @@ impl PyActionModel {
             judge(&runs, &question, seed)
         })?;
         let mut verdict = judged.map_err(|error| errors::of_any(py, &error))?;
+        if default_failed {
+            verdict.doubts.push(Doubt::DefaultFailed);
+        }
         let outlying = verdict.random_actions.as_mut().and_then(|random| random.outlying.as_mut());
         if let Some(outlying) = outlying {
             // Runs count the members that were asked for.
@@ -377,7 +391,9 @@ impl PyActionModel {
         let judged = Judged {
             decision: advice.decision(),
             findings: advice.findings(),
-            reasons: advice.reasons(),
+            reasons: advice.reasons().iter().map(Reason::whole).collect(),
+            summary: advice.summary(),
+            why: advice.why(),
             is_ahead_of_default: verdict.is_ahead_of_default(),
             kinds_agreement: verdict.kinds_agreement(),
             verdict: &verdict,
@@ -392,6 +408,8 @@ struct Judged<'a> {
     decision: Decision,
     findings: Vec<String>,
     reasons: Vec<String>,
+    summary: Vec<String>,
+    why: Vec<String>,
     is_ahead_of_default: bool,
     kinds_agreement: Option<f64>,
     #[serde(flatten)]

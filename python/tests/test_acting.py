@@ -19,6 +19,7 @@ from gymnasium.utils.env_checker import check_env
 import calib_rl
 import calib_rl.gym
 from calib_rl._functions import SECTIONS
+from calib_rl._tune import _Work
 from conftest import command_line
 
 polars = pytest.importorskip("polars")
@@ -397,13 +398,17 @@ def test_settings_are_ranked(tuned: calib_rl.Tuned) -> None:
     assert frame["setting"][0] == "step_size=0.3 epsilon=0.05" and frame["mean_rank"][0] <= 2
     assert [kind["kind"] for kind in tuned.verdict["kinds"]] == ["neighbors", "increments", "network"]
     assert {(run["kind"], run["member"]) for run in tuned.runs} == {(kind, member) for kind in KINDS for member in range(5)}
-    assert "Over a random setting: +" in str(tuned) and tuned.advice[0].startswith(("Deploy ", "Keep the default: "))
+    why = "\n".join(tuned.why())
+    assert "Over a random setting: +" in why and tuned.advice[0].startswith(("Deploy ", "Keep the default: "))
+    assert tuned.why()[:2] == tuned.advice[:2] and len(tuned.advice) <= 5 and "first by mean rank: " in tuned.advice[1]
+    assert str(tuned).startswith(tuned.advice[0]) and ".why()" in str(tuned) and "Over a random setting" not in str(tuned)
     assert "<table>" in tuned._repr_html_()
     said = tuned.verdict["decision"]["support"]
     assert tuned.is_supported == (said == "supported") and tuned.verdict["is_ahead_of_default"] == (said != "keep_default")
     # No agent is needed where one action is always right; here each setting learns when to take which.
     constant = tuned.verdict["constant"]
-    assert constant["over"]["mean"] > 0 and "Best constant action: always " in str(tuned)
+    assert constant["over"]["mean"] > 0 and "Best constant action: always " in why
+    assert [kind["kind"] for kind in constant["kinds"]] == ["neighbors", "increments", "network"]
 
 
 def test_what_was_found_is_a_page(tuned: calib_rl.Tuned, tmp_path: Path) -> None:
@@ -464,6 +469,40 @@ def test_a_setting_that_fails_is_told_and_the_others_go_on(acting: calib_rl.Acti
     assert failed["dies"].place == "process" and "exit code 3" in failed["dies"].error
     raised = calib_rl.tune(Sarsa, {"step_size": [0.1, 9.0]}, acting, total_timesteps=200, members=[0, 1], processes=1).failures
     assert [failure.place for failure in raised] == ["make_agent"] and "too large" in str(raised[0])
+
+
+def test_a_default_that_fails_was_tried(acting: calib_rl.ActionModel) -> None:
+    def call(default: dict[str, Any] | None) -> calib_rl.Tuned:
+        grid = {"step_size": [0.1, 0.3]}
+        return calib_rl.tune(Sarsa, grid, acting, total_timesteps=200, members=[0, 1], kinds=["neighbors"], processes=1, default=default)
+
+    failed = call({"step_size": 9.0})
+    assert failed.advice[0].startswith("Deploy nothing") and not failed.is_supported
+    assert any("the default was tried, and failed" in doubt for doubt in failed.doubts), failed.doubts
+    assert "No default" not in "\n".join(failed.why()) and len(failed.failures) == 1
+    none = call(None)
+    assert "No default was compared." in none.why() and not any("default was tried" in doubt for doubt in none.doubts)
+
+
+def test_one_member_supports_nothing(acting: calib_rl.ActionModel) -> None:
+    tuned = calib_rl.tune(Sarsa, GRID, acting, total_timesteps=1000, members=[0], processes=1, default=None)
+    assert tuned.advice[0].startswith("Deploy nothing") and not tuned.is_supported
+    assert any("one ensemble member gives no interval" in line for line in tuned.advice), tuned.advice
+
+
+def test_policies_that_learn_nothing_walk_often(acting: calib_rl.ActionModel) -> None:
+    # A hundred episodes of 40 steps in walks of 200, and about as many of three constant actions together.
+    assert acting._native.fixed_walks(1, 200, 40) == (20, 7)
+    assert acting._native.fixed_walks(50, 200, 40) == (50, 50)
+    work = _Work(Sarsa, acting, [{}], [3, 1], ["neighbors"], 1, 0, {}, None, 1, False)
+    (found,) = work.constants(200)
+    assert [len(found["members"]), len(found["random"])] == [2, 2] and {len(own) for own in found["members"]} == {3}
+    assert [own["steps"] for own in found["coverage"]] == [200 * 2 * 7] * 3
+    assert work.constants(200) == [found], "of named seeds"
+    # Another seed is other walks, and says the same of actions at random.
+    others = [_Work(Sarsa, acting, [{}], [3, 1], ["neighbors"], 1, seed, {}, None, 1, False).constants(200)[0] for seed in (1, 2, 3)]
+    spread = np.std([other["random"][0] for other in others])
+    assert 0 < spread < 0.15 * abs(found["random"][0])
 
 
 def test_halving_keeps_the_best_and_the_default(acting: calib_rl.ActionModel) -> None:

@@ -67,6 +67,9 @@ pub(crate) struct ControlArgs {
     /// Make only this share of the runs, where others make the rest, such as 0/8 or auto/8; then run it without
     #[arg(long, value_name = "I/N")]
     pub(crate) share: Option<String>,
+    /// Print all reasons of the verdict, as in the report
+    #[arg(long)]
+    pub(crate) why: bool,
 }
 
 #[derive(Debug, Args)]

@@ -106,10 +106,10 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             let (study, output) = EvaluateArgs::judging(study)?;
             calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?.outcome()
         }
-        Command::Control(ControlArgs { study, share }) => {
+        Command::Control(ControlArgs { study, share, why }) => {
             share::refuse_verdict(&study, share.as_deref())?;
             let job = share::shared(study.job()?, share.as_deref())?;
-            calib_pipeline::control(&job, printer)?.outcome()
+            calib_pipeline::control(&job, &explaining(printer, why))?.outcome()
         }
         Command::Status(args) => status::run(args, printer)?,
         Command::Check(args) => check::run(&args, printer)?,

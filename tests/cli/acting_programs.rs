@@ -272,7 +272,7 @@ fn a_program_may_fail_with_one_setting() {
     }
     let shown = place.calib(&["control", "study.toml", "--threads", "1"]).ends(&[1]);
     let status = place.calib(&["status", "study.toml"]).succeeds();
-    assert!(shown.contains("The program failed with the default."), "{shown}");
+    assert!(shown.contains("\n    the program failed with the default, so that"), "{shown}");
     for told in [shown, status] {
         assert!(told.contains("failed") && !told.contains("diverged"), "{told}");
     }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     ActionModelKind, ControlError, Coverage, Ensemble, Extent, ModelEnvironment as _, Outcome,
+    RunLength,
     agent_run::{Actor, Episodes},
     sweep::run_seed,
 };
@@ -15,11 +16,11 @@ use crate::{
 pub struct ConstantReturns {
     /// What the members are.
     pub kind: ActionModelKind,
-    /// Mean return an episode of each action over the runs of each member, `[members][actions]`.
+    /// Mean return an episode of each action over its walks in each member, `[members][actions]`.
     pub members: Vec<Vec<f64>>,
-    /// Mean return an episode of actions at random over the runs of each member.
+    /// Mean return an episode of actions at random over their walks in each member.
     pub random: Vec<f64>,
-    /// What the steps with each action rested on, over members and runs.
+    /// What the steps with each action rested on, over members and walks.
     pub coverage: Vec<Coverage>,
 }
 
@@ -45,8 +46,49 @@ impl Actor for FixedPolicy {
     fn learn(&mut self, _action: usize, _outcome: Outcome, _next: &[f32]) {}
 }
 
-/// Take each of `actions` actions for ever in every member, and actions at random, in as many and as long runs as agents have in [`sweep`](crate::sweep), which
-/// meet the same chance.
+/// Episodes of the whole timeout for which actions at random are taken in each member, as far as the walks suffice: their mean is then known
+/// to a tenth of what episodes differ by. Our choice.
+const RANDOM_EPISODES: usize = 100;
+
+/// Most walks that this takes in each member. Our choice.
+const MOST_WALKS: usize = 32;
+
+/// How often policies that learn nothing act in each member.
+///
+/// An agent has as many runs as a study asks for. One walk of actions at random is so noisy that it decides by chance which agent is better,
+/// and of several constant actions the luckiest would look the best.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FixedWalks {
+    /// Walks of actions at random.
+    pub random: usize,
+    /// Walks of each constant action: together about as many, however many actions there are.
+    pub constant: usize,
+}
+
+impl FixedWalks {
+    /// Those of `actions` actions beside agents that have `runs` runs of `span` each.
+    pub fn new(runs: usize, span: RunLength, actions: usize) -> Self {
+        let steps = span.steps.max(1);
+        let episode = span.timeout.clamp(1, steps);
+        let enough = RANDOM_EPISODES.saturating_mul(episode).div_ceil(steps).min(MOST_WALKS);
+        Self { random: enough.max(runs), constant: enough.div_ceil(actions.max(1)).max(runs) }
+    }
+
+    /// Walks in one member.
+    pub fn in_member(self, actions: usize) -> usize {
+        self.constant.saturating_mul(actions).saturating_add(self.random)
+    }
+}
+
+/// What came of one walk.
+#[derive(Clone, Copy, Debug)]
+struct Walked {
+    mean_return: f64,
+    coverage: Coverage,
+}
+
+/// Take each of `actions` actions for ever in every member, and actions at random, in walks as long as the runs that agents have in
+/// [`sweep`](crate::sweep). The first walks meet the same chance as these runs. [`FixedWalks`] says how many there are.
 ///
 /// # Errors
 /// If the monitor interrupts.
@@ -57,47 +99,47 @@ pub fn constant_returns<M: Ensemble>(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<ConstantReturns, ControlError> {
-    let policies = actions + 1;
-    let units = model.members() * policies;
+    let Extent { runs, span } = extent;
+    let walks = FixedWalks::new(runs, span, actions);
+    let in_member = walks.in_member(actions);
+    let of_constants = actions * walks.constant;
+    let units = model.members() * in_member;
     monitor.begin("constant and random actions", units as u64);
     let results = (0..units).into_par_iter().map(|unit| -> Result<_, ControlError> {
-        let member = unit / policies;
-        let action = unit % policies;
-        let mut policy = if action == actions {
-            FixedPolicy::Random(actions)
-        } else {
-            FixedPolicy::Constant(action)
+        monitor.check()?;
+        let member = unit / in_member;
+        let place = unit % in_member;
+        let (mut policy, run) = match place.checked_sub(of_constants) {
+            Some(run) => (FixedPolicy::Random(actions), run),
+            None => (FixedPolicy::Constant(place / walks.constant), place % walks.constant),
         };
-        let mut sum = 0.0;
-        let mut coverage = Coverage::default();
-        for run in 0..extent.runs {
-            monitor.check()?;
-            let seed = run_seed(seed, member, run);
-            let mut walk = model.walk(member);
-            let mut episodes = Episodes::new(&walk, extent.span, seed);
-            while episodes.step(&mut policy, &mut walk) {}
-            sum += episodes.run.mean_return();
-            coverage = coverage.and(walk.coverage());
-        }
+        let mut walk = model.walk(member);
+        let mut episodes = Episodes::new(&walk, span, run_seed(seed, member, run));
+        while episodes.step(&mut policy, &mut walk) {}
         monitor.advance(1);
-        Ok((sum / extent.runs as f64, coverage))
+        Ok(Walked { mean_return: episodes.run.mean_return(), coverage: walk.coverage() })
     });
-    let results: Vec<(f64, Coverage)> = results.collect::<Result<_, _>>()?;
+    let results: Vec<Walked> = results.collect::<Result<_, _>>()?;
     let mut all = ConstantReturns {
         kind: model.kind(),
         members: Vec::with_capacity(model.members()),
         random: Vec::with_capacity(model.members()),
         coverage: vec![Coverage::default(); actions],
     };
-    for of_member in results.chunks(policies) {
-        let (of_member, random) = of_member.split_at(actions);
-        all.random.extend(random.iter().map(|&(mean_return, _)| mean_return));
-        all.members.push(of_member.iter().map(|&(mean_return, _)| mean_return).collect());
-        for (coverage, &(_, own)) in all.coverage.iter_mut().zip(of_member) {
-            *coverage = coverage.and(own);
+    for of_member in results.chunks(in_member) {
+        let (constant, random) = of_member.split_at(of_constants);
+        all.random.push(mean_return(random));
+        all.members.push(constant.chunks(walks.constant).map(mean_return).collect());
+        for (coverage, own) in all.coverage.iter_mut().zip(constant.chunks(walks.constant)) {
+            *coverage = own.iter().fold(*coverage, |sum, walked| sum.and(walked.coverage));
         }
     }
     Ok(all)
+}
+
+/// The mean of what walks got.
+fn mean_return(walks: &[Walked]) -> f64 {
+    walks.iter().map(|walked| walked.mean_return).sum::<f64>() / walks.len() as f64
 }
 
 #[cfg(test)]
@@ -105,7 +147,7 @@ mod tests {
     use calib_core::Silent;
 
     use super::*;
-    use crate::{ActionModel, ActionModelConfig, RunLength, Starts, evaluation::tests::corridor};
+    use crate::{ActionModel, ActionModelConfig, Starts, evaluation::tests::corridor};
 
     #[test]
     fn only_the_action_that_leads_to_the_end_gets_there() {
@@ -124,8 +166,57 @@ mod tests {
         for (random, member) in found.random.iter().zip(&found.members) {
             assert!(-20.0 <= *random && *random < member[1], "{found:?}");
         }
-        assert_eq!(found.coverage[0].steps, 2 * 2 * 200);
+        // A hundred episodes of 20 steps: ten walks of 200 of actions at random, and as many of both constant actions together.
+        assert_eq!(FixedWalks::new(2, extent.span, 2), FixedWalks { random: 10, constant: 5 });
+        assert_eq!(found.coverage[0].steps, 2 * 5 * 200);
         let again = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
         assert_eq!(found, again);
+    }
+
+    #[test]
+    fn walks_are_as_many_as_tell_what_an_episode_gets() {
+        let walks = |runs: usize, steps: usize, timeout: usize, actions: usize| {
+            let FixedWalks { random, constant } =
+                FixedWalks::new(runs, RunLength { steps, timeout }, actions);
+            [random, constant]
+        };
+        assert_eq!(walks(1, 300, 50, 3), [17, 6]);
+        assert_eq!(walks(1, 15_000, 500, 2), [4, 2]);
+        assert_eq!(walks(1, 50, 500, 2), [32, 16], "no more than so many");
+        assert_eq!(
+            walks(1, 1_000, 500, 64),
+            [32, 1],
+            "of many actions each has the runs of agents"
+        );
+        assert_eq!(walks(40, 50, 500, 2), [40, 40], "no fewer than agents have");
+        assert_eq!(walks(1, 1_000_000, 10, 2), [1, 1]);
+        assert_eq!(FixedWalks::new(1, RunLength { steps: 300, timeout: 50 }, 3).in_member(3), 35);
+    }
+
+    #[test]
+    fn noise_of_walks_is_small_beside_that_of_one() {
+        let log = corridor();
+        let metric = log.states().clone();
+        let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
+        let config = ActionModelConfig { members: 2, ..ActionModelConfig::default() };
+        let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+        // About one episode in each walk.
+        let extent = Extent { runs: 1, span: RunLength { steps: 60, timeout: 60 } };
+        let spread = |returns: Vec<f64>| -> f64 {
+            let mean = returns.iter().sum::<f64>() / returns.len() as f64;
+            returns.iter().map(|value| (value - mean).powi(2)).sum::<f64>()
+        };
+        let (mut of_all, mut of_one) = (Vec::new(), Vec::new());
+        for number in 0..20 {
+            let seed = Seed::new(number);
+            let found = constant_returns(&model, 2, extent, seed, &Silent).expect("walked");
+            of_all.push(found.random[0]);
+            let mut walk = model.walk(0);
+            let mut episodes = Episodes::new(&walk, extent.span, run_seed(seed, 0, 0));
+            while episodes.step(&mut FixedPolicy::Random(2), &mut walk) {}
+            of_one.push(episodes.run.mean_return());
+        }
+        let (many, alone) = (spread(of_all), spread(of_one));
+        assert!(alone > 0.0 && many < alone / 8.0, "{many} {alone}");
     }
 }

@@ -40,7 +40,7 @@ pub use agent_run::{Actor, AgentRun, RunLength, run_agent};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use column_findings::{ColumnFindings, LaggedDecisions, TerminalCells};
 pub use config::{ControlConfig, LEAST_LEVELS, StartRows};
-pub use constant::{ConstantReturns, FixedPolicy, constant_returns};
+pub use constant::{ConstantReturns, FixedPolicy, FixedWalks, constant_returns};
 pub use decision_rows::{ChangedDecisions, DecisionRows, RowsWithoutReward};
 pub use drift::Drift;
 pub use environment::{Ending, Environment, Outcome};
@@ -70,7 +70,7 @@ pub use task::{
 pub use trajectory::{Trajectory, trajectory};
 pub use usage::{CoverageMap, FEW_STEPS, Spread, hardly_taken};
 pub use verdict::{
-    BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, KindReturns, OutlyingMember, Question,
-    RandomActions, Regret, ReturnVerdict, Support, judge, regret,
+    BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, KindMean, KindReturns, OutlyingMember,
+    Question, RandomActions, Regret, ReturnVerdict, Support, judge, regret,
 };
 pub use walkers::{StepModel, Walker, WalkerStep, Walkers};

@@ -18,7 +18,7 @@ use crate::{
 pub use ahead::FEWEST_BLOCKS;
 use ahead::{is_ahead, ranks_ahead};
 use evidence::{Evidence, median_rate};
-pub use floors::{BestConstant, OutlyingMember, RandomActions};
+pub use floors::{BestConstant, KindMean, OutlyingMember, RandomActions};
 use floors::{best_constant, random_actions};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
@@ -89,7 +89,7 @@ pub enum Doubt {
         /// Terminals a step of the log.
         in_log: f64,
     },
-    /// Always taking one action gets more in the model than the chosen candidate, beyond chance.
+    /// Always taking one action gets more in the model than the chosen candidate, though that could be chance.
     WorseThanConstant {
         /// The action.
         action: usize,
@@ -115,9 +115,11 @@ pub enum Doubt {
         /// Its standard error over episodes.
         error: f64,
     },
+    /// One ensemble member has no interval, so that the choice is not shown to be better than anything.
+    OneMember,
     /// The chosen candidate diverged in a member.
     Diverged,
-    /// The default could not be compared: its program failed.
+    /// The default could not be compared: its program, or its agent, failed.
     DefaultFailed,
 }
 
@@ -148,7 +150,7 @@ pub struct ReturnVerdict {
     pub ranks_over_default: Option<Difference>,
     /// Mean return of the chosen one minus the mean of all candidates, likewise.
     pub over_random: Difference,
-    /// The best policy that always takes the same action, if constant actions were tried.
+    /// The best policy that always takes the same action, if constant actions were tried and the log covers the steps of one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub constant: Option<BestConstant>,
     /// Actions at random, if they were tried.
@@ -299,12 +301,13 @@ pub fn judge(
     // A kind whose agents could not be tried says nothing.
     let constants: Vec<&ConstantReturns> =
         constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
-    let constant = best_constant(&constants, &of_candidate(chosen))?;
+    let constant = best_constant(&constants, &of_candidate(chosen), support.most_uncovered)?;
     let random_actions = random_actions(&constants, &each, chosen, &of_candidate(chosen))?;
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
     let drift = drift_of(own.iter().filter(|run| run.kind == kinds[0]));
     let evidence = Evidence {
+        blocks: members.len(),
         selection: &selection,
         coverage: coverage[chosen],
         terminals: median_rate(&own, &kinds),
@@ -312,7 +315,7 @@ pub fn judge(
         is_ahead: over_default
             .filter(|_| default != Some(chosen))
             .map(|over| is_ahead(over, ranks_over_default, members.len())),
-        constant,
+        constant: constant.as_ref(),
         random_actions,
         behaviour,
     };

@@ -82,7 +82,7 @@ pub use cluster::{
 };
 pub use control::{
     ActingAgent, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames, ControlPlan,
-    InspectedActions, PYTHON, SimulateTask, SimulatedTask, Vocabulary,
+    InspectedActions, PYTHON, Reason, SimulateTask, SimulatedTask, Vocabulary,
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};

@@ -7,6 +7,8 @@ use crate::{ActionModelKind, Coverage, Decisions, Drift, RecordedReturn, Run};
 
 /// What a choice rests on.
 pub(super) struct Evidence<'a> {
+    /// Blocks of the log, each of which an ensemble member of every kind of model lacks.
+    pub(super) blocks: usize,
     pub(super) selection: &'a Selection,
     /// Of the chosen candidate.
     pub(super) coverage: Coverage,
@@ -17,10 +19,13 @@ pub(super) struct Evidence<'a> {
     /// Whether the chosen candidate is surely ahead of the default, by ranks or by returns; none where that is chosen, not in the grid, or
     /// diverged as well.
     pub(super) is_ahead: Option<bool>,
-    pub(super) constant: Option<BestConstant>,
+    pub(super) constant: Option<&'a BestConstant>,
     pub(super) random_actions: Option<RandomActions>,
     pub(super) behaviour: RecordedReturn,
 }
+
+/// Over fewer blocks there is no interval.
+const FEWEST_OF_AN_INTERVAL: usize = 2;
 
 /// Standard errors by which a displacement must differ from none: a walk in a noisy column is moved far in an episode, but not always to the same side.
 const DISPLACEMENT_ERRORS: f64 = 4.0;
@@ -66,32 +71,30 @@ impl Evidence<'_> {
             doubts.push(Doubt::Diverged);
             return doubts;
         }
+        if self.blocks < FEWEST_OF_AN_INTERVAL {
+            doubts.push(Doubt::OneMember);
+        }
         if self.is_ahead == Some(false) {
             doubts.push(Doubt::NotBetterThanDefault);
         }
-        doubts.extend(self.beside_a_constant(promised, support));
+        doubts.extend(self.beside_a_constant(promised));
         doubts.extend(self.beside_random_actions(promised));
         doubts.extend(self.beside_the_log(promised, log));
         doubts.extend(displaced(self.drift));
         doubts
     }
 
-    /// Whether an action that needs no agent is better, beyond chance, in a model that knows what it leads to.
-    fn beside_a_constant(&self, promised: f64, support: Support) -> Option<Doubt> {
-        let BestConstant { action, mean_return, uncovered, over } = self.constant?;
-        let is_better = over?.interval.is_some_and(|interval| interval.high < 0.0);
-        (is_better && uncovered <= support.most_uncovered).then_some(Doubt::WorseThanConstant {
-            action,
-            constant: mean_return,
-            promised,
-        })
+    /// Whether an action that needs no agent gets more. It need not be surely better: nothing then shows that the choice is.
+    fn beside_a_constant(&self, promised: f64) -> Option<Doubt> {
+        let &BestConstant { action, mean_return: constant, over, .. } = self.constant?;
+        let is_worse = over?.mean < 0.0;
+        is_worse.then_some(Doubt::WorseThanConstant { action, constant, promised })
     }
 
     /// Whether actions at random may do as well. Where a model is wrong about what actions lead to, agents that hardly learn can come
     /// first in it, and nothing else need show that.
     ///
-    /// One member has no interval, and then the mean alone decides. That is less than it takes to be ahead of the default, which no
-    /// choice is shown to be in one member: the default can be kept, and nobody keeps random actions.
+    /// One member has no interval, and then the mean alone decides; that there is no interval is a doubt of its own.
     fn beside_random_actions(&self, promised: f64) -> Option<Doubt> {
         let RandomActions { mean_return: random, over, .. } = self.random_actions?;
         let over = over?;

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::{FEWEST_BLOCKS, KindReturns, beyond, mean};
 use crate::{ActionModelKind, ConstantReturns};
 
-/// The action that gets most in the model where it is always taken, over members and kinds of models.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// The action that gets most in the model where it is always taken, over members and kinds of models, of those whose steps the log covers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BestConstant {
     /// The action.
     pub action: usize,
@@ -20,6 +20,20 @@ pub struct BestConstant {
     pub uncovered: f64,
     /// Mean return of the chosen candidate, learning included, minus that of the action, with the jackknife's interval over members.
     pub over: Option<Difference>,
+    /// What it gets in each kind of model. Kinds that differ much do not know what it leads to.
+    #[serde(default)]
+    pub kinds: Vec<KindMean>,
+}
+
+/// What a policy gets in one kind of model.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct KindMean {
+    /// The kind.
+    pub kind: ActionModelKind,
+    /// Its mean return an episode over members.
+    #[serde(with = "calib_stats::diverged")]
+    #[schemars(with = "calib_stats::diverged::Stored")]
+    pub mean_return: f64,
 }
 
 /// A policy whose actions are drawn at random, beside the chosen candidate.
@@ -48,27 +62,34 @@ pub struct OutlyingMember {
 }
 
 /// The best constant action over the members of these kinds, which lack the same block each, and what `own`, the mean returns of the
-/// chosen candidate `[members]`, are more than it.
+/// chosen candidate `[members]`, are more than it. None if more than the share `most_uncovered` of the steps of every action is not
+/// covered: the models do not know what such an action leads to.
 pub(super) fn best_constant(
     constants: &[&ConstantReturns],
     own: &[f64],
+    most_uncovered: f64,
 ) -> Result<Option<BestConstant>, StatsError> {
     let Some(first) = constants.first() else { return Ok(None) };
-    let actions = (0..first.coverage.len()).map(|action| {
-        (
-            action,
-            over_all_kinds(constants, own.len(), |of_kind, member| of_kind.members[member][action]),
-        )
-    });
+    let actions = (0..first.coverage.len())
+        .filter(|&action| first.coverage[action].uncovered() <= most_uncovered)
+        .map(|action| {
+            let members = own.len();
+            (action, over_all_kinds(constants, members, |own, member| own.members[member][action]))
+        });
     // Of equal ones the first.
     let best =
         actions.reduce(|best, other| if mean(&other.1) > mean(&best.1) { other } else { best });
     let Some((action, returns)) = best else { return Ok(None) };
+    let kinds = constants.iter().map(|of_kind| {
+        let members: Vec<f64> = of_kind.members.iter().map(|member| member[action]).collect();
+        KindMean { kind: of_kind.kind, mean_return: mean(&members) }
+    });
     Ok(Some(BestConstant {
         action,
         mean_return: mean(&returns),
         uncovered: first.coverage[action].uncovered(),
         over: beyond(own, &returns)?,
+        kinds: kinds.collect(),
     }))
 }
 

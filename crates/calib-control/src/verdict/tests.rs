@@ -373,19 +373,31 @@ fn is_worse_than_constant(doubt: &Doubt) -> bool {
 }
 
 #[test]
-fn a_constant_action_that_is_better_beyond_chance_is_a_doubt() {
+fn a_constant_action_that_gets_more_is_a_doubt() {
     // The choice gets -9, -11 and -8.
     let verdict = judged_beside(&constants([-4.0, -5.9, -3.1], 10));
-    let best = verdict.constant.expect("tried");
+    let best = verdict.constant.as_ref().expect("tried");
     assert_eq!((best.action, best.uncovered), (1, 0.1));
     assert!((best.mean_return + 13.0 / 3.0).abs() < 1e-12);
     assert!((best.over.expect("finite").mean + 5.0).abs() < 1e-12);
     assert!(verdict.doubts.iter().any(is_worse_than_constant), "{:?}", verdict.doubts);
-    // One that may be better by chance, or whose steps nobody recorded, is none.
-    for none in [constants([-4.0, -30.0, -3.1], 10), constants([-4.0, -5.9, -3.1], 90)] {
-        let verdict = judged_beside(&none);
-        assert!(!verdict.doubts.iter().any(is_worse_than_constant), "{:?}", verdict.doubts);
-    }
+    let of_kind = KindMean { kind: ActionModelKind::Neighbors, mean_return: best.mean_return };
+    assert_eq!(best.kinds, [of_kind]);
+    // One that gets more on average, though by chance.
+    let verdict = judged_beside(&constants([-1.0, -19.0, -1.0], 10));
+    let over = verdict.constant.as_ref().and_then(|constant| constant.over).expect("finite");
+    assert!(over.mean < 0.0 && over.interval.is_some_and(|interval| interval.high > 0.0));
+    assert!(verdict.doubts.iter().any(is_worse_than_constant), "{:?}", verdict.doubts);
+    // One that gets less on average is none.
+    let verdict = judged_beside(&constants([-4.0, -30.0, -3.1], 10));
+    assert_eq!(verdict.doubts, []);
+    // Nor is one whose steps nobody recorded: the best of the others is named.
+    let verdict = judged_beside(&constants([-4.0, -5.9, -3.1], 90));
+    assert_eq!(verdict.constant.map(|constant| constant.action), Some(0));
+    assert_eq!(verdict.doubts, []);
+    let [mut unknown] = constants([-4.0, -5.9, -3.1], 90);
+    unknown.coverage[0].far = 90;
+    assert_eq!(judged_beside(&[unknown]).constant, None, "nobody recorded any");
     assert_eq!(judged(&GOOD, Support::default()).constant, None, "not tried");
 }
 
@@ -414,9 +426,23 @@ fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
         let question = Question { constants: &constants, ..question(&log) };
         judge(&runs(&GOOD[..1]), &question, Seed::new(1)).expect("judged").doubts
     };
-    assert_eq!(doubts_in_one_member(-20.0), [Doubt::NotBetterThanDefault]);
-    let expected = Doubt::NotBetterThanRandomActions { random: -9.0, promised: -9.0 };
-    assert_eq!(doubts_in_one_member(-9.0), [Doubt::NotBetterThanDefault, expected]);
+    let expected = [Doubt::OneMember, Doubt::NotBetterThanDefault];
+    assert_eq!(doubts_in_one_member(-20.0), expected);
+    let random = Doubt::NotBetterThanRandomActions { random: -9.0, promised: -9.0 };
+    assert_eq!(doubts_in_one_member(-9.0), [&expected[..], &[random]].concat());
+}
+
+#[test]
+fn less_evidence_gives_no_more_confidence() {
+    let log = plain();
+    // No default, and noise: the choice of the first member looks good in it.
+    let question = Question { default: None, ..question(&log) };
+    let doubts = |blocks: usize| {
+        let returns = [[-15.0, -9.0, -12.0], [-15.5, -9.5, -12.0]];
+        judge(&runs(&returns[..blocks]), &question, Seed::new(1)).expect("judged").doubts
+    };
+    assert_eq!(doubts(1), [Doubt::OneMember]);
+    assert_eq!(doubts(2), []);
 }
 
 #[test]

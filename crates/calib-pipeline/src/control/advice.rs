@@ -1,14 +1,16 @@
 //! What a verdict about agents that act tells to do, in words: the same for studies and for Python.
 
 mod beside;
+mod reasons;
 
-use calib_base::output::{counted, percent, significant};
-use calib_control::{BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, ReturnVerdict};
+use calib_base::output::{percent, significant};
+use calib_control::{Doubt, FEWEST_BLOCKS, KINDS_AGREE, ReturnVerdict};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
 
 pub(super) use beside::beyond_whole_episodes;
 use beside::{beside_random_actions, recorded_episodes};
+pub use reasons::Reason;
 
 /// What a user calls what decides about a verdict.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +27,12 @@ pub struct Vocabulary {
     pub fewest_terminals: &'static str,
     /// What the default is.
     pub default: &'static str,
+    /// That no default is compared.
+    pub no_default: &'static str,
+    /// That the default failed.
+    pub default_failed: &'static str,
+    /// What to do about a default that failed.
+    pub mend_default: &'static str,
     /// How to compare more settings.
     pub add_settings: &'static str,
 }
@@ -37,6 +45,9 @@ pub(super) const STUDY: Vocabulary = Vocabulary {
     most_uncovered: "control.most_uncovered",
     fewest_terminals: "control.fewest_terminals",
     default: "the default is the agent of [control.agent], not what runs on the plant",
+    no_default: "The default is not in the grid.",
+    default_failed: "the program failed with the default",
+    mend_default: "mend the program and run the same command again",
     add_settings: "Add values to [control.grid], such as step_size = [0.003, 0.03, 0.3].",
 };
 
@@ -51,12 +62,18 @@ pub(super) const PROGRAM: Vocabulary = Vocabulary {
 pub const PYTHON: Vocabulary = Vocabulary {
     steps: "total_timesteps",
     runs: "runs",
-    members: "control.model.members of the model",
+    members: "members=, and control.model.members of the model",
     most_uncovered: "most_uncovered",
     fewest_terminals: "fewest_terminals",
     default: "the default is the agent as it is without a setting, not what runs on the plant",
+    no_default: "No default was compared.",
+    default_failed: "the default was tried, and failed",
+    mend_default: "see in `failures` why, and mend it, or name another one with default=",
     add_settings: "Add values to the grid.",
 };
+
+/// Reasons on the first screen.
+const MOST_REASONS: usize = 3;
 
 /// Fewest different numbers of a field of which one at the end says that better ones may lie beyond it. Of two each is at an end.
 const FEWEST_NUMBERS: usize = 3;
@@ -98,8 +115,7 @@ impl Advice<'_> {
             )
         } else if verdict.is_supported() {
             let (headline, plain) = if verdict.default == Some(verdict.chosen) {
-                let constant = self.constant_may_do_more();
-                (format!("Keep the default: {chosen}."), format!(", and {default}.{constant}"))
+                (format!("Keep the default: {chosen}."), format!(", and {default}."))
             } else {
                 let over = verdict.over_default.as_ref().map_or_else(String::new, |over| {
                     format!(
@@ -107,7 +123,7 @@ impl Advice<'_> {
                         difference(over)
                     )
                 });
-                (format!("Deploy {chosen}."), format!(".{over}{}", self.constant_may_do_more()))
+                (format!("Deploy {chosen}."), format!(".{over}"))
             };
             let plain = format!("It has the best {rank}{plain}");
             (Support::Supported, "Supported by the log", headline, plain)
@@ -116,10 +132,7 @@ impl Advice<'_> {
                 Support::KeepDefault,
                 "No clear difference",
                 format!("Keep the default: {}.", settings[other]),
-                format!(
-                    "{chosen} is first by {rank}, but may be no better. Here {default}.{}",
-                    self.constant_may_do_more()
-                ),
+                format!("{chosen} is first by {rank}, but may be no better. Here {default}."),
             )
         } else {
             let plain = if self.has_diverged() {
@@ -137,7 +150,7 @@ impl Advice<'_> {
                     ""
                 };
                 format!(
-                    "If agents learn here all the same, use {chosen}. It is first by {rank}{ahead}. Why not to deploy it is listed below."
+                    "First by {rank} is {chosen}{ahead}: the setting for a trial that can do no harm. Why not to deploy it is listed below."
                 )
             };
             (
@@ -153,20 +166,6 @@ impl Advice<'_> {
     /// Whether the choice diverged, and so every other setting: what diverged ranks last.
     fn has_diverged(&self) -> bool {
         self.verdict.doubts.iter().any(|doubt| matches!(doubt, Doubt::Diverged))
-    }
-
-    /// That a constant action got more, where that could be chance. Where it is not, it is a reason against the choice.
-    fn constant_may_do_more(&self) -> String {
-        let constant = self.verdict.constant.as_ref();
-        let more = constant.filter(|constant| {
-            constant.over.as_ref().is_some_and(|over| over.mean.is_finite() && over.mean < 0.0)
-        });
-        more.map_or_else(String::new, |constant| {
-            format!(
-                " Always {} gets more in the models, which could be chance.",
-                self.action(constant.action)
-            )
-        })
     }
 
     /// Whether nothing speaks against the choice but that it may be no better than the default.
@@ -188,6 +187,53 @@ impl Advice<'_> {
         agreement.filter(|agreement| *agreement < KINDS_AGREE)
     }
 
+    /// The first screen: what to do, what the choice gets, and the strongest reasons against it.
+    pub fn summary(&self) -> Vec<String> {
+        let reasons = self.reasons().into_iter().take(MOST_REASONS);
+        [self.decision().headline, self.choice_return()]
+            .into_iter()
+            .chain(reasons.map(|reason| reason.what))
+            .collect()
+    }
+
+    /// What to do, what the choice gets, and everything that this rests on.
+    pub fn why(&self) -> Vec<String> {
+        let Decision { headline, plain, .. } = self.decision();
+        let reasons: Vec<String> = self.reasons().iter().map(Reason::whole).collect();
+        [vec![headline, self.choice_return(), plain], reasons, self.findings()].concat()
+    }
+
+    /// What the choice gets: beside the default, where that is another setting, and else beside what was recorded.
+    fn choice_return(&self) -> String {
+        let Self { verdict, settings, .. } = self;
+        let chosen = &settings[verdict.chosen];
+        let promised = verdict.selection.mean_errors[verdict.chosen];
+        if !promised.is_finite() {
+            return format!("{chosen} diverged in a model.");
+        }
+        let first = if settings.len() > 1 {
+            format!("{chosen} is first by {}", rank_name(verdict.rule))
+        } else {
+            chosen.clone()
+        };
+        let has_other = verdict.default.is_some_and(|default| default != verdict.chosen);
+        let over_other =
+            verdict.over_default.as_ref().filter(|over| has_other && over.mean.is_finite());
+        match over_other {
+            Some(over) => format!(
+                "{first}: {} per episode than the default in the models{}.",
+                amount(over.mean),
+                over.interval.map_or_else(String::new, interval_of_amounts)
+            ),
+            None => format!(
+                "{first}: {} per episode in the models, and recorded episodes got {}{}.",
+                significant(promised),
+                significant(verdict.behaviour.mean),
+                verdict.behaviour.interval.map_or_else(String::new, interval)
+            ),
+        }
+    }
+
     /// What the decision rests on.
     pub fn findings(&self) -> Vec<String> {
         let verdict = self.verdict;
@@ -198,10 +244,10 @@ impl Advice<'_> {
             }
             Some(over) => lines.push(format!("Over the default: {}.", difference(over))),
             None if verdict.doubts.contains(&Doubt::DefaultFailed) => {
-                lines.push("The program failed with the default.".to_owned());
+                lines.push("The default was tried, and failed.".to_owned());
             }
             None if verdict.default.is_none() => {
-                lines.push("The default is not in the grid.".to_owned());
+                lines.push(self.vocabulary.no_default.to_owned());
             }
             None => lines.push("The default diverged in the model as well.".to_owned()),
         }
@@ -327,89 +373,8 @@ impl Advice<'_> {
         lines
     }
 
-    /// What always taking one action would get, which needs no agent.
-    fn beside_constant(&self, constant: &BestConstant) -> String {
-        let BestConstant { action, mean_return, uncovered, over } = constant;
-        let over = more_than_that(over.as_ref());
-        format!(
-            "Best constant action: always {} gets {} in the model, where {} of its steps are not covered.{over}",
-            self.action(*action),
-            significant(*mean_return),
-            percent(*uncovered),
-        )
-    }
-
     fn action(&self, number: usize) -> &str {
         self.actions.get(number).map_or("?", String::as_str)
-    }
-
-    /// Why the log does not support the choice, and what to do about each reason.
-    pub fn reasons(&self) -> Vec<String> {
-        self.verdict.doubts.iter().map(|doubt| self.reason(doubt)).collect()
-    }
-
-    fn reason(&self, doubt: &Doubt) -> String {
-        let Vocabulary { steps, runs, most_uncovered, fewest_terminals, .. } = self.vocabulary;
-        match doubt {
-            Doubt::ActionNeverTaken { action } => format!(
-                "{} was never taken: no model knows what it does; record some steps with it",
-                self.action(*action)
-            ),
-            Doubt::Uncovered { share } => format!(
-                "{} of the chosen setting's steps lie where the log has no such action; record more varied actions, or allow more with {most_uncovered}",
-                percent(*share)
-            ),
-            Doubt::FewTerminals { terminals } => format!(
-                "only {} {} in a terminal, and choices depend on what leads there; record more, or allow fewer with {fewest_terminals}",
-                counted(*terminals, "episode"),
-                if *terminals == 1 { "ends" } else { "end" }
-            ),
-            Doubt::NotToldApart => format!(
-                "the models together show no clear difference between the settings; sweep settings that differ more, or longer ({steps})"
-            ),
-            Doubt::NotBetterThanDefault => format!(
-                "over blocks of the log there is no clear difference between the chosen setting and the default: keep the default, or sweep with more runs ({runs}) or longer ({steps})"
-            ),
-            Doubt::BelowRecorded { promised, recorded } => format!(
-                "the chosen setting gets {} per episode in the model, learning included, and the recorded behaviour got {}: keep that, or let agents learn for longer ({steps})",
-                significant(*promised),
-                significant(*recorded)
-            ),
-            Doubt::AboveRecorded { promised, best } => format!(
-                "the model promises {} per episode, and no recorded episode got more than {}: nothing in the record shows that so much is possible; record better episodes, or try the choice where it can do no harm",
-                significant(*promised),
-                significant(*best)
-            ),
-            Doubt::WorseThanConstant { action, constant, promised } => format!(
-                "always taking {} gets {} per episode in the model, and the chosen setting gets {}, learning included: take that action, or let agents learn for longer ({steps})",
-                self.action(*action),
-                significant(*constant),
-                significant(*promised)
-            ),
-            Doubt::NotBetterThanRandomActions { random, promised } => {
-                self.random_actions_may_be_as_good(*random, *promised)
-            }
-            Doubt::RareTerminals { in_model, in_log } => format!(
-                "{} of the chosen setting's steps in the model end an episode in a terminal, and {} of the recorded ones: its agents go where the log hardly shows what ends an episode; record steps there",
-                percent(*in_model),
-                percent(*in_log)
-            ),
-            Doubt::Displaced { column, mean, error } => format!(
-                "jumps between recorded rows move {} by {} times its recorded range in an episode of the chosen setting in the model (standard error {}), always to the \
-                 same side: together they undo what its actions do, for example if an actuator was never recorded beyond some level; record steps there, or take the change of \
-                 the column for the action",
-                self.columns.get(*column).map_or("?", String::as_str),
-                significant(*mean),
-                significant(*error)
-            ),
-            Doubt::DefaultFailed => {
-                "the program failed with the default, so that the choice cannot be compared with it; mend the program and run the same command again"
-                    .to_owned()
-            }
-            Doubt::Diverged => {
-                "the chosen setting diverged in a model; sweep smaller step sizes".to_owned()
-            }
-        }
     }
 }
 
@@ -421,14 +386,10 @@ fn finite(value: &str) -> Option<f64> {
 /// What the chosen setting gets beside a policy that learns nothing.
 fn more_than_that(over: Option<&Difference>) -> String {
     let Some(over) = over.filter(|over| over.mean.is_finite()) else { return String::new() };
-    let interval = over.interval.map_or_else(String::new, |interval| {
-        let is_chance = interval.low < 0.0 && interval.high > 0.0;
-        format!(
-            " (95 % over blocks of the log: {} to {}){}",
-            amount(interval.low),
-            amount(interval.high),
-            if is_chance { ", which could be chance" } else { "" }
-        )
+    let interval = over.interval.map_or_else(String::new, |around| {
+        let is_chance = around.low < 0.0 && around.high > 0.0;
+        let chance = if is_chance { ", which could be chance" } else { "" };
+        format!("{}{chance}", interval_of_amounts(around))
     });
     format!(" The chosen setting gets {} than that{interval}.", amount(over.mean))
 }
@@ -449,6 +410,11 @@ fn difference(difference: &Difference) -> String {
 
 fn interval(interval: Interval) -> String {
     format!(" (95 %: {} to {})", significant(interval.low), significant(interval.high))
+}
+
+fn interval_of_amounts(interval: Interval) -> String {
+    let [low, high] = [interval.low, interval.high].map(amount);
+    format!(" (95 % over blocks of the log: {low} to {high})")
 }
 
 /// "2.5 more" or "2.5 less".

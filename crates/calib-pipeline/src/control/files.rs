@@ -19,7 +19,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    advice::{Advice, STUDY},
+    advice::{Advice, Reason, STUDY},
     agents::{ActingAgent, ComparedAgents, ProgramIdentity, SettingFailure},
     conduct::AgentConduct,
     described::ActionLogSummary,
@@ -46,7 +46,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 12;
+    const FORMAT: u32 = 13;
 
     fn format(&self) -> u32 {
         self.format
@@ -160,9 +160,15 @@ impl ControlEvaluation {
 
     /// Why the log does not support the choice, and what is missing from it.
     pub(super) fn warnings(&self) -> Vec<String> {
-        let mut warnings = self.advise(|advice| advice.reasons());
-        warnings.extend(self.failures.iter().map(SettingFailure::warning));
+        let reasons = self.advise(|advice| advice.reasons());
+        let mut warnings: Vec<String> = reasons.iter().map(Reason::whole).collect();
+        warnings.extend(self.failed_settings());
         warnings
+    }
+
+    /// That a program failed with some settings.
+    pub(super) fn failed_settings(&self) -> Vec<String> {
+        self.failures.iter().map(SettingFailure::warning).collect()
     }
 }
 

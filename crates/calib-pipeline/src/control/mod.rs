@@ -22,7 +22,7 @@ mod simulate;
 mod units;
 mod work_left;
 
-pub use advice::{Advice, PYTHON, Vocabulary};
+pub use advice::{Advice, PYTHON, Reason, Vocabulary};
 pub use agents::ActingAgent;
 pub use files::ControlEvaluation;
 pub(crate) use files::{ControlSummary, VerdictStanding};

@@ -6,7 +6,8 @@ use calib_base::{
     output::{Printer, bytes, count, counted, duration_of_secs},
 };
 use calib_control::{
-    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, off_policy_bytes,
+    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, FixedWalks, RunLength,
+    off_policy_bytes,
 };
 use calib_model_steps::represent::{RepresentationCost, decisions};
 use calib_study::Job;
@@ -165,9 +166,11 @@ impl ControlTime {
             });
             runs_secs += side_by_side(&runs.collect::<Vec<_>>(), threads);
             if work.extent == Extent::All {
-                let policies = left.members.saturating_mul(log.levels() + 1);
-                let secs = config.runs as f64 * steps * kind.step;
-                other_secs += side_by_side(&[Pieces { count: policies, secs }], threads);
+                let span = RunLength { steps: config.steps, timeout: config.timeout };
+                let walks = FixedWalks::new(config.runs, span, log.levels());
+                let count = left.members.saturating_mul(walks.in_member(log.levels()));
+                let secs = steps * kind.step;
+                other_secs += side_by_side(&[Pieces { count, secs }], threads);
             }
         }
         if work.extent == Extent::All {
@@ -450,9 +453,9 @@ mod tests {
         // Two runs of each setting, in steps of 2 and 4 seconds, and of 3 and 5.
         let kept = 8.0 * KEEPING_SECS;
         assert!((all.runs_secs - 10.0 * 2.0 * (2.0 + 4.0 + 3.0 + 5.0) - kept).abs() < 1e-9);
-        // Two constant actions and a random one in two members of both kinds; both agents by the log; one of them again.
+        // 32 walks of random actions, and as many of two constant ones, in two members of both kinds; both agents by the log; one of them again.
         let [constant, by_the_log, again] =
-            [10.0 * 6.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];
+            [10.0 * 128.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];
         assert_eq!(all.other_secs, constant + by_the_log + again);
         assert_eq!(all.secs, all.models_secs + all.runs_secs + all.other_secs);
         let part = time(&work(Extent::Share, [1, 0], 1));

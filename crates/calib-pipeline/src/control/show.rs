@@ -5,7 +5,7 @@ use calib_base::{
 };
 use calib_control::Importance;
 use calib_stats::RankRule;
-use calib_study::Job;
+use calib_study::{Job, StepKind};
 
 use super::{
     advice::rank_name,
@@ -24,22 +24,27 @@ impl Told for ControlEvaluation {
         if self.verdict.is_supported() { Outcome::Done } else { Outcome::Negative }
     }
 
-    fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
+    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
         if printer.is_json() {
             printer.json(&ControlSummary::from(self))?;
-        } else {
-            self.advise(|advice| {
-                let decision = advice.decision();
-                printer.result(&decision.headline)?;
-                for sentence in std::iter::once(decision.plain).chain(advice.findings()) {
-                    printer.result(&format!("    {sentence}"))?;
-                }
-                Ok::<_, StepError>(())
-            })?;
-            printer.lines(&candidates(self))?;
-            printer.lines(&actions(&self.log))?;
+            for warning in self.warnings() {
+                printer.warn(&warning);
+            }
+            return Ok(());
         }
-        for warning in self.warnings() {
+        let explains = printer.is_explaining();
+        let told = self.advise(|advice| if explains { advice.why() } else { advice.summary() });
+        for (place, line) in told.iter().enumerate() {
+            let indent = if place == 0 { "" } else { "    " };
+            printer.result(&format!("{indent}{line}"))?;
+        }
+        printer.lines(&candidates(self))?;
+        if explains {
+            printer.lines(&actions(&self.log))?;
+        } else {
+            printer.say(&format!("all reasons: {} --why", job.command(StepKind::Control)));
+        }
+        for warning in self.failed_settings() {
             printer.warn(&warning);
         }
         Ok(())

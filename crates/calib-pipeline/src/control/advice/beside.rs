@@ -1,13 +1,34 @@
-//! What the choice gets beside actions at random, and beside what was recorded.
+//! What the choice gets beside policies that learn nothing, and beside what was recorded.
 
-use calib_base::output::significant;
-use calib_control::{OutlyingMember, RandomActions, RecordedReturn};
+use calib_base::output::{percent, significant};
+use calib_control::{BestConstant, OutlyingMember, RandomActions, RecordedReturn};
+use calib_report::listed;
 
-use super::{Advice, Vocabulary, amount, interval, more_than_that};
+use super::{Advice, Reason, Vocabulary, interval, interval_of_amounts, more_than_that};
 
 impl Advice<'_> {
+    /// That a constant action gets more, and what to do: that depends on whether it could be chance.
+    pub(super) fn constant_gets_more(&self, action: usize, constant: f64, promised: f64) -> Reason {
+        let steps = self.vocabulary.steps;
+        let told = format!(
+            "always taking {} gets {} per episode in the model, and the chosen setting gets {}, learning included",
+            self.action(action),
+            significant(constant),
+            significant(promised)
+        );
+        let learn = format!("or let agents learn for longer ({steps})");
+        let over = self.verdict.constant.as_ref().and_then(|best| best.over.as_ref());
+        match over.and_then(|over| over.interval) {
+            Some(around) if around.high > 0.0 => Reason {
+                what: format!("{told}, which could be chance{}", interval_of_amounts(around)),
+                remedy: format!("try that action first, {learn}"),
+            },
+            _ => Reason { what: told, remedy: format!("take that action, {learn}") },
+        }
+    }
+
     /// That the choice may get no more than random actions, and what to do: that depends on whether one member is the reason.
-    pub(super) fn random_actions_may_be_as_good(&self, random: f64, promised: f64) -> String {
+    pub(super) fn random_actions_may_be_as_good(&self, random: f64, promised: f64) -> Reason {
         let Vocabulary { steps, runs, members, .. } = self.vocabulary;
         let beside = self.verdict.random_actions.as_ref();
         let over = beside.and_then(|beside| beside.over.as_ref()).filter(|over| over.mean > 0.0);
@@ -18,26 +39,47 @@ impl Advice<'_> {
         );
         let learn = "record more varied actions, sweep settings that explore less,";
         let Some(around) = over.and_then(|over| over.interval) else {
-            return format!(
-                "{told}: that it learns anything of use is not shown; {learn} or let agents learn for longer ({steps})"
-            );
+            return Reason {
+                what: format!("{told}: that it learns anything of use is not shown"),
+                remedy: format!("{learn} or let agents learn for longer ({steps})"),
+            };
         };
-        let chance = format!(
-            "{told}, which could be chance (95 % over blocks of the log: {} to {})",
-            amount(around.low),
-            amount(around.high)
-        );
+        let chance = format!("{told}, which could be chance{}", interval_of_amounts(around));
         match beside.and_then(|beside| beside.outlying) {
-            Some(OutlyingMember { kind, member, chosen_return }) => format!(
-                "{chance}: without the {} of ensemble member {member}, in which it gets {}, the interval would exclude 0; make more runs ({runs}), or use more \
-                 ensemble members ({members})",
-                kind.name(),
-                significant(chosen_return)
-            ),
-            None => format!(
-                "{chance}; {learn} let agents learn for longer ({steps}), or narrow the interval with more ensemble members ({members})"
-            ),
+            Some(OutlyingMember { kind, member, chosen_return }) => Reason {
+                what: format!(
+                    "{chance}: without the {} of ensemble member {member}, in which it gets {}, the interval would exclude 0",
+                    kind.name(),
+                    significant(chosen_return)
+                ),
+                remedy: format!(
+                    "make more runs ({runs}), or use more ensemble members ({members})"
+                ),
+            },
+            None => Reason {
+                what: chance,
+                remedy: format!(
+                    "{learn} let agents learn for longer ({steps}), or narrow the interval with more ensemble members ({members})"
+                ),
+            },
         }
+    }
+
+    /// What always taking one action would get, which needs no agent.
+    pub(super) fn beside_constant(&self, constant: &BestConstant) -> String {
+        let BestConstant { action, mean_return, uncovered, over, kinds } = constant;
+        let over = more_than_that(over.as_ref());
+        let each: Vec<String> = kinds
+            .iter()
+            .map(|own| format!("{} in {}", significant(own.mean_return), own.kind.name()))
+            .collect();
+        let each = if each.len() > 1 { format!(" ({})", listed(&each)) } else { String::new() };
+        format!(
+            "Best constant action: always {} gets {} in the model{each}, where {} of its steps are not covered.{over}",
+            self.action(*action),
+            significant(*mean_return),
+            percent(*uncovered),
+        )
     }
 }
 

@@ -1,4 +1,7 @@
-use calib_control::{ActionModelKind, KindReturns, OutlyingMember, RandomActions, RecordedReturn};
+use calib_control::{
+    ActionModelKind, BestConstant, KindMean, KindReturns, OutlyingMember, RandomActions,
+    RecordedReturn,
+};
 use serde_json::json;
 
 use super::*;
@@ -50,11 +53,12 @@ fn a_setting_is_named_where_nothing_should_be_deployed() {
     let alike = json!({ "reason": "not_better_than_default" });
     let ahead = decision(&json!([promise]), STUDY);
     assert_eq!(ahead.headline, "Deploy nothing on this evidence.");
-    let named = "If agents learn here all the same, use a=2. It is first by mean rank";
+    let named = "First by mean rank is a=2";
     assert!(ahead.plain.starts_with(&format!("{named}, and clearly ahead")), "{ahead:?}");
+    assert!(ahead.plain.contains("for a trial that can do no harm"), "{ahead:?}");
     let behind = decision(&json!([promise, alike]), STUDY);
     assert_eq!((behind.support, &behind.headline), (Support::Unsupported, &ahead.headline));
-    assert!(behind.plain.starts_with(&format!("{named}. Why not")), "{behind:?}");
+    assert!(behind.plain.starts_with(&format!("{named}: the setting for")), "{behind:?}");
     let arbitrary = decision(&json!([promise, { "reason": "not_told_apart" }]), STUDY);
     assert!(arbitrary.plain.starts_with("First by mean rank is a=2."), "{arbitrary:?}");
     let kept = decision(&json!([alike]), PYTHON);
@@ -133,7 +137,7 @@ fn more_than_random_actions_get_is_told_with_its_interval() {
         verdict.random_actions = Some(RandomActions { mean_return: 24.0, over, outlying });
         let settings = ["a=1", "a=2"].map(str::to_owned);
         let advice = advice_on(&verdict, &settings);
-        advice.reasons().remove(0)
+        advice.reasons().remove(0).whole()
     };
     let chance = reason(Some(-12.0), None);
     let told = "gets 38.0, learning included, which could be chance (95 % over blocks of the log: 12.0 less to 40.0 more); record";
@@ -259,8 +263,102 @@ fn a_choice_at_the_end_of_the_grid_is_told() {
 fn arguments_have_the_names_of_the_language() {
     let verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
     let settings = ["a=1", "a=2"].map(str::to_owned);
-    let reason =
-        |vocabulary| Advice { vocabulary, ..advice_on(&verdict, &settings) }.reasons().remove(0);
+    let reason = |vocabulary| {
+        Advice { vocabulary, ..advice_on(&verdict, &settings) }.reasons().remove(0).whole()
+    };
     assert!(reason(STUDY).ends_with("with control.fewest_terminals"), "{}", reason(STUDY));
     assert!(reason(PYTHON).ends_with("with fewest_terminals"), "{}", reason(PYTHON));
+}
+
+#[test]
+fn the_first_screen_has_the_number_and_the_strongest_reasons() {
+    let doubts = json!([
+        { "reason": "few_terminals", "terminals": 1 },
+        { "reason": "above_recorded", "promised": 3.0, "best": 2.0 },
+        { "reason": "uncovered", "share": 0.9 },
+        { "reason": "not_better_than_default" },
+        { "reason": "below_recorded", "promised": 3.0, "recorded": 4.0 },
+    ]);
+    let mut verdict = verdict(&doubts);
+    let interval = Some(Interval { low: -1.0, high: 5.0 });
+    verdict.over_default = verdict.over_default.map(|over| Difference { interval, ..over });
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let advice = advice_on(&verdict, &settings);
+    let shown = advice.summary();
+    assert_eq!(shown.len(), 2 + MOST_REASONS, "{shown:?}");
+    assert_eq!(shown[0], "Deploy nothing on this evidence.");
+    let number = "a=2 is first by mean rank: 2.00 more per episode than the default in the models (95 % over blocks of the log: 1.00 less to 5.00 more).";
+    assert_eq!(shown[1], number);
+    let parts = ["the recorded behaviour got 4.00", "has no such action", "no clear difference"];
+    for (line, part) in shown[2..].iter().zip(parts) {
+        assert!(line.contains(part) && !line.contains(';'), "{shown:?}");
+    }
+    let all = advice.why();
+    assert_eq!(all[..2], shown[..2]);
+    let reasons: Vec<String> = advice.reasons().iter().map(Reason::whole).collect();
+    assert_eq!(all[3..3 + reasons.len()], reasons[..], "after what the headline means");
+    assert_eq!(all[3 + reasons.len()..], advice.findings()[..]);
+    // Without another default the choice stands beside what was recorded.
+    for default in [None, Some(1)] {
+        let alone = ReturnVerdict { default, ..verdict.clone() };
+        let shown = advice_on(&alone, &settings).summary();
+        let number = "a=2 is first by mean rank: 3.00 per episode in the models, and recorded episodes got 1.00.";
+        assert_eq!(shown[1], number);
+    }
+}
+
+#[test]
+fn one_member_supports_nothing() {
+    let verdict = verdict(&json!([{ "reason": "one_member" }]));
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let advice = advice_on(&verdict, &settings);
+    assert_eq!(advice.decision().headline, "Deploy nothing on this evidence.");
+    let reason = advice.reasons().remove(0).whole();
+    assert!(reason.ends_with("use 4 ensemble members or more (control.model.members)"), "{reason}");
+}
+
+#[test]
+fn a_default_that_failed_is_not_said_to_be_missing() {
+    let told = |doubts: serde_json::Value, vocabulary: Vocabulary| {
+        let verdict = ReturnVerdict { default: None, over_default: None, ..verdict(&doubts) };
+        let settings = ["a=1", "a=2"].map(str::to_owned);
+        Advice { vocabulary, ..advice_on(&verdict, &settings) }.why().join("\n")
+    };
+    let failed = json!([{ "reason": "default_failed" }]);
+    let python = told(failed.clone(), PYTHON);
+    assert!(python.contains("the default was tried, and failed, so that"), "{python}");
+    assert!(!python.contains("No default was compared") && !python.contains("grid"), "{python}");
+    let program = told(failed, PROGRAM);
+    assert!(program.contains("the program failed with the default, so that"), "{program}");
+    assert!(told(json!([]), PYTHON).contains("No default was compared."));
+    assert!(told(json!([]), STUDY).contains("The default is not in the grid."));
+}
+
+#[test]
+fn a_constant_action_is_told_with_its_kinds_and_whether_it_could_be_chance() {
+    let doubt =
+        json!([{ "reason": "worse_than_constant", "action": 0, "constant": 4, "promised": 3 }]);
+    let told = |high: f64| {
+        let mut verdict = verdict(&doubt);
+        let interval = Some(Interval { low: -3.0, high });
+        let kinds = [(ActionModelKind::Neighbors, 132.0), (ActionModelKind::Increments, 10.0)];
+        verdict.constant = Some(BestConstant {
+            action: 0,
+            mean_return: 71.0,
+            uncovered: 0.0,
+            over: verdict.over_default.map(|over| Difference { mean: -1.0, interval, ..over }),
+            kinds: kinds.map(|(kind, mean_return)| KindMean { kind, mean_return }).to_vec(),
+        });
+        let (settings, actions) = (["a=1", "a=2"].map(str::to_owned), ["off".to_owned()]);
+        let advice = Advice { actions: &actions, ..advice_on(&verdict, &settings) };
+        assert_eq!(advice.decision().support, Support::Unsupported);
+        advice.why().join("\n")
+    };
+    let chance = told(1.0);
+    let kinds = "always off gets 71.0 in the model (132 in neighbors and 10.0 in increments)";
+    assert!(chance.contains(kinds), "{chance}");
+    let could = "gets 3.00, learning included, which could be chance (95 % over blocks of the log: 3.00 less to 1.00 more); try that action first";
+    assert!(chance.contains(could), "{chance}");
+    let sure = told(-0.5);
+    assert!(sure.contains("learning included; take that action"), "{sure}");
 }
