@@ -74,7 +74,12 @@ pub(super) fn best_constant(
         .filter(|&action| first.coverage[action].uncovered() <= most_uncovered)
         .map(|action| {
             let members = own.len();
-            (action, over_all_kinds(constants, members, |own, member| own.members[member][action]))
+            (
+                action,
+                over_all_kinds(constants, members, |of_kind, member| {
+                    of_kind.members[member][action]
+                }),
+            )
         });
     // Of equal ones the first.
     let best =

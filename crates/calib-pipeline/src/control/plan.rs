@@ -453,7 +453,8 @@ mod tests {
         // Two runs of each setting, in steps of 2 and 4 seconds, and of 3 and 5.
         let kept = 8.0 * KEEPING_SECS;
         assert!((all.runs_secs - 10.0 * 2.0 * (2.0 + 4.0 + 3.0 + 5.0) - kept).abs() < 1e-9);
-        // 32 walks of random actions, and as many of two constant ones, in two members of both kinds; both agents by the log; one of them again.
+        // 32 walks of random actions, and 16 of each of two constant ones, in two members of both kinds; both agents by the log; one of
+        // them again.
         let [constant, by_the_log, again] =
             [10.0 * 128.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];
         assert_eq!(all.other_secs, constant + by_the_log + again);
