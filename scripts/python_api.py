@@ -24,7 +24,7 @@ CONTENTS = {
         "Studies and verdicts",
         "Run a study from Python and read its results.",
         "calib_rl",
-        ["Study", "Verdict", "Runs", "Rollouts", "Observer", "Printed", "CalibError", "StudyError"],
+        ["Study", "Verdict", "Runs", "Rollouts", "Observer", "Printed", "CalibError", "StudyError", "CalibWarning"],
     ),
     "models": (
         "Models",
@@ -60,7 +60,7 @@ CONTENTS = {
 }
 # Names that the reference leaves to others: the version, and types of arguments.
 BESIDE = {"__version__", "Factory", "Values"}
-SECTIONS = ("Args", "Returns", "Raises", "Examples", "Attributes")
+SECTIONS = ("Args", "Returns", "Raises", "Warns", "Examples", "Attributes")
 Definition = ast.FunctionDef | ast.ClassDef
 
 
@@ -159,7 +159,7 @@ def signature(node: ast.FunctionDef, name: str) -> str:
 def described(documented: dict[str, str]) -> str:
     """What a docstring says, as Markdown."""
     out = [paragraphs(documented[""])]
-    for section, title in (("Args", "Arguments"), ("Attributes", "Attributes"), ("Raises", "Raises")):
+    for section, title in (("Args", "Arguments"), ("Attributes", "Attributes"), ("Raises", "Raises"), ("Warns", "Warns")):
         if entries := listed(documented.get(section, "")):
             rows = "\n".join(f"- `{name}`: {paragraphs(text, '    ', len(name) + 6)}" for name, text in entries)
             out.append(f"**{title}**\n\n{rows}")
@@ -187,7 +187,7 @@ class Reference:
 
     def function(self, node: ast.FunctionDef, name: str, level: str, title: str, wants_example: bool) -> str:
         documented = divided(ast.get_docstring(node) or "")
-        taken = [*node.args.args, *node.args.kwonlyargs]
+        taken = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
         wanted = {of.arg for of in taken if of.arg not in ("self", "cls")}
         wanted |= {of.arg for of in (node.args.vararg, node.args.kwarg) if of is not None}
         said = {entry for entry, _ in listed(documented.get("Args", ""))}

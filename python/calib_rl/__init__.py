@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ._acting import Action, ActionModel, Decisions, Recorded
 from ._calib import __version__
 from ._control_agent import AgentAction, ControlAgent, Training
-from ._errors import CalibError, StudyError
+from ._errors import CalibError, CalibWarning, StudyError
 from ._functions import Warping, build_model, dtw, knn_join, set_threads, simulate
 from ._model import Model
 from ._progress import Observer, Printed
@@ -45,6 +45,7 @@ __all__ = [
     "ActionModel",
     "AgentAction",
     "CalibError",
+    "CalibWarning",
     "ControlAgent",
     "Decisions",
     "Failure",

@@ -1,4 +1,4 @@
-"""What calib refuses, with the texts of the command line."""
+"""What calib refuses and warns of, with the texts of the command line."""
 
 
 class CalibError(Exception):
@@ -28,4 +28,14 @@ class StudyError(CalibError, ValueError):
         True
     """
 
-CalibError.__module__ = StudyError.__module__ = "calib_rl"
+
+class CalibWarning(UserWarning):
+    """What calib warns of, such as rows of a log that are left out. `build_model` issues it through ``warnings``.
+
+    Examples:
+        >>> import calib_rl, warnings
+        >>> warnings.simplefilter("ignore", calib_rl.CalibWarning)
+    """
+
+
+CalibError.__module__ = StudyError.__module__ = CalibWarning.__module__ = "calib_rl"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, overload
@@ -13,10 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
-from ._checks import whole
 from ._acting import ActionModel
+from ._built_study import write_built_study
+from ._checks import whole
+from ._errors import CalibWarning
+from ._frames import Table, arrow_stream, table_of
 from ._model import Model, of_arrays
-from ._progress import Observer, observer
+from ._progress import Heard, Observer, observer
 from ._study import Study
 
 Index = Literal["auto", "kd_tree", "join", "scan"]
@@ -67,11 +71,13 @@ class Warping(NamedTuple):
 
 @overload
 def build_model(
-    data: Any,
+    log: Any,
+    /,
     folder: str | os.PathLike[str],
     *,
     actions: Sequence[str],
     reward: str | Sequence[Mapping[str, Any]],
+    reward_row: Literal["next", "same"] | None = None,
     terminal: str | None = None,
     levels: int | None = None,
     timeout: int | None = None,
@@ -80,7 +86,8 @@ def build_model(
 ) -> ActionModel: ...
 @overload
 def build_model(
-    data: Any,
+    log: Any,
+    /,
     folder: str | os.PathLike[str] | None = None,
     *,
     segments: Sequence[int] | None = None,
@@ -88,12 +95,14 @@ def build_model(
     **sections: Any,
 ) -> Model: ...
 def build_model(
-    data: Any,
+    log: Any,
+    /,
     folder: str | os.PathLike[str] | None = None,
     *,
     segments: Sequence[int] | None = None,
     actions: Sequence[str] | None = None,
     reward: str | Sequence[Mapping[str, Any]] | None = None,
+    reward_row: Literal["next", "same"] | None = None,
     terminal: str | None = None,
     levels: int | None = None,
     timeout: int | None = None,
@@ -103,7 +112,7 @@ def build_model(
     """Build a calibration model of whatever holds the data.
 
     Args:
-        data: One of these:
+        log: One of these. It has no name, because ``data`` is a section of the study:
 
             - anything with ``__arrow_c_stream__`` (frames of polars and pandas, tables of pyarrow, relations of DuckDB): a column of
               times and one a channel. It is written as ``folder/log.parquet``, batch by batch and without a copy of the whole, and goes
@@ -112,9 +121,11 @@ def build_model(
             - an array of normalised states ``[n, d]``, real numbers of any type and layout: copied once, as ``float32``.
         folder: Where the study, the log and the results go. Tables and paths need it.
         segments: Of an array: rows of each unbroken segment. All rows are one without it.
-        actions: Columns of what was done in a row, for agents that act: the model is one with actions then. All of the log is read, unless ``data`` says
-            otherwise.
+        actions: Columns of what was done in a row, for agents that act: the model is one with actions then. All of the log is read, unless ``data=``
+            says otherwise. All other columns of numbers are the state, but for ``reward``, ``terminal`` and what ``data={"exclude": [...]}`` names.
         reward: The column of the reward of the step that led to a row, or terms, such as ``[{"column": "flow", "weight": 1.0}]``.
+        reward_row: ``"next"``, the default, if the reward and the terminal of a step are in the row that it led to. ``"same"`` if they are in the
+            row of its action, as in logs of steps ``(state, action, reward, done)``.
         terminal: The column that is 1 where an episode ends, if there is one. An episode also ends where the log has a gap.
         levels: Of actions that are numbers: how many levels of each column agents choose among. A few values far from all others count as missing.
             Every combination that was recorded is an action without it.
@@ -129,10 +140,14 @@ def build_model(
     Raises:
         CalibError: A value of an array is NaN or infinite. A log is wrong, or has one action. ``folder/log.parquet`` is there, and calib did not write it.
         StudyError: A section is not valid. Nothing is written then.
-        FileExistsError: ``folder/study.toml`` holds another study.
+        FileExistsError: ``folder`` has a model of other arguments, or a study of another origin. A study of a call that failed is replaced.
+        ImportError: A frame of pandas needs pyarrow or polars. Nothing is written then.
         TypeError: The data is something else, or has no real numbers. There is no such argument.
         ValueError: An argument is outside its range.
         MemoryError: There is no memory for a copy of an array.
+
+    Warns:
+        CalibWarning: What in the log costs rows, or may mean something else. It is issued whatever ``progress`` is.
 
     Examples:
         >>> import numpy as np
@@ -141,19 +156,20 @@ def build_model(
         >>> calib_rl.build_model(states, segments=[300, 200], members=4, neighbors=2)
         <calib_rl.Model: 4 members of 498 transitions, 2 neighbours, 4 columns>
     """
-    acting: dict[str, Any] = {"reward": reward, "terminal": terminal, "levels": levels, "timeout": timeout}
+    acting: dict[str, Any] = {"reward": reward, "reward_row": reward_row, "terminal": terminal, "levels": levels, "timeout": timeout}
     if actions is None and (stray := [name for name, value in acting.items() if value is not None]):
         raise TypeError(f"{stray[0]} is for models with actions; name the columns of what was done with actions=")
     if isinstance(actions, str):
         raise TypeError(f"actions is {actions!r}, expected a list of columns, such as [{actions!r}]")
-    stream = getattr(data, "__arrow_c_stream__", None)
-    is_path = isinstance(data, (str, os.PathLike))
-    if stream is None and not is_path:
+    table = table_of(log)
+    is_path = isinstance(log, (str, os.PathLike))
+    heard = Heard(progress)
+    if table is None and not is_path:
         if actions is not None:
             raise TypeError("a model with actions is made of a table with a column of times, or of logs; got an array")
         if folder is not None:
             raise TypeError("a model of an array lies in memory, without a folder; give a table with a column of times instead")
-        return of_arrays(data, segments, sections, progress)
+        return of_arrays(log, segments, sections, progress)
     if segments is not None:
         raise TypeError("segments are for arrays; those of a log follow from its times")
     _refuse_unknown(sections, actions is not None)
@@ -163,19 +179,46 @@ def build_model(
         acting["timeout"] = whole(timeout, "timeout", 1)
     if folder is None:
         raise TypeError("folder says where the model of a log lies")
-    folder = Path(folder)
     # Paths in a study follow its file, so that the folder can be moved with what is in it.
-    path = str(Path(data).absolute()) if is_path else "log.parquet"
-    own = {**sections.pop("data", {}), "path": path}
+    own = {**sections.pop("data", {}), "path": str(Path(log).absolute()) if is_path else _LOG}
     if actions is not None:
         # Nothing is held out: agents are compared in the members, each of which lacks a block.
         own = {"train_fraction": 1.0, **own}
         given = {name: value for name, value in acting.items() if value is not None}
         sections["control"] = {**sections.get("control", {}), "actions": list(actions), **given}
-    study = Study(data=own, path=folder / "study.toml", **sections)
+    study = _written(Path(folder) / "study.toml", {"data": own, **sections}, table)
+    heard.warnings.extend(table.left_out if table is not None else [])
+    try:
+        return study.build_model(progress=heard) if actions is None else study.build_control_model(progress=heard)
+    finally:
+        for text in heard.warnings:
+            warnings.warn(text, CalibWarning, stacklevel=2)
+
+
+# The file that a table is written to.
+_LOG = "log.parquet"
+
+
+def _written(path: Path, sections: dict[str, Any], table: Table | None) -> Study:
+    """The study of these sections, written at ``path``, and the log of a table beside it.
+
+    Raises:
+        StudyError: A section is not valid. Nothing is written then.
+        FileExistsError: The file holds another study.
+        ImportError: A frame of pandas cannot be read. Nothing is written then.
+    """
+    # These are said beside a study, and are no part of its file.
+    output = sections.pop("output", None)
+    beside: dict[str, Any] = {"output": None if output is None else os.fspath(output)}
+    if isinstance(sections.get("model"), str):
+        beside["model"] = sections.pop("model")
+    text = _calib.to_toml(sections)
+    _calib.Job(os.fspath(path), text, **beside)
+    stream = None if table is None else arrow_stream(table.columns)
+    write_built_study(path, text, beside["output"])
     if stream is not None:
-        _calib.write_log(stream(), os.fspath(folder / path))
-    return study.build_model(progress=progress) if actions is None else study.build_control_model(progress=progress)
+        _calib.write_log(stream, os.fspath(path.parent / _LOG))
+    return Study(path, **beside)
 
 
 def _refuse_unknown(sections: Mapping[str, Any], is_acting: bool) -> None:
@@ -187,7 +230,7 @@ def _refuse_unknown(sections: Mapping[str, Any], is_acting: bool) -> None:
     unknown = next((name for name in sections if name not in SECTIONS), None)
     if unknown is None:
         return
-    arguments = ["reward", "terminal", "levels", "timeout"] if is_acting else ["segments"]
+    arguments = ["reward", "reward_row", "terminal", "levels", "timeout"] if is_acting else ["segments"]
     # What may be meant, and how it is given.
     meant = {name: f"{name}=" for name in ["actions", *arguments, "folder", "progress", *SECTIONS]}
     study: dict[str, Any] = {"data": {"path": "log.parquet"}, "control": {"actions": ["action"]}}

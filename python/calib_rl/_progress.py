@@ -127,6 +127,41 @@ class Printed:
             self._shown.update(text, raw=True)
 
 
+class Heard:
+    """Keeps the warnings that it hears for ``warnings.warn``, and passes on everything else. An observer of the user hears warnings too;
+    one that prints would show them twice.
+
+    Args:
+        progress: Whether to print what is done, or an observer.
+    """
+
+    def __init__(self, progress: "bool | Observer") -> None:
+        self.warnings: list[str] = []
+        self._observer = observer(progress)
+
+    def told(self, kind: str, text: str) -> None:
+        """Keep a warning, and pass on the rest.
+
+        Args:
+            kind: See `Observer.told`.
+            text: What was said.
+        """
+        if kind == "warning":
+            self.warnings.append(text)
+        if kind != "warning" or not isinstance(self._observer, Printed):
+            self._observer.told(kind, text)
+
+    def progress(self, task: str, done: int, total: int) -> None:
+        """Pass on how far a task is.
+
+        Args:
+            task: See `Observer.progress`.
+            done: How much of it is done.
+            total: How much there is to do.
+        """
+        self._observer.progress(task, done, total)
+
+
 class _Silent:
     def told(self, kind: str, text: str) -> None:
         pass

@@ -91,7 +91,7 @@ class Study:
         # What is not valid is not written either.
         self._job = _calib.Job(os.fspath(source), text, redo=redo, **given)
         if text is not None:
-            _write(Path(source), text)
+            write_study(Path(source), text)
 
     def _given(self) -> dict[str, Any]:
         """What makes the same study again in another process."""
@@ -400,7 +400,7 @@ def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:
     return [f"{key}={_calib.to_toml_value(value, key)}" for key, value in given.items()]
 
 
-def _write(path: Path, text: str) -> None:
+def write_study(path: Path, text: str) -> None:
     """Write the file, never in the place of another one."""
     if _holds(path, text):
         return

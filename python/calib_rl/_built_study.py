@@ -1,0 +1,108 @@
+"""The study files that `build_model` writes: it may replace its own as long as nothing was made of them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from . import _calib
+from ._errors import StudyError
+from ._study import write_study
+
+# The first line of such a file, with a digest of the others: who edits them makes the file their own.
+_FIRST = "# Written by calib_rl.build_model, which may replace it until a model is built, unless it is edited: "
+# The digits of the digest that are written.
+_DIGITS = 16
+# Folders of results that are made before the model.
+_BEFORE_THE_MODEL = ("dataset",)
+# Differences that are told one by one.
+_TOLD = 4
+
+
+def write_built_study(path: Path, text: str, output: str | None) -> None:
+    """Write the study of a model that is about to be built, in the place of one that came to nothing.
+
+    Args:
+        path: The file.
+        text: What stands in it, without the first line.
+        output: The folder of results, if it is not that of the study.
+
+    Raises:
+        FileExistsError: The file is not calib's, was edited, or has results that follow from other arguments.
+    """
+    whole = _marked(text)
+    if not os.path.lexists(path):
+        write_study(path, whole)
+        return
+    there = path.read_bytes() if path.is_file() else b""
+    # Earlier versions wrote no first line.
+    if there in (whole.encode(), text.encode()):
+        return
+    if path.is_symlink() or not _is_own(there):
+        raise FileExistsError(f"{path} holds another study, which build_model did not write, or which was edited; choose another folder, or remove it")
+    job = _job(path, output)
+    if job is not None and _has_results(Path(job.path("root"))):
+        raise FileExistsError(_refusal(path, job, _calib.Job(os.fspath(path), text, output=output)))
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    unfinished.write_text(whole, encoding="utf-8")
+    os.replace(unfinished, path)
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+
+
+def _marked(text: str) -> str:
+    """The text with the first line of such files."""
+    return f"{_FIRST}{_digest(text)}\n{text}"
+
+
+def _is_own(content: bytes) -> bool:
+    """Whether `build_model` wrote this, and nobody has edited it."""
+    try:
+        text = content.decode()
+    except UnicodeDecodeError:
+        return False
+    return text == _marked(text.partition("\n")[2])
+
+
+def _job(path: Path, output: str | None) -> _calib.Job | None:
+    """The study in a file, or nothing if this version of calib cannot read it."""
+    try:
+        return _calib.Job(os.fspath(path), output=output)
+    except StudyError:
+        return None
+
+
+def _has_results(root: Path) -> bool:
+    """Whether a folder of results has any, beside those that are made before the model."""
+    manifests = root.glob("*/manifest.json")
+    others = root.glob("*/*/manifest.json")
+    return any(found.relative_to(root).parts[0] not in _BEFORE_THE_MODEL for both in (manifests, others) for found in both)
+
+
+def _refusal(path: Path, there: _calib.Job, wanted: _calib.Job) -> str:
+    """What is said where a model of other arguments is."""
+    before, now = dict(_keys(json.loads(there.json()))), dict(_keys(json.loads(wanted.json())))
+    differ = [
+        f"{key} is {_shown(before.get(key))} there and {_shown(now.get(key))} here" for key in dict.fromkeys([*before, *now]) if before.get(key) != now.get(key)
+    ]
+    told = "; ".join([*differ[:_TOLD], *([f"and {len(differ) - _TOLD} more keys differ"] if len(differ) > _TOLD else [])])
+    return f"{path.parent} has a model of other arguments: {told or 'the study is another one'}. Choose another folder, or delete this one"
+
+
+def _keys(section: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """The keys of a section and of those in it, such as ``control.model.members``, with their values."""
+    for key, value in section.items():
+        if isinstance(value, dict) and value:
+            yield from _keys(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", value
+
+
+def _shown(value: Any) -> str:
+    return "not given" if value is None else json.dumps(value, ensure_ascii=False)

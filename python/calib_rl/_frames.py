@@ -1,0 +1,155 @@
+"""Tables of other libraries, as calib takes them over."""
+
+from __future__ import annotations
+
+import datetime
+import re
+import sys
+from collections.abc import Sequence
+from decimal import Decimal
+from numbers import Real
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+# What pandas calls the numbers of rows: of an index that it wrote to Parquet, and of a column without a heading in a CSV file.
+_WRITTEN_INDEX = re.compile(r"__index_level_\d+__")
+_NO_HEADING = re.compile(r"(Unnamed: \d+)?")
+# A column of row numbers rises in this share of its rows at least, for rows may be missing and files joined. Our choice.
+_RISES = 0.95
+
+
+class Table(NamedTuple):
+    """A table that calib takes over."""
+
+    columns: Any
+    """Anything with ``__arrow_c_stream__``."""
+    left_out: list[str]
+    """Which of its columns are left out, in sentences."""
+
+
+def table_of(log: Any) -> Table | None:
+    """What calib takes over of a frame: an index of times as a column, and no row numbers.
+
+    Returns:
+        The table. ``None`` if it is none.
+    """
+    if _is_frame(log, "pandas"):
+        indexed = _without_index(log)
+        numbers = [name for name in indexed.columns if _are_row_numbers(str(name), indexed[name])]
+        return Table(indexed.drop(columns=numbers) if numbers else indexed, [_told(str(name)) for name in numbers])
+    if not hasattr(log, "__arrow_c_stream__"):
+        return None
+    if _is_frame(log, "polars"):
+        numbers = [name for name in log.columns if _are_row_numbers(name, log[name])]
+        return Table(log.drop(numbers), [_told(name) for name in numbers])
+    return Table(log, [])
+
+
+def arrow_stream(columns: Any) -> Any:
+    """The capsule of a table's ``__arrow_c_stream__``.
+
+    Raises:
+        ImportError: It is a frame of pandas, and neither pyarrow nor polars is installed.
+    """
+    try:
+        return columns.__arrow_c_stream__()
+    except ImportError:
+        if not _is_frame(columns, "pandas"):
+            raise
+    return _polars_frame(columns).__arrow_c_stream__()
+
+
+def _is_frame(log: Any, module: str) -> bool:
+    """Whether this is a frame of a library, which somebody has imported then."""
+    library = sys.modules.get(module)
+    return library is not None and isinstance(log, getattr(library, "DataFrame", ()))
+
+
+def _without_index(frame: Any) -> Any:
+    """A frame of pandas whose index is a column if it has times or names, and is left out if it numbers the rows."""
+    import pandas
+
+    index = frame.index
+    if isinstance(index, pandas.RangeIndex):
+        return frame
+    if isinstance(index, pandas.PeriodIndex):
+        index = index.to_timestamp()
+    plain = frame.reset_index(drop=True)
+    if index.nlevels > 1:
+        for level in reversed(range(index.nlevels)):
+            plain = _with_column(plain, index.names[level] or f"level_{level}", index.get_level_values(level))
+        return plain
+    if index.name is None and pandas.api.types.is_numeric_dtype(index.dtype):
+        return plain
+    return _with_column(plain, "time" if index.name is None else index.name, index)
+
+
+def _with_column(frame: Any, name: Any, values: Any) -> Any:
+    """The frame with another first column, unless it has one of that name."""
+    if name not in frame.columns:
+        frame.insert(0, name, values)
+    return frame
+
+
+def _are_row_numbers(name: str, values: Any) -> bool:
+    """Whether a column has no name of its own, and numbers the rows."""
+    if _WRITTEN_INDEX.fullmatch(name) is None and _NO_HEADING.fullmatch(name) is None:
+        return False
+    numbers: NDArray[Any] = np.asarray(values.to_numpy())
+    if numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all() or (numbers % 1 != 0).any():
+        return False
+    return _WRITTEN_INDEX.fullmatch(name) is not None or bool(len(numbers) < 2 or (np.diff(numbers) > 0).mean() >= _RISES)
+
+
+def _told(name: str) -> str:
+    return f"the column {name!r} numbers the rows and is left out: give it another name to keep it as a sensor"
+
+
+def _polars_frame(frame: Any) -> Any:
+    """A frame of pandas as one of polars, column by column, without pyarrow."""
+    try:
+        import polars
+    except ImportError:
+        told = "a frame of pandas is read with pyarrow or with polars, and neither is installed: pip install pyarrow, or pip install 'calib-rl[frames]'"
+        raise ImportError(told) from None
+    return polars.DataFrame([_polars_column(str(name), values) for name, values in frame.items()])
+
+
+def _polars_column(name: str, values: Any) -> Any:
+    """A column of pandas as one of polars: times with a time zone in UTC, numbers, and texts."""
+    import pandas
+    import polars
+
+    dtype = values.dtype
+    if isinstance(dtype, pandas.DatetimeTZDtype):
+        return _polars_times(name, values.dt.tz_convert("UTC").dt.tz_localize(None)).dt.replace_time_zone("UTC")
+    if isinstance(dtype, np.dtype) and dtype.kind == "M":
+        return _polars_times(name, values)
+    if isinstance(dtype, np.dtype) and dtype.kind in "biufm":
+        return polars.Series(name, values.to_numpy(np.float32 if dtype == np.float16 else dtype))
+    if not isinstance(dtype, (np.dtype, pandas.CategoricalDtype)) and pandas.api.types.is_numeric_dtype(dtype):
+        is_whole = not values.isna().any() and pandas.api.types.is_integer_dtype(dtype)
+        return polars.Series(name, values.to_numpy(np.int64 if is_whole else np.float64, na_value=0 if is_whole else np.nan))
+    objects = values.astype(object)
+    there = objects.notna().tolist()
+    cells = [value if is_there else None for value, is_there in zip(objects.tolist(), there, strict=True)]
+    return polars.Series(name, _plain_cells(cells), strict=False)
+
+
+def _polars_times(name: str, times: Any) -> Any:
+    import polars
+
+    instants = times.to_numpy()
+    return polars.Series(name, instants if instants.dtype == "datetime64[ns]" else instants.astype("datetime64[us]"))
+
+
+def _plain_cells(cells: Sequence[Any]) -> list[Any]:
+    """Cells of a column of objects: numbers if all are, times if all are, else texts."""
+    there = [cell for cell in cells if cell is not None]
+    if all(isinstance(cell, (Real, Decimal, np.bool_)) for cell in there):
+        return [None if cell is None else float(cell) for cell in cells]
+    if all(isinstance(cell, datetime.datetime) and cell.tzinfo is None for cell in there):
+        return list(cells)
+    return [None if cell is None else str(cell) for cell in cells]
