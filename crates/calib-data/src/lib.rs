@@ -92,5 +92,5 @@ pub use profile::{
 pub use recorded::{RecordedColumns, TextFound};
 pub use select::DropReason;
 pub use sentinels::Sentinel;
-pub use sketch::{ChannelSketch, Sketch, sketch};
+pub use sketch::{ChannelSketch, FEW_VALUES, Sketch, counts_on_evenly, sketch};
 pub use tags::read_tags;

@@ -15,6 +15,10 @@ use crate::{
     sentinels::{Extremes, sentinels},
 };
 
+mod counting;
+
+pub use counting::{FEW_VALUES, counts_on_evenly};
+
 /// Bins at most that a log is cut into.
 const BINS: usize = 64;
 /// Values at most of a channel that are kept for comparisons with others; fewer where there are very many channels.

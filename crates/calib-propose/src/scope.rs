@@ -8,10 +8,6 @@ use crate::{ProposeError, cut::LEAST};
 const PRESENT: f64 = 0.9;
 /// A channel of which this share of changes go the same way is a total.
 const ONE_WAY: f64 = 0.999;
-/// A total of which this share of steps are equal is a clock.
-const EVEN: f64 = 0.95;
-/// Fewer distinct values say nothing about the direction of changes: a switch that is thrown once only goes up.
-const FEW: u32 = 20;
 
 /// Which part of the log a study is about, and with which channels.
 #[derive(Clone, Debug, PartialEq)]
@@ -213,11 +209,10 @@ fn unusable(channel: &ChannelSketch) -> Option<LeftOutReason> {
     if channel.wraps.is_some() {
         return Some(LeftOutReason::Angle);
     }
-    let many = channel.distinct.is_none_or(|distinct| distinct > FEW);
     let one_way = channel.rises >= ONE_WAY || channel.rises <= 1.0 - ONE_WAY;
     // A clock that starts anew at midnight goes back once a day.
-    match (channel.even >= EVEN, one_way, channel.restarts) {
-        _ if !many => None,
+    match (channel.counts_on_evenly(), one_way, channel.restarts) {
+        _ if !channel.has_many_values() => None,
         (true, ..) => Some(LeftOutReason::Clock),
         (false, true, _) => Some(LeftOutReason::Total),
         (false, false, true) => Some(LeftOutReason::Restarting),
