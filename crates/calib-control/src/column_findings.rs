@@ -16,6 +16,19 @@ pub struct ColumnFindings {
     pub terminal: TerminalCells,
     /// Decisions whose action a log with `control.lag` does not show.
     pub lagged: LaggedDecisions,
+    /// Gaps in which an episode ends without a terminal.
+    pub gaps: UnendedGaps,
+}
+
+/// Gaps of a log, of time or of rows that are left out, before which no terminal ends the episode: no transition leads over them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UnendedGaps {
+    /// How many.
+    pub count: usize,
+    /// Of so many steps from one row to the next.
+    pub steps: usize,
+    /// The row before the first of them.
+    pub first: Option<usize>,
 }
 
 /// What the column of terminals holds.
@@ -58,6 +71,7 @@ impl ColumnFindings {
         let endings = endings(terminal, segments.rows());
         let mut found = Self {
             terminal: terminal.map(TerminalCells::of_column).unwrap_or_default(),
+            gaps: UnendedGaps::new(segments, &endings),
             ..Self::default()
         };
         let acted = &recorded[..config.actions.len()];
@@ -77,6 +91,21 @@ impl ColumnFindings {
         }
         found.without_action.sort_unstable();
         found
+    }
+}
+
+impl UnendedGaps {
+    fn new(segments: &Segments, endings: &[Ending]) -> Self {
+        let steps = segments.rows().saturating_sub(1);
+        let lasts = segments.iter().map(|segment| segment.rows().end - 1);
+        let mut before =
+            lasts.filter(|&row| row < steps && endings[row] != Ending::Terminal).peekable();
+        Self { steps, first: before.peek().copied(), count: before.count() }
+    }
+
+    /// Whether they cost a tenth of the steps, or more: the clock of such a log is probably not even.
+    pub fn are_many(&self) -> bool {
+        self.count > 0 && 10 * self.count >= self.steps
     }
 }
 
@@ -132,6 +161,21 @@ mod tests {
         // The last rows have no action because the log shows it later.
         let lagged = found("lag = 2", &[1.0, 1.0, NONE, 1.0, 1.0, 1.0, 1.0], &[0.0; 7]);
         assert_eq!(lagged.without_action, [0]);
+    }
+
+    #[test]
+    fn gaps_after_terminals_are_no_loss() {
+        let text = "actions = ['valve']\nterminal = 'end'";
+        let config: ControlConfig = toml::from_str(text).expect("valid");
+        assert_eq!(config.columns(), ["valve", "reward", "end"]);
+        let ends = vec![0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let segments = Segments::from_lengths([2, 1, 3]).expect("rows");
+        let found =
+            ColumnFindings::new(&config, &[vec![1.0; 6], vec![0.0; 6], ends], &segments).gaps;
+        assert_eq!(found, UnendedGaps { count: 1, steps: 5, first: Some(2) });
+        assert!(found.are_many());
+        assert!(!UnendedGaps { steps: 11, ..found }.are_many());
+        assert!(!UnendedGaps::default().are_many());
     }
 
     #[test]

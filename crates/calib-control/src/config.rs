@@ -20,6 +20,8 @@ pub struct ControlConfig {
     pub actions: Vec<String>,
     /// The reward of the step that led to a row: a column, or a list of weighted terms.
     pub reward: Reward,
+    /// The row that has the reward and the terminal of a step: the next one, which the step led to, or the same one, which has its action.
+    pub reward_row: RewardRow,
     /// The column that is not 0 where an episode ended and nothing follows. Default: none does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub terminal: Option<String>,
@@ -77,6 +79,17 @@ const MOST_ROWS: usize = 1_000_000;
 /// Most runs of a setting in a member, as in sweeps of agents that predict.
 const MOST_RUNS: usize = 100_000;
 
+/// The row of a log that has what came of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RewardRow {
+    /// The row that the step led to, as where sensors are logged at every time.
+    #[default]
+    Next,
+    /// The row of the action, as in logs of steps: state, action, reward, end.
+    Same,
+}
+
 /// Where episodes begin in the model of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -93,6 +106,7 @@ impl Default for ControlConfig {
         Self {
             actions: Vec::new(),
             reward: Reward::default(),
+            reward_row: RewardRow::Next,
             terminal: None,
             probability: None,
             every: 1,
@@ -138,6 +152,12 @@ impl ControlConfig {
                 "from 1 to 1,000,000",
             ),
             ("lag", self.lag as f64, self.lag <= MOST_ROWS, "from 0 to 1,000,000"),
+            (
+                "lag",
+                self.lag as f64,
+                self.lag == 0 || self.reward_row == RewardRow::Next,
+                "0 beside `reward_row = \"same\"`",
+            ),
             ("timeout", self.timeout as f64, self.timeout > 0, "at least 1"),
             ("steps", self.steps as f64, self.steps > 0, "at least 1"),
             ("runs", self.runs as f64, (1..=MOST_RUNS).contains(&self.runs), "from 1 to 100,000"),

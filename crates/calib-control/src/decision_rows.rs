@@ -5,8 +5,9 @@ use std::ops::Range;
 use calib_core::{Segments, States};
 
 use crate::{
-    ControlConfig, ControlError, Ending, RewardColumns,
+    ControlConfig, ControlError, Ending, RewardColumns, RewardRow,
     log::{episodes, rows_without_reward},
+    step_rows::StepRows,
 };
 
 /// The rows of a log in which an agent decides, or an episode ends, and what was done and got in them.
@@ -15,10 +16,13 @@ use crate::{
 /// n − 1 rows after it: an agent at the plant knows no more when it decides. Its reward is the sum of the rewards of the n rows after it. A
 /// terminal among them ends it there. A decision that anything else cuts short is left out, for its reward would be that of fewer rows.
 ///
+/// With `control.reward_row` = "same" the row of an action has the reward of its step, and says whether the step ended its episode.
+///
 /// With `control.lag` = l the log shows an action l rows after the one in which it was decided, and it counts in the earlier row.
 #[derive(Clone, Debug)]
 pub struct DecisionRows {
-    /// The rows, numbered as in the log, ascending.
+    /// The rows, numbered as in the log, ascending. In a log of steps the last row of an episode that ends in a terminal comes twice: its
+    /// step led to a state that the log does not have.
     pub rows: Vec<usize>,
     /// Unbroken pieces of these rows.
     pub segments: Segments,
@@ -100,6 +104,22 @@ impl DecisionRows {
     /// If there is not one list a column, and one value a row.
     pub fn new(
         config: &ControlConfig,
+        recorded: Vec<Vec<f64>>,
+        segments: &Segments,
+    ) -> Result<Self, ControlError> {
+        match config.reward_row {
+            RewardRow::Next => Self::of_states(config, recorded, segments),
+            RewardRow::Same => {
+                let StepRows { recorded, segments, rows } =
+                    StepRows::new(config, &recorded, segments)?;
+                Ok(Self::of_states(config, recorded, &segments)?.renumbered(&rows))
+            }
+        }
+    }
+
+    /// The decisions of a log whose rows have the reward and the terminal of the step that led to them.
+    fn of_states(
+        config: &ControlConfig,
         mut recorded: Vec<Vec<f64>>,
         segments: &Segments,
     ) -> Result<Self, ControlError> {
@@ -143,6 +163,15 @@ impl DecisionRows {
             without_reward,
             changed: ChangedDecisions::default(),
         })
+    }
+
+    /// The same with the number that each row has in `rows`.
+    fn renumbered(mut self, rows: &[usize]) -> Self {
+        let RowsWithoutReward { missing, infinite, .. } = &mut self.without_reward;
+        let without_reward = missing.iter_mut().chain(infinite);
+        let all = self.rows.iter_mut().chain(without_reward).chain(&mut self.changed.first);
+        all.for_each(|row| *row = rows[*row]);
+        self
     }
 
     /// A decision in every `config.every`-th row of each episode.
@@ -201,7 +230,7 @@ impl DecisionRows {
     /// # Errors
     /// None: what was a state is one.
     pub fn states(&self, states: &States) -> Result<States, ControlError> {
-        if self.rows.len() == states.rows() {
+        if self.rows.iter().copied().eq(0..states.rows()) {
             return Ok(states.clone());
         }
         let values = self.rows.iter().flat_map(|&row| states.row(row)).copied().collect();

@@ -6,7 +6,7 @@ use calib_base::{
 };
 use calib_control::{
     ActionModel, ColumnFindings, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
-    Ending, Levels, OutlyingActions, Settings, StartRows, Starts,
+    Ending, Levels, OutlyingActions, RewardRow, Settings, StartRows, Starts,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
@@ -16,8 +16,9 @@ use calib_stats::quantile;
 use calib_study::Job;
 
 use super::{
+    counting,
     described::SettingTold,
-    log_warnings::{tell_columns, tell_decisions, tell_missing_rewards},
+    log_warnings::{left_out, tell_columns, tell_decisions, tell_missing_rewards},
 };
 
 /// A log of decisions, read from the files of a study.
@@ -32,6 +33,8 @@ pub(crate) struct ActionLog {
     pub(crate) period: Period,
     /// Which actions count as missing, because their values stand out; in sentences.
     pub(crate) outlying: Vec<String>,
+    /// What of the log is left out; in sentences.
+    left_out: Vec<String>,
 }
 
 /// What things are called, and their units.
@@ -74,7 +77,8 @@ pub(crate) fn read(
     memory::check_log(&data)?;
     printer.say(&format!("reading {}", data.path.0.join(", ")));
     let progress = printer.progress();
-    let surveyed = calib_data::survey(&data, &study.preprocess, &progress)?;
+    let resample = data.resample;
+    let surveyed = counting::survey(data, &study.preprocess, printer, &progress)?;
     let names = config.columns();
     let mut recorded =
         surveyed.recorded(&names, &progress).map_err(|error| named(config, error))?;
@@ -83,7 +87,7 @@ pub(crate) fn read(
     let frames = &dataset.train;
     tell_texts(config, &recorded.texts, printer);
     let found = ColumnFindings::new(config, &recorded.values, frames.segments());
-    tell_columns(config, data.resample, frames, &found, printer);
+    tell_columns(config, resample, frames, &found, printer);
     let outlying = without_outlying(config, frames, &mut recorded.values);
     for told in &outlying {
         printer.warn(told);
@@ -98,7 +102,7 @@ pub(crate) fn read(
     let states = rows.states(frames.states())?;
     let mut decisions = Decisions::new(states, &rows.segments, columns, levels.values.len())?;
     let mut fingerprint = fingerprint(&dataset.fingerprint, &levels, &rows.rewards, &rows.endings);
-    if config.every > 1 {
+    if config.every > 1 || config.reward_row == RewardRow::Same {
         let numbers = rows.rows.iter().map(|&row| row as f64);
         fingerprint = with_numbers(&fingerprint, b"rows 1", numbers);
     }
@@ -125,7 +129,8 @@ pub(crate) fn read(
         ranges: rows.acted.iter().map(|values| range(values)).collect(),
     };
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
-    Ok(ActionLog { decisions, names, fingerprint, times, period, outlying })
+    let left_out = left_out(&dataset.profile, resample, frames, &found.gaps);
+    Ok(ActionLog { decisions, names, fingerprint, times, period, outlying, left_out })
 }
 
 /// Time from one decision to the next, where no terminal comes before.
@@ -315,6 +320,13 @@ fn settings_told(
 }
 
 impl ActionLog {
+    /// Warn of what of the log is left out.
+    pub(super) fn tell_left_out(&self, printer: &Printer) {
+        for told in &self.left_out {
+            printer.warn(told);
+        }
+    }
+
     /// What a representation is trained on: the states, along the episodes.
     pub(super) fn material(&self) -> Material<'_> {
         let states = self.decisions.states();

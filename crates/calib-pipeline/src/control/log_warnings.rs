@@ -3,10 +3,10 @@
 use calib_base::output::{Printer, count, counted, percent, span};
 use calib_control::{
     ChangedDecisions, ColumnFindings, ControlConfig, DecisionRows, LaggedDecisions,
-    RowsWithoutReward, TerminalCells,
+    RowsWithoutReward, TerminalCells, UnendedGaps,
 };
 use calib_core::{Frames, Period};
-use calib_data::{Resample, format_time};
+use calib_data::{Profile, Resample, format_time};
 
 /// One decision in so many may count as the action of a terminal's row without a word. Our choice: a lag of two rows does so to one decision
 /// of each episode.
@@ -34,6 +34,63 @@ pub(super) fn tell_columns(
     if let Some(told) = long_lag(config.lag, found.lagged) {
         printer.warn(&told);
     }
+}
+
+/// What of a log is left out, in sentences: rows that have the time of another one or none, and steps over gaps. `calib inspect` tells of
+/// them in its own words.
+pub(super) fn left_out(
+    profile: &Profile,
+    resample: Option<Resample>,
+    frames: &Frames,
+    gaps: &UnendedGaps,
+) -> Vec<String> {
+    let mut told = Vec::new();
+    let repeated = profile.duplicates.identical + profile.duplicates.conflicting;
+    if let Some(first) = profile.duplicates.examples.first().filter(|_| repeated > 0) {
+        told.push(repeated_times(repeated as usize, &format_time(*first)));
+    }
+    if profile.null_timestamps > 0 {
+        told.push(format!(
+            "{} no time and {} left out: write one into every row of the log",
+            rows_have(profile.null_timestamps as usize),
+            if profile.null_timestamps == 1 { "is" } else { "are" }
+        ));
+    }
+    if let Some(first) = gaps.first.filter(|_| gaps.are_many()) {
+        let first = format_time(frames.timestamps()[first]);
+        told.push(many_gaps(gaps, &first, profile.sampled_period_secs, resample));
+    }
+    told
+}
+
+/// What is said of `rows` rows that have the time of another one, the first of which is `first`.
+fn repeated_times(rows: usize, first: &str) -> String {
+    format!(
+        "{} the time of another row and {} left out, the first at {first}: of each time the first row counts. If several machines or episodes \
+         were logged with the same times, keep one with data.where, or give each times of its own",
+        rows_have(rows),
+        if rows == 1 { "is" } else { "are" }
+    )
+}
+
+/// What is said of gaps that cost many steps, the first of them after the time `first`.
+fn many_gaps(
+    gaps: &UnendedGaps,
+    first: &str,
+    period_secs: f64,
+    resample: Option<Resample>,
+) -> String {
+    let remedy = if resample.is_some() {
+        "raise data.max_age_secs, or data.period_secs"
+    } else {
+        "put a log without an even clock on one with data.resample = \"last\", data.period_secs and data.max_age_secs"
+    };
+    format!(
+        "{} of {} from row to row are no transitions, the first after {first}: the next row comes later than the sample period of {period_secs} s, \
+         or rows between them lack values. If no episode ends there, {remedy}",
+        count(gaps.count),
+        counted(gaps.steps, "step")
+    )
 }
 
 /// What is said of `rows` rows without an action, the first of them at the time `first`.
@@ -181,6 +238,25 @@ mod tests {
             held.ends_with("raise data.max_age_secs to the longest time that an action holds"),
             "{held}"
         );
+    }
+
+    #[test]
+    fn what_is_left_out_is_told_with_a_remedy() {
+        let repeated = repeated_times(600, "noon");
+        assert!(
+            repeated.starts_with(
+                "600 rows have the time of another row and are left out, the first at noon: "
+            ),
+            "{repeated}"
+        );
+        assert!(repeated_times(1, "noon").starts_with("1 row has the time of another row and is"));
+        let gaps = UnendedGaps { count: 202, steps: 599, first: Some(3) };
+        let told = many_gaps(&gaps, "noon", 60.0, None);
+        assert!(told.starts_with("202 of 599 steps from row to row are no transitions"), "{told}");
+        assert!(told.contains("the sample period of 60 s"), "{told}");
+        assert!(told.contains("with data.resample = \"last\""), "{told}");
+        let clocked = many_gaps(&gaps, "noon", 60.0, Some(Resample::Last));
+        assert!(clocked.ends_with("raise data.max_age_secs, or data.period_secs"), "{clocked}");
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod agents;
 mod beside_returns;
 mod conduct;
 mod cost;
+mod counting;
 mod described;
 mod figures;
 mod files;

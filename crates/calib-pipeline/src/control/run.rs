@@ -45,6 +45,7 @@ pub(crate) fn run(
     let agents = ComparedAgents::of_study(job, config)?;
     let sources = Sources::of(&data_of(job)?)?;
     let log = log::read(job, config, printer)?;
+    log.tell_left_out(printer);
     rare::check_actions(&log, config, printer)?;
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
