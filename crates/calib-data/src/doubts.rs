@@ -7,6 +7,10 @@ use crate::{BridgedStops, ChannelProfile, DropReason, FarOut, Profile, Sentinel,
 
 /// So many widths of the training range beyond it are no state of a plant. Our choice.
 const ABSURD: f64 = 1_000.0;
+/// So many widths of the training range beyond it, in so large a share of the held-out period, an input says nothing that agents
+/// know. Our choice.
+const ELSEWHERE: f64 = 20.0;
+const MUCH: f64 = 0.1;
 /// Channels that a sentence about several names.
 const NAMED: usize = 5;
 /// A gap that is longer is said.
@@ -173,11 +177,21 @@ impl Profile {
         })
     }
 
-    /// What of the columns that agents read makes their held-out errors worth little, in sentences; empty for a good log. Of the
-    /// `predicted` sensors [`Self::value_doubts`] tells.
+    /// Whether a column that the agent of a sensor reads beside it is far from its training range in much of the held-out period, as where
+    /// its unit changed.
+    pub fn has_inputs_elsewhere(&self, sensor: &str) -> bool {
+        let Some(held_out) = &self.held_out else { return false };
+        self.kept().filter(|channel| channel.name != sensor).any(|channel| {
+            let FarOut { held_out: far, furthest, .. } = channel.far_out;
+            furthest.abs() > ELSEWHERE && far as f64 > MUCH * held_out.log_rows as f64
+        })
+    }
+
+    /// What of the columns that agents read makes their held-out errors worth little, in sentences; empty for a good log. Where one
+    /// sensor alone is `predicted`, [`Self::value_doubts`] tells of it.
     pub fn held_out_doubts(&self, predicted: &[String]) -> Vec<String> {
         let far: Vec<&ChannelProfile> =
-            self.kept().filter(|channel| !predicted.contains(&channel.name)).collect();
+            self.kept().filter(|channel| *predicted != [channel.name.as_str()]).collect();
         let far = most_first(far, |channel| {
             let FarOut { held_out, furthest, .. } = channel.far_out;
             let side = if furthest < 0.0 { "below" } else { "above" };

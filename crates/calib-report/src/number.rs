@@ -15,7 +15,10 @@ pub fn setting(value: f64) -> String {
     significant(value, 1e-2)
 }
 
-/// A share as a percentage: `3.1 %`, `24 %`, `<0.1 %`; `diverged` if it is not finite.
+/// What is more than so many times something has no number that says more.
+const MANY_TIMES: f64 = 1_000.0;
+
+/// A share as a percentage: `3.1 %`, `24 %`, `<0.1 %`, `180 times`, `more than 1,000 times`; `diverged` if it is not finite.
 pub fn percent(share: f64) -> String {
     let percent = share * 100.0;
     match percent.abs() {
@@ -24,8 +27,14 @@ pub fn percent(share: f64) -> String {
         size if size < 0.1 => "<0.1 %".to_owned(),
         size if size < 9.95 => format!("{} %", trimmed(format!("{percent:.1}"))),
         size if size < 1e4 => format!("{percent:.0} %"),
+        _ if is_many_times(share) => format!("more than {} times", number(MANY_TIMES)),
         _ => format!("{} times", number(share)),
     }
+}
+
+/// Whether a share is so large that [`percent`] has no number for it.
+pub(crate) fn is_many_times(share: f64) -> bool {
+    share > MANY_TIMES && share.is_finite()
 }
 
 /// A count with thousands separators: `30,000`.
@@ -152,6 +161,7 @@ mod tests {
             (-0.05, "-5 %"),
             (18.0, "1800 %"),
             (180.0, "180 times"),
+            (2.71e19, "more than 1,000 times"),
             (f64::INFINITY, "diverged"),
         ];
         for (share, expected) in cases {

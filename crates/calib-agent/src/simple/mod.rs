@@ -54,6 +54,11 @@ impl SimplePredictor {
         Self::LeastSquaresTd,
     ];
 
+    /// Whether it reads no other column than that of the predicted sensor.
+    pub const fn reads_the_sensor_alone(self) -> bool {
+        matches!(self, Self::Mean | Self::Persistence | Self::Line | Self::Autoregression)
+    }
+
     /// Its name in a study and in JSON.
     pub const fn name(self) -> &'static str {
         match self {

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::Section;
 use super::tables::table;
 use super::text::prose;
-use crate::number::{number, percent};
+use crate::number::{is_many_times, number, percent};
 use crate::report::{are_of_several_models, caveats, summary};
 use calib_stats::Bounded;
 
@@ -352,10 +352,15 @@ fn row(verdict: &Verdict, field: Option<&str>) -> Vec<Cell> {
         }),
         correlation(online.and_then(|online| online.chosen_skill)),
         percent_cell(verdict.regret()),
-        upper.map_or(Cell::Missing, |upper| Cell::Text(format!("up to {}", percent(upper)))),
+        upper.map_or(Cell::Missing, |upper| Cell::Text(upper_bound(upper))),
         percent_cell(same.map(|&(_, share)| share)),
         percent_cell(verdict.stability_nearby),
     ]
+}
+
+/// "up to 4 %"; of a bound that is no number, what is said in its place.
+fn upper_bound(upper: f64) -> String {
+    if is_many_times(upper) { percent(upper) } else { format!("up to {}", percent(upper)) }
 }
 
 /// The share, if there is one.

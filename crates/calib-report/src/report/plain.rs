@@ -16,6 +16,13 @@ impl Verdict {
             return "It is constant in the held-out period, so there was nothing to predict, and the choice is not checked. Hold out a period in which it changes."
                 .to_owned();
         }
+        if let Some(spreads) = self.elsewhere.filter(|_| self.grade == Grade::Poor) {
+            return format!(
+                "Held-out values lie {} times the spread of the training range from its mean, so errors there say nothing of the agent. Did the unit \
+                 or the zero of the sensor change? Correct the values, or train on a time that is like the present (data.train).",
+                number(spreads)
+            );
+        }
         if let (Grade::Simpler, Some(simpler)) = (self.grade, &self.simpler) {
             return simpler.plain();
         }
@@ -59,8 +66,8 @@ impl Verdict {
     /// The typical error of the predictor that is to be used as it is, where it is known.
     fn typical_of_predictor(&self) -> String {
         let predictor = self.without_learning();
-        let own = self.matched.as_ref().filter(|own| Some(own.predictor) == predictor);
-        let error = own.and_then(|own| own.typical_errors).map(|[predictor, _]| predictor);
+        let own = self.simple.iter().find(|row| Some(row.predictor) == predictor);
+        let error = own.and_then(|own| own.typical_error);
         error.map_or_else(String::new, |error| {
             format!(
                 " Its typical error of the predicted mean, in the sensor's unit: {}.",
@@ -107,8 +114,9 @@ impl Verdict {
                 format!(" The best simple predictor has an NRMSE of {}.", number(error))
             });
             return format!(
-                "Neither it nor a simple predictor is shown to beat the mean return of the training range.{simple} Predict less far \
-                 ahead (a smaller agent.gamma), give the agent more of the past (agent.traces), or predict another sensor."
+                "Neither it nor a simple predictor is shown to have at least 2 % less error than the mean return of the training range.{simple} \
+                 Deploy that mean, or nothing; or predict less far ahead (a smaller agent.gamma), give the agent more of the past \
+                 (agent.traces), or predict another sensor."
             );
         }
         if self.hardly_varies() {

@@ -5,6 +5,9 @@ use calib_sweep::ENOUGH_WINDOWS;
 
 use super::{Grade, HeldOutResult, Separation, Simpler, Verdict, simple::WORTH_MENTIONING};
 
+/// An agent that goes on learning is worth it with at most this share of the error of what learns nothing more. Our choice.
+const WORTH_A_WORD: f64 = 0.99;
+
 const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
 const UNDECIDED: &str = "Undecided: the agent may be better";
 const FEW_WINDOWS: &str = "Undecided: too few held-out windows to tell";
@@ -44,6 +47,9 @@ impl Verdict {
                 FEW_WINDOWS
             }
             (_, Grade::Simpler) => SIMPLER_IS_BETTER,
+            (_, Grade::Poor) if self.elsewhere.is_some() => {
+                "Poor: held-out values are far from the training range"
+            }
             (_, Grade::Poor) => "Poor: do not rely on it",
             (_, Grade::NotLearnt) if self.left_training().is_some() => {
                 "Not learned: the sensor left its training range"
@@ -63,6 +69,19 @@ impl Verdict {
         let against = self.online.as_ref().and_then(|online| online.against_default);
         self.without_learning().is_some()
             && against.is_some_and(|ratio| ratio.value < WORTH_MENTIONING)
+    }
+
+    /// Whether held-out windows exclude that further learning lowers the error by a hundredth. Where the choice learns nothing
+    /// itself, they do if no other setting did better in any window, or hardly better.
+    pub(super) fn excludes_a_gain(&self) -> bool {
+        let Some(online) = &self.online else { return false };
+        match (online.against_default, online.regret) {
+            (Some(ratio), _) => ratio.interval.is_some_and(|interval| interval.low >= WORTH_A_WORD),
+            (None, Some(regret)) => {
+                regret.value == 0.0 || regret.upper.is_some_and(|upper| upper <= 1.0 - WORTH_A_WORD)
+            }
+            (None, None) => false,
+        }
     }
 
     /// Whether so few windows were held out that they tell hardly any difference from chance.

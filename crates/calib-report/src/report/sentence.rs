@@ -3,7 +3,7 @@
 use calib_stats::{Bounded, Estimate, Interval};
 
 use super::{Alternative, ChoiceBaseline, Grade, HeldOutResult, Reason, Separation, Verdict};
-use crate::number::{number, percent};
+use crate::number::{is_many_times, number, percent};
 use crate::{Setting, figures::NRMSE};
 
 mod words;
@@ -41,8 +41,12 @@ impl Verdict {
                     "Use {} for {sensor} for now: too few held-out windows to tell whether further learning helps.",
                     predictor.label()
                 ),
-                Some(predictor) => format!(
+                Some(predictor) if self.excludes_a_gain() => format!(
                     "Use {} for {sensor}: further learning adds nothing.",
+                    predictor.label()
+                ),
+                Some(predictor) => format!(
+                    "Use {} for {sensor}: no clear gain from further learning.",
                     predictor.label()
                 ),
                 None if self.has_few_windows() => {
@@ -55,6 +59,9 @@ impl Verdict {
             Grade::Poor if self.has_all_diverged() => {
                 format!("No setting of {field} can be deployed for {sensor}: every one diverged.")
             }
+            Grade::Poor if self.elsewhere.is_some() => format!(
+                "Do not deploy an agent for {sensor}: held-out values are far from all that it was trained on."
+            ),
             Grade::Poor => match self.better_default() {
                 Some(default) => {
                     let default = assigned(&self.field, default);
@@ -66,7 +73,7 @@ impl Verdict {
                 format!("Do not deploy an agent for {sensor}: it was never trained on such values.")
             }
             Grade::NotLearnt if !self.simple.is_empty() => format!(
-                "Do not deploy an agent for {sensor}: none is shown to beat the training mean."
+                "Do not deploy an agent for {sensor}: at this horizon, nothing is shown to predict it better than its training mean."
             ),
             Grade::NotLearnt if self.hardly_varies() => format!(
                 "{sensor} hardly varies in the held-out windows, and no setting of {field} predicts it better than their own means would: nothing to deploy on this evidence."
@@ -403,7 +410,10 @@ pub(super) fn with_interval(regret: Bounded) -> String {
     let value = percent(regret.value);
     regret.upper.map_or_else(
         || value.clone(),
-        |upper| format!("{value} (95 %: at most {})", percent(upper)),
+        |upper| {
+            let most = if is_many_times(upper) { "perhaps" } else { "at most" };
+            format!("{value} (95 %: {most} {})", percent(upper))
+        },
     )
 }
 

@@ -14,10 +14,18 @@ pub struct SimpleRow {
     pub predictor: SimplePredictor,
     /// Its mean score over windows.
     pub error: f64,
+    /// Its typical error in the sensor's own unit, (1 − γ) RMSE: mean over windows. None where the unit is not known.
+    pub typical_error: Option<f64>,
 }
 
 /// An agent with less than this share of a predictor's error may be worth more windows: as much as what counts as no worse. Our choice.
 pub(super) const WORTH_MENTIONING: f64 = 0.98;
+
+/// A predictor whose error is within this factor of the agent's does as well, whatever windows show. Our choice.
+const AS_WELL: f64 = 1.01;
+
+/// A few windows decide a mean error over windows where its quotient is so many times the geometric one, or the other way round.
+const FEW_DECIDE: f64 = 2.0;
 
 /// A simple predictor beside the chosen agent.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +36,10 @@ pub struct Simpler {
     pub ratio: Option<Estimate>,
     /// Whether the predictor is better, and that is no chance.
     pub is_better: bool,
-    /// Typical errors of predictor and agent, in the sensor's own unit: (1 − γ) RMSE.
+    /// Typical errors of predictor and agent, in the sensor's own unit: (1 − γ) RMSE, mean over windows.
     pub typical_errors: Option<[f64; 2]>,
+    /// Held-out windows in which the agent has more than ten times the error of the predictor.
+    pub runaway_windows: usize,
     /// Whether the agent starts from a simple predictor.
     pub has_baseline: bool,
 }
@@ -59,11 +69,30 @@ impl Simpler {
         !self.is_better && self.ratio.is_some_and(|ratio| ratio.value < WORTH_MENTIONING)
     }
 
+    /// Whether the predictor is better by less than a hundredth.
+    fn does_as_well(&self) -> bool {
+        self.ratio.is_some_and(|ratio| ratio.value < AS_WELL)
+    }
+
+    /// Whether the mean over windows compares them otherwise than the geometric mean does, because of a few windows.
+    fn is_decided_by_few(&self) -> bool {
+        let means = self.typical_errors.map(|[predictor, agent]| agent / predictor);
+        means.zip(self.ratio).is_some_and(|(means, ratio)| {
+            let apart = means / ratio.value;
+            apart > FEW_DECIDE || apart < 1.0 / FEW_DECIDE
+        })
+    }
+
     /// Typical errors of both.
     fn typical(&self) -> String {
+        let few = if self.is_decided_by_few() {
+            ", as a mean over windows, which the worst of them decide"
+        } else {
+            ""
+        };
         self.typical_errors.map_or_else(String::new, |[predictor, agent]| {
             format!(
-                " Typical error of the predicted mean, in the sensor's unit: {} {}, the agent {}.",
+                " Typical error of the predicted mean, in the sensor's unit{few}: {} {}, the agent {}.",
                 self.predictor.label(),
                 number(predictor),
                 number(agent)
@@ -112,10 +141,18 @@ impl Verdict {
     pub(super) fn simpler_headline(&self, simpler: &Simpler) -> String {
         let name = simpler.predictor.label();
         let sensor = &self.sensor;
+        if let Some(windows) = self.runaway_windows(simpler) {
+            return format!(
+                "Use {name} for {sensor}, not an agent: in {windows} the agent's error was more than ten times as large."
+            );
+        }
         match simpler.difference() {
             Some(difference) if simpler.is_better && !simpler.is_shown() => format!(
                 "Use {name} for {sensor} for now: it has {difference} error than the agent, in too few held-out windows to be sure."
             ),
+            Some(_) if simpler.is_better && simpler.does_as_well() => {
+                format!("Use {name} for {sensor}: it does as well as the agent and is simpler.")
+            }
             Some(difference) if simpler.is_better => {
                 format!("Use {name} for {sensor}, not an agent: it has {difference} error.")
             }
@@ -127,6 +164,14 @@ impl Verdict {
             }
             _ => format!("Use {name} for {sensor}: no agent is shown to do better."),
         }
+    }
+
+    /// "2 of 4 held-out windows": those in which the agent has more than ten times the error of a predictor, where it has not in others.
+    /// There a mean over all windows says little.
+    fn runaway_windows(&self, simpler: &Simpler) -> Option<String> {
+        let windows = self.online.as_ref()?.windows;
+        let some = simpler.runaway_windows;
+        (some > 0 && some < windows).then(|| format!("{some} of {windows} held-out windows"))
     }
 
     /// How much less error the agent has than the best simple predictor on the held-out windows, where that is another than the one

@@ -37,6 +37,9 @@ pub struct Verdict {
     pub stability_nearby: Option<f64>,
     /// Share of the held-out values outside of the range that was learned from; none where it is not known.
     pub outside_training: Option<f64>,
+    /// How far held-out values lie from the training mean, in spreads of the training range, where that is so far that nothing was
+    /// learned of such values.
+    pub elsewhere: Option<f64>,
     /// How the choice did Online; `None` if no data was held out.
     pub online: Option<HeldOutResult>,
     /// Other ways to choose, and what they would have cost.

@@ -71,7 +71,12 @@ impl SimpleErrors {
 
     /// What agents with `agent.baseline = "best"` start from, as a line; none where no agent does.
     pub(crate) fn starts(&self) -> Option<String> {
-        (!self.best.is_empty()).then(|| format!("agents start from {}", self.best_told()))
+        (!self.best.is_empty()).then(|| {
+            format!(
+                "agents start from {}: the best by cross-validation in the training range",
+                self.best_told()
+            )
+        })
     }
 
     /// What agents with `agent.baseline = "best"` start from, in words.

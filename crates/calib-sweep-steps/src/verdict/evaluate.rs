@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_agent::Part;
+use calib_agent::{Part, SimplePredictor};
 use calib_base::{
     Context as _, StepError,
     artefact::{self, MANIFEST, TOOL},
@@ -73,8 +73,8 @@ pub struct SensorChoice {
     grade: Grade,
     /// What to do: the same as the report says.
     recommendation: Recommendation,
-    /// The simple predictor to use instead: one that the agent is not known to match, or the one that it starts from where learning
-    /// on is not shown to help.
+    /// The simple predictor to use instead: one that the agent is not known to match, the one that it starts from where learning
+    /// on is not shown to help, or the training mean where nothing is shown to be better.
     #[serde(skip_serializing_if = "Option::is_none")]
     simple_predictor: Option<SimpleComparison>,
 }
@@ -126,9 +126,10 @@ fn choices(
             simple_predictor: verdict
                 .simpler()
                 .or_else(|| {
-                    row.without_learning().and_then(|frozen| {
-                        verdict.simple.iter().find(|simple| simple.predictor == frozen)
-                    })
+                    let mean = SimplePredictor::Mean;
+                    let not_learned = (verdict.grade == Grade::NotLearnt).then_some(mean);
+                    let instead = row.without_learning().or(not_learned)?;
+                    verdict.simple.iter().find(|simple| simple.predictor == instead)
                 })
                 .cloned(),
         }
@@ -251,6 +252,11 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
         .map(|sensor| {
             monitor.check()?;
             let mut verdict = verdict_of(sensor, study.part(), study, &manifest, &results)?;
+            let reads_inputs = verdict_rows::frozen(&verdict, &manifest)
+                .is_none_or(|predictor| !predictor.reads_the_sensor_alone());
+            if reads_inputs && profile.has_inputs_elsewhere(sensor) {
+                verdict.doubt_inputs();
+            }
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
             let recorded = profile.recorded_name(sensor);

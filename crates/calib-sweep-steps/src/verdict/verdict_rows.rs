@@ -48,6 +48,7 @@ pub(crate) fn verdict_row(
     let of_members: usize = verdict.members.iter().map(|scores| scores.streams).sum();
     let of_log = verdict.log_replay.as_ref().map_or(0, |scores| scores.streams);
     let of_all = of_members + of_log;
+    let unit = sweep.simple.units.get(&verdict.sensor);
     let sources = match (&verdict.log_replay, selection) {
         (Some(_), None) => Sources::Log,
         (Some(_), Some(_)) => Sources::MembersAndLog,
@@ -82,12 +83,17 @@ pub(crate) fn verdict_row(
             .collect(),
         stability_nearby: verdict.stability_nearby,
         outside_training,
+        elsewhere: verdict.elsewhere(),
         online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, sweep, study)),
         alternatives: alternatives(verdict, candidates),
         simple: verdict
             .simple
             .iter()
-            .map(|simple| SimpleRow { predictor: simple.predictor, error: simple.online_error })
+            .map(|simple| SimpleRow {
+                predictor: simple.predictor,
+                error: simple.online_error,
+                typical_error: unit.map(|unit| simple.online_rmse * unit),
+            })
             .collect(),
         parts: verdict
             .parts
@@ -104,7 +110,7 @@ pub(crate) fn verdict_row(
             .preferred_simple()
             .filter(|_| verdict.simpler().is_none())
             .map(|simple| beside(simple, verdict, sweep)),
-        frozen: verdict.learning_off.and_then(|off| start_of(&candidates[off], verdict, sweep)),
+        frozen: frozen(verdict, sweep),
         notes: verdict.warnings.iter().cloned().chain(at_the_end(verdict, sweep)).collect(),
     }
 }
@@ -146,8 +152,14 @@ fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts
         typical_errors: unit
             .zip(agent)
             .map(|(unit, agent)| [simple.online_rmse, agent].map(|error| error * unit)),
+        runaway_windows: simple.runaway_windows,
         has_baseline: sweep.candidates[verdict.chosen].agent.baseline.is_some(),
     }
+}
+
+/// The simple predictor that the default or the choice is, where it learns nothing more and is to be used as it is.
+pub(crate) fn frozen(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<SimplePredictor> {
+    start_of(&sweep.candidates[verdict.learning_off?], verdict, sweep)
 }
 
 /// The simple predictor that an agent starts from; of `baseline = "best"` the one that it is for this sensor.
@@ -278,8 +290,7 @@ fn error_curve(scores: &EnvironmentScores, label: &str, source: ErrorSource) -> 
 /// The error of the simple predictor that the verdict names, which is the same for all values: the one to use, or else the one that the
 /// log prefers.
 fn simple_line(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<ErrorCurve> {
-    let start =
-        verdict.learning_off.and_then(|off| start_of(&sweep.candidates[off], verdict, sweep));
+    let start = frozen(verdict, sweep);
     let started = verdict.simple.iter().find(|simple| Some(simple.predictor) == start);
     let named = verdict.simpler().or(started).or_else(|| verdict.preferred_simple())?;
     let windows = verdict.truth.as_ref()?.windows.len();

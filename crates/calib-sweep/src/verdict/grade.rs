@@ -20,9 +20,9 @@ pub enum Grade {
     /// A simple predictor does as well or better: the agent is not known to have at most two per cent more error than the one
     /// that the log prefers, or another is better by more than chance.
     Simpler,
-    /// The default is better, or the choice diverged or has no skill.
+    /// The default is better, the choice diverged or has no skill, or held-out values lie far from all that was learned from.
     Poor,
-    /// Nothing predicts better than a mean return: that of the training range, where simple predictors are known, or else that
+    /// Nothing is shown to predict better than a mean return, by two per cent: that of the training range, where simple predictors are known, or else that
     /// of each window.
     NotLearnt,
     /// No held-out data, or none whose returns vary, or are known to.
@@ -39,21 +39,23 @@ impl Grade {
     /// 2. *unchecked* without held-out data, and where the sensor does not move in it;
     /// 3. *poor* if the choice diverged in some held-out window;
     /// 4. *unchecked* where the spread of the returns is 0, or not known;
-    /// 5. where simple predictors are known and the choice is not known to match the one that the log prefers, or another is
+    /// 5. *poor* if the training mean, where it is known, has an error of more than twenty spreads of the training range;
+    /// 6. where simple predictors are known and the choice is not known to match the one that the log prefers, or another is
     ///    better by more than chance, *not learned* if the training mean does as well as that one, and *simpler* otherwise; also
-    ///    *not learned* if the choice matches the one that the log prefers, and has no less error than the training mean;
-    /// 6. where they are not known, *not learned* if the best value over windows has no skill (1 − RMSE / σ ≤ 0), and *poor* if the
+    ///    *not learned* if the choice matches the one that the log prefers, and is not shown to have two per cent less error than the
+    ///    training mean, or if that is so of the default that is to be used instead (`learning_off`);
+    /// 7. where they are not known, *not learned* if the best value over windows has no skill (1 − RMSE / σ ≤ 0), and *poor* if the
     ///    choice has none;
-    /// 7. *unchecked* if all values have the same error;
-    /// 8. *poor* if the choice has more error than the default, with an interval over windows that excludes equality;
-    /// 9. *good* if its regret is at most 5 %, over two windows or more;
-    /// 10. *fair* otherwise.
-    ///
+    /// 8. *unchecked* if all values have the same error;
+    /// 9. *poor* if the choice has more error than the default, with an interval over windows that excludes equality;
+    /// 10. *good* if its regret is at most 5 %, over two windows or more;
+    /// 11. *fair* otherwise.
     pub(super) fn of(
         standing: ChoiceStanding,
         truth: Option<&Truth>,
         simple: &[SimpleComparison],
         stands_still: bool,
+        learning_off: Option<usize>,
     ) -> Self {
         if standing == ChoiceStanding::Diverged {
             return Self::Poor;
@@ -73,13 +75,17 @@ impl Grade {
         else {
             return Self::Unchecked;
         };
+        if simple::elsewhere(simple).is_some() {
+            return Self::Poor;
+        }
         match simple::decisive(simple) {
             Some(better) if better.predictor == SimplePredictor::Mean => return Self::NotLearnt,
             Some(_) => return Self::Simpler,
-            None if !simple.is_empty() && !simple::beats_the_mean(simple) => {
-                return Self::NotLearnt;
+            None if !simple.is_empty() => {
+                if !simple::beats_the_mean(simple, truth, learning_off) {
+                    return Self::NotLearnt;
+                }
             }
-            None if !simple.is_empty() => {}
             None if best_skill <= 0.0 => return Self::NotLearnt,
             None if skill <= 0.0 => return Self::Poor,
             None => {}

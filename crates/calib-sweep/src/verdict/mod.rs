@@ -154,9 +154,23 @@ impl SensorVerdict {
         simple::decisive(&self.simple)
     }
 
+    /// How far held-out values lie from the training mean, in spreads of the training range, where that is more than twenty: nothing was
+    /// learned of such values.
+    pub fn elsewhere(&self) -> Option<f64> {
+        simple::elsewhere(&self.simple)
+    }
+
+    /// Take a *good* choice for a *fair* one, because inputs of its agent left their training range with what held-out data says of it.
+    pub fn doubt_inputs(&mut self) {
+        if self.grade == Grade::Good {
+            self.grade = Grade::Fair;
+        }
+    }
+
     /// What to do.
     pub fn recommendation(&self) -> Recommendation {
-        let default_is_better = self.truth.as_ref().is_some_and(Truth::prefers_the_default);
+        let default_is_better = self.truth.as_ref().is_some_and(Truth::prefers_the_default)
+            && self.elsewhere().is_none();
         match self.grade {
             Grade::Simpler => Recommendation::UseSimplePredictor,
             Grade::Poor if default_is_better => Recommendation::KeepDefault,

@@ -4,8 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Judging,
+    ENOUGH_WINDOWS, Judging,
     errors::{Errors, Stream},
+    truth::Truth,
 };
 use crate::{Candidate, EnvironmentId, ErrorScale, SweepError};
 
@@ -14,6 +15,13 @@ const NO_WORSE: f64 = 1.02;
 
 /// Of predictors whose errors on the log are within this factor, the simplest is preferred.
 const ALIKE: f64 = 1.01;
+
+/// An agent ran away in a window where it has more than so many times the error of a simple predictor. Our choice.
+const RUNAWAY: f64 = 10.0;
+
+/// Held-out values that lie so many spreads of the training range from its mean are nothing that was learned there: the unit or
+/// the zero of the sensor may have changed. Our choice.
+const ELSEWHERE: f64 = 20.0;
 
 /// A simple predictor beside the chosen agent, on the same held-out windows and steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -29,6 +37,14 @@ pub struct SimpleComparison {
     /// Error of the chosen agent by that of the predictor: geometric mean over held-out windows, with its interval over them.
     /// None where both have no error.
     pub ratio: Option<Estimate>,
+    /// Held-out windows in which the agent has more than ten times its error. Default: none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub runaway_windows: usize,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 impl SimpleComparison {
@@ -89,6 +105,8 @@ pub(super) fn compared(
             .filter(|(agent, own)| *agent != 0.0 || **own != 0.0)
             .map(|(agent, own)| (agent / own).ln())
             .collect();
+        let runaway_windows =
+            logarithms.iter().filter(|logarithm| **logarithm > RUNAWAY.ln()).count();
         let online_rmse = calib_stats::mean(&own)?;
         compared.push(SimpleComparison {
             predictor,
@@ -99,6 +117,7 @@ pub(super) fn compared(
                 (sum / errors.len() as f64).exp()
             }),
             ratio: if logarithms.is_empty() { None } else { Some(ratio(&logarithms)?) },
+            runaway_windows,
         });
     }
     Ok(compared)
@@ -130,14 +149,39 @@ pub(super) fn preferred(compared: &[SimpleComparison]) -> Option<&SimpleComparis
     }
 }
 
-/// Whether the agent has less error than the training mean, as far as that was compared.
-pub(super) fn beats_the_mean(compared: &[SimpleComparison]) -> bool {
-    let mean = compared.iter().find(|own| own.predictor == SimplePredictor::Mean);
-    mean.and_then(|mean| mean.ratio).is_none_or(|ratio| ratio.value < 1.0)
+/// Whether the chosen agent, and what is to be used in its place where it is not shown to improve on the default, are shown to have two per
+/// cent less error than the training mean, as far as that was compared.
+///
+/// An interval over few windows reaches far, whatever was learned: there the ratio itself counts.
+pub(super) fn beats_the_mean(
+    compared: &[SimpleComparison],
+    truth: &Truth,
+    learning_off: Option<usize>,
+) -> bool {
+    let Some(ratio) = mean_of(compared).and_then(|mean| mean.ratio) else { return true };
+    let is_chance = truth.windows.len() >= ENOUGH_WINDOWS
+        && ratio.interval.is_some_and(|interval| interval.high >= 1.0);
+    let is_replaced = learning_off.is_some_and(|off| off != truth.choice.chosen);
+    let of_default = truth.choice.against_default.filter(|_| is_replaced);
+    // Both are geometric means over the same windows, so that their quotient is that of the default to the training mean.
+    let used = of_default.map_or(ratio.value, |against| ratio.value / against.value);
+    !is_chance && ratio.value * NO_WORSE <= 1.0 && (used.is_nan() || used * NO_WORSE <= 1.0)
+}
+
+/// How far held-out values lie from the training mean, in spreads of the training range, where that is so far that nothing was
+/// learned of such values.
+pub(super) fn elsewhere(compared: &[SimpleComparison]) -> Option<f64> {
+    let away = mean_of(compared)?.online_error;
+    (away > ELSEWHERE && away.is_finite()).then_some(away)
+}
+
+fn mean_of(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
+    compared.iter().find(|own| own.predictor == SimplePredictor::Mean)
 }
 
 /// The simple predictor to use instead of the agent, if there is one: the [`preferred`] one, if the agent is not known to match
-/// it, or another that is better than the agent by more than chance. Where the training mean does as well as that, the mean.
+/// it, or another that is better than the agent by more than chance. Where the training mean does as well as that to within two per
+/// cent, the mean.
 pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
     let unmatched = preferred(compared).filter(|own| own.is_better() || !own.is_matched());
     let instead = unmatched.or_else(|| {
@@ -146,8 +190,18 @@ pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleCompariso
             |best, other| if ratio_or_one(other) > ratio_or_one(best) { other } else { best },
         )
     })?;
-    let mean = compared.iter().find(|own| own.predictor == SimplePredictor::Mean);
-    mean.filter(|mean| mean.online_rmse <= instead.online_rmse).or(Some(instead))
+    mean_of(compared).filter(|mean| does_as_well(mean, instead)).or(Some(instead))
+}
+
+/// Whether the training mean has no more error than another predictor: by the mean over windows, or by the geometric mean to within two
+/// per cent. Less of a difference is nothing that was predicted.
+fn does_as_well(mean: &SimpleComparison, other: &SimpleComparison) -> bool {
+    // The quotient of two ratios of the same agent is that of the predictors.
+    let geometric = match (mean.ratio, other.ratio) {
+        (Some(mean), Some(other)) => other.value / mean.value,
+        _ => f64::NAN,
+    };
+    mean.online_rmse <= other.online_rmse || geometric <= NO_WORSE
 }
 
 /// By how much the agent has more error; as much where that is not known.

@@ -2,8 +2,8 @@ use calib_agent::{Part, SimplePredictor};
 use calib_stats::Selection;
 
 use super::{
-    Dropped, Judging, PartChoice, Rule, SimpleComparison, differ, rule::ChoiceStanding, told_apart,
-    truth::Truth,
+    Dropped, Judging, PartChoice, Rule, SimpleComparison, differ, rule::ChoiceStanding,
+    simple::elsewhere, told_apart, truth::Truth,
 };
 use crate::{Candidate, UnitResult};
 
@@ -19,9 +19,11 @@ const OTHER_LEVEL: f64 = 2.0;
 /// That the sensor has another level than in training, by the error of the training mean.
 pub(super) fn level_has_changed(simple: &[SimpleComparison]) -> Option<String> {
     let mean = simple.iter().find(|row| row.predictor == SimplePredictor::Mean)?;
+    let unit =
+        if elsewhere(simple).is_some() { ", or the unit or the zero of the sensor" } else { "" };
     (mean.online_error > OTHER_LEVEL && mean.online_error.is_finite()).then(|| {
         format!(
-            "held-out values lie {:.1} times the spread of the training range from its mean, so the plant has changed, and what was learned before \
+            "held-out values lie {:.1} times the spread of the training range from its mean, so the plant has changed{unit}, and what was learned before \
              may not hold; train on a time that is like the present (data.train)",
             mean.online_error
         )

@@ -29,6 +29,7 @@ pub(in crate::report) fn verdict() -> Verdict {
         stability: vec![(Setting::from(1e-4), 0.7), (Setting::from(3e-4), 0.3)],
         stability_nearby: None,
         outside_training: None,
+        elsewhere: None,
         online: Some(HeldOutResult {
             part: "whole runs".to_owned(),
             windows: 4,
@@ -147,6 +148,7 @@ fn a_verdict_without_online() {
         online: None,
         grade: Grade::Unchecked,
         outside_training: None,
+        elsewhere: None,
         tie_set: vec![Setting::from(1e-4)],
         worst_rank: 1,
         stability: vec![(Setting::from(1e-4), 1.0)],
@@ -380,7 +382,7 @@ fn streams_of_a_log_that_was_not_replayed_are_not_told() {
 }
 
 fn simple_row(predictor: SimplePredictor, error: f64) -> SimpleRow {
-    SimpleRow { predictor, error }
+    SimpleRow { predictor, error, typical_error: None }
 }
 
 /// Persistence has half of the agent's error.
@@ -398,6 +400,7 @@ fn beaten(is_better: bool) -> Verdict {
             ratio: Some(ratio),
             is_better,
             typical_errors: Some([1.3, 2.6]),
+            runaway_windows: 0,
             has_baseline: false,
         }),
         ..verdict()
@@ -427,6 +430,7 @@ fn an_agent_that_is_deployed_stands_beside_the_simple_predictor_that_the_log_pre
         ratio: Some(estimate(0.9, 0.85, 0.96)),
         is_better: false,
         typical_errors: None,
+        runaway_windows: 0,
         has_baseline: true,
     });
     let told = Verdict { matched, ..verdict() }.plain();
@@ -468,6 +472,7 @@ fn a_gain_is_told_beside_the_best_simple_predictor_too() {
         ratio: Some(estimate(0.5, 0.4, 0.6)),
         is_better: false,
         typical_errors: None,
+        runaway_windows: 0,
         has_baseline: false,
     });
     let mut verdict = Verdict { matched, ..verdict() };
@@ -486,8 +491,80 @@ fn a_gain_is_told_beside_the_best_simple_predictor_too() {
 fn an_agent_that_only_is_its_baseline_is_called_so() {
     let mut verdict = Verdict { frozen: Some(SimplePredictor::Ridge), ..verdict() };
     verdict.online.as_mut().unwrap().against_default = None;
+    // Another setting may do better: its regret says so.
+    assert_eq!(
+        verdict.headline(),
+        "Use ridge regression for PIT300: no clear gain from further learning."
+    );
+    verdict.online.as_mut().unwrap().regret = Some(Bounded { value: 0.0, upper: None });
     assert_eq!(
         verdict.headline(),
         "Use ridge regression for PIT300: further learning adds nothing."
     );
+}
+
+#[test]
+fn no_gain_is_claimed_where_the_interval_has_one() {
+    let mut verdict = Verdict { frozen: Some(SimplePredictor::Line), ..verdict() };
+    verdict.online.as_mut().unwrap().against_default = Some(estimate(0.985, 0.95, 1.02));
+    insta::assert_snapshot!(verdict.headline(), @"Use a line on the sensor for PIT300: no clear gain from further learning.");
+    verdict.online.as_mut().unwrap().against_default = None;
+    verdict.simple =
+        vec![SimpleRow { predictor: SimplePredictor::Line, error: 0.4, typical_error: Some(8.52) }];
+    let told = verdict.plain();
+    assert!(
+        told.ends_with(" Its typical error of the predicted mean, in the sensor's unit: 8.52."),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_predictor_that_is_hardly_better_is_simpler_alone() {
+    let mut verdict = beaten(true);
+    verdict.simpler.as_mut().unwrap().ratio = Some(estimate(1.001, 1.0005, 1.0015));
+    insta::assert_snapshot!(verdict.headline(), @"Use persistence for PIT300: it does as well as the agent and is simpler.");
+}
+
+#[test]
+fn windows_in_which_the_agent_ran_away_are_told() {
+    let mut verdict = beaten(false);
+    let simpler = verdict.simpler.as_mut().unwrap();
+    simpler.ratio = Some(estimate(5.56, 0.018, 3000.0));
+    simpler.typical_errors = Some([0.223, 84.7]);
+    simpler.runaway_windows = 2;
+    insta::assert_snapshot!(verdict.headline(), @"Use persistence for PIT300, not an agent: in 2 of 4 held-out windows the agent's error was more than ten times as large.");
+    let told = verdict.plain();
+    let means = " Typical error of the predicted mean, in the sensor's unit, as a mean over windows, which the worst of them decide: persistence 0.223, the agent 84.7.";
+    assert!(told.contains(means), "{told}");
+    // In all windows: the mean says so.
+    verdict.simpler.as_mut().unwrap().runaway_windows = 4;
+    assert!(!verdict.headline().contains("ten times"), "{}", verdict.headline());
+}
+
+#[test]
+fn bounds_without_a_meaning_have_no_number() {
+    assert_eq!(changed(2.71e19), "more than 1,000 times more");
+    let regret = |upper| with_interval(Bounded { value: 0.2, upper: Some(upper) });
+    assert_eq!(regret(2.71e19), "20 % (95 %: perhaps more than 1,000 times)");
+    assert_eq!(regret(180.0), "20 % (95 %: at most 180 times)");
+}
+
+#[test]
+fn what_is_not_shown_to_be_predictable_is_called_so() {
+    let mut verdict = Verdict { grade: Grade::NotLearnt, ..beaten(true) };
+    verdict.simpler = None;
+    insta::assert_snapshot!(verdict.headline(), @"Do not deploy an agent for PIT300: at this horizon, nothing is shown to predict it better than its training mean.");
+    assert!(verdict.plain().contains(" Deploy that mean, or nothing;"), "{}", verdict.plain());
+}
+
+#[test]
+fn held_out_values_that_are_elsewhere_judge_no_agent() {
+    let verdict = Verdict { grade: Grade::Poor, elsewhere: Some(422.6), ..verdict() };
+    insta::assert_snapshot!(verdict.headline(), @"Do not deploy an agent for PIT300: held-out values are far from all that it was trained on.");
+    let told = verdict.plain();
+    assert!(
+        told.starts_with("Held-out values lie 423 times the spread of the training range"),
+        "{told}"
+    );
+    assert_eq!(verdict.badge(), "Poor: held-out values are far from the training range");
 }

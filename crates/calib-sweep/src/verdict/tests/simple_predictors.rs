@@ -4,7 +4,7 @@ use calib_agent::SimplePredictor;
 use calib_stats::{Estimate, Interval};
 
 use super::*;
-use crate::verdict::simple::{beats_the_mean, decisive, preferred};
+use crate::verdict::simple::{decisive, preferred};
 
 /// The error of a simple predictor in the held-out window that begins at this row.
 fn online_score(predictor: SimplePredictor, start_row: u32, rmse: f64) -> SimpleScore {
@@ -64,6 +64,7 @@ fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) ->
         online_rmse: online,
         log_error: Some(log),
         ratio: Some(Estimate { value, interval: Some(Interval { low, high }) }),
+        runaway_windows: 0,
     }
 }
 
@@ -95,6 +96,9 @@ fn the_simple_predictor_to_use_is_chosen_on_the_log() {
     let better = simple(SimplePredictor::Line, 0.40, 0.2, [1.4, 1.6, 1.8]);
     let all = [mean, better, matched.clone()];
     assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Line));
+    // The mean has a hundredth more error than that, which is nothing that was predicted.
+    let nearly = simple(SimplePredictor::Mean, 1.0, 0.3535, [0.8, 0.99, 1.2]);
+    assert_eq!(decisive_predictor(&[nearly, ridge.clone()]), Some(SimplePredictor::Mean));
     // The mean does as well as what the log prefers.
     let mean = simple(SimplePredictor::Mean, 1.0, 0.34, [0.9, 1.02, 1.2]);
     assert_eq!(decisive_predictor(&[mean, ridge]), Some(SimplePredictor::Mean));
@@ -146,15 +150,77 @@ fn what_does_not_beat_the_training_mean_is_not_learnt() {
     assert_eq!(verdict.recommendation(), Recommendation::DoNotDeploy);
 }
 
-/// Whether an agent beats the mean that has so many times its error.
-fn beats_by(ratio: f64) -> bool {
-    beats_the_mean(&[simple(SimplePredictor::Mean, 1.0, 1.0, [0.9, ratio, 1.1])])
+/// The grade of an agent that has these errors in as many windows, beside a training mean that has 1 in each: nothing else predicts
+/// better than that mean.
+fn grade_beside_mean(agent: &[f64]) -> Grade {
+    let rows = (1..).map(|window| 100 * window);
+    let online = rows.clone().zip(agent).map(|(row, &error)| online_run(0, row, [2.0, error, 2.0]));
+    let results = with(online);
+    let means: Vec<SimpleScore> =
+        rows.zip(agent).map(|(row, _)| online_score(SimplePredictor::Mean, row, 1.0)).collect();
+    let judging = Judging { simple: &means, ..judging(Rule::WorstRank) };
+    verdict("A", &candidates(), &results, &judging).expect("judged").grade
 }
 
 #[test]
-fn an_agent_with_as_much_error_as_the_mean_does_not_beat_it() {
-    assert!(beats_by(0.99) && !beats_by(1.0) && !beats_by(1.02));
-    assert!(beats_the_mean(&[]), "the mean is not known");
+fn what_is_not_shown_to_beat_the_training_mean_is_not_learnt() {
+    // White noise: a hair less error than the mean.
+    assert_eq!(grade_beside_mean(&[0.997, 0.99, 1.004, 0.998]), Grade::NotLearnt);
+    assert_eq!(grade_beside_mean(&[0.99, 0.991, 0.989, 0.99]), Grade::NotLearnt, "too little");
+    assert_eq!(grade_beside_mean(&[0.96, 0.965, 0.955, 0.96]), Grade::Good);
+    assert_eq!(grade_beside_mean(&[0.5, 1.6, 0.6, 0.7]), Grade::NotLearnt, "chance");
+    assert_eq!(grade_beside_mean(&[0.2, 0.21]), Grade::Good);
+}
+
+#[test]
+fn a_default_that_is_the_training_mean_is_not_learnt() {
+    // The choice has 5 % less error, in too few windows to be shown. The default learns nothing, and is the mean.
+    let windows = [100, 500, 900];
+    let errors = [0.93, 0.955, 0.97];
+    let online =
+        windows.into_iter().zip(errors).map(|(row, error)| online_run(0, row, [1.0, error, 2.0]));
+    let mut candidates = candidates();
+    for candidate in &mut candidates {
+        candidate.is_default = candidate.index == 0;
+        candidate.agent.baseline = Some(SimplePredictor::Mean);
+    }
+    candidates[0].agent.learning_rate = 0.0;
+    let means: Vec<SimpleScore> =
+        windows.iter().map(|&row| online_score(SimplePredictor::Mean, row, 1.0)).collect();
+    let judging = Judging { simple: &means, ..judging(Rule::WorstRank) };
+    let verdict = verdict("A", &candidates, &with(online), &judging).expect("judged");
+    assert_eq!((verdict.chosen, verdict.learning_off), (1, Some(0)));
+    assert_eq!(verdict.grade, Grade::NotLearnt);
+}
+
+#[test]
+fn windows_in_which_the_agent_ran_away_are_counted() {
+    // The agent has 0.2 in every window.
+    let verdict = judged_beside([0.01, 0.015, 0.1], 1.0);
+    let persistence = &verdict.simple[1];
+    assert_eq!(
+        (persistence.predictor, persistence.runaway_windows),
+        (SimplePredictor::Persistence, 2)
+    );
+    assert_eq!(verdict.simple[0].runaway_windows, 0);
+}
+
+#[test]
+fn held_out_values_that_are_elsewhere_are_a_poor_ground() {
+    let verdict = judged_beside([0.3, 0.3, 0.3], 400.0);
+    assert_eq!((verdict.grade, verdict.elsewhere()), (Grade::Poor, Some(400.0)));
+    assert_eq!(verdict.recommendation(), Recommendation::DoNotDeploy);
+    assert_eq!(judged_beside([0.3, 0.3, 0.3], 19.0).grade, Grade::Good);
+}
+
+#[test]
+fn inputs_that_left_their_range_make_a_good_choice_fair() {
+    let mut good = judged_beside([0.5, 0.6, 0.55], 1.0);
+    good.doubt_inputs();
+    assert_eq!(good.grade, Grade::Fair);
+    let mut simpler = judged_beside([0.11, 0.1, 0.09], 1.0);
+    simpler.doubt_inputs();
+    assert_eq!(simpler.grade, Grade::Simpler);
 }
 
 /// The mean of the log, with this error on held-out data.
