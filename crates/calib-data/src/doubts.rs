@@ -187,6 +187,13 @@ impl Profile {
         })
     }
 
+    /// What is said of columns that agents read, and that are not `predicted`, whose unit probably changed in the training range. Of those that
+    /// are [`Self::value_doubts`] tells.
+    pub fn unit_doubts(&self, predicted: &[String]) -> Vec<String> {
+        let inputs = self.kept().filter(|channel| !predicted.contains(&channel.name));
+        inputs.filter_map(ChannelProfile::unit_doubt).collect()
+    }
+
     /// What of the columns that agents read makes their held-out errors worth little, in sentences; empty for a good log. Where one
     /// sensor alone is `predicted`, [`Self::value_doubts`] tells of it.
     pub fn held_out_doubts(&self, predicted: &[String]) -> Vec<String> {
@@ -270,6 +277,7 @@ impl Profile {
             }
             let FarOut { spikes, held_out, furthest, .. } = channel.far_out;
             let name = channel.name.as_str();
+            doubts.extend(channel.unit_doubt().map(|doubt| (name, doubt)));
             let BridgedStops { count, longest_secs, usual_secs } = channel.bridged;
             if count > 0 {
                 let times = if count == 1 { "once".to_owned() } else { format!("{count} times") };
@@ -309,6 +317,14 @@ impl Profile {
             }
         }
         doubts
+    }
+}
+
+impl ChannelProfile {
+    /// What is said where its unit probably changed.
+    fn unit_doubt(&self) -> Option<String> {
+        let change = self.unit_change.as_ref()?;
+        Some(change.doubt(&self.name, &format_time(change.at)))
     }
 }
 

@@ -67,6 +67,7 @@ mod survey;
 pub mod table;
 mod tags;
 mod text;
+mod unit_change;
 
 pub use calib_text::{TimestampUnit, Zone, format_time, parse_time};
 
@@ -94,3 +95,4 @@ pub use select::DropReason;
 pub use sentinels::Sentinel;
 pub use sketch::{ChannelSketch, FEW_VALUES, Sketch, counts_on_evenly, sketch};
 pub use tags::read_tags;
+pub use unit_change::UnitChange;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     AngleOf, BadRowsFound, ContradictionCause, DataError, DropReason, Fences, Sentinel, Shape,
-    angle_hint, names::hint,
+    UnitChange, angle_hint, names::hint,
 };
 
 /// Everything worth knowing about a log, and what preprocessing makes of it.
@@ -246,6 +246,9 @@ pub struct ChannelProfile {
     /// Spikes, and held-out values far outside of the training range. Default: none.
     #[serde(default, skip_serializing_if = "FarOut::is_none")]
     pub far_out: FarOut,
+    /// A time in the training range at which its unit probably changed. Default: there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit_change: Option<UnitChange>,
     /// Stops of its recording over which the last value stood, under `data.resample`. Default: none.
     #[serde(default, skip_serializing_if = "BridgedStops::is_none")]
     pub bridged: BridgedStops,

@@ -7,12 +7,13 @@ use rayon::prelude::*;
 
 use crate::{
     AngleOf, BackwardSteps, BadRowsFound, BridgedStops, ContradictionsFound, DataConfig, DataError,
-    Sentinel, Shape, Zone,
+    Sentinel, Shape, UnitChange, Zone,
     channel::{Moments, Movement, is_same},
     format_time,
     log::{Batch, Channel, ChannelValues, Contradicting, Log, SparseValues, detect_period},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
+    unit_change::LEAST_ROWS,
 };
 
 mod counting;
@@ -101,6 +102,8 @@ pub struct ChannelSketch {
     pub autocorrelation: Vec<(usize, f64)>,
     /// Spikes.
     pub spikes: u64,
+    /// A time at which its unit probably changed.
+    pub unit_change: Option<UnitChange>,
     /// Values that another one of the same time contradicts.
     pub contradicting: u64,
     /// Stops of its recording over which the last value stood, under `data.resample`.
@@ -177,6 +180,15 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
 }
 
 impl Sketch {
+    /// What is said of channels whose unit probably changed.
+    pub fn unit_doubts(&self) -> Vec<String> {
+        let changed = self.channels.iter().filter_map(|channel| {
+            let change = channel.unit_change.as_ref()?;
+            Some(change.doubt(&channel.name, &self.shown(change.at)))
+        });
+        changed.collect()
+    }
+
     /// A time of the log as people read it: on the clock of `data.time_zone`, if it was given, else as the log has it.
     pub fn shown(&self, time: Timestamp) -> String {
         let zone = self.zone.as_ref();
@@ -310,6 +322,7 @@ fn moving(
         longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
         autocorrelation: Vec::new(),
         spikes,
+        unit_change: UnitChange::find(values, timestamps, LEAST_ROWS),
         contradicting,
         bridged: BridgedStops::default(),
         thinned: Vec::new(),

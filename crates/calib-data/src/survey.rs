@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::{
     AngleOf, ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, FarOut,
-    Fences, PartProfile, PreprocessConfig, Profile, ValueProfile,
+    Fences, PartProfile, PreprocessConfig, Profile, UnitChange, ValueProfile,
     channel::{Moments, Movement, is_same},
     describe::describe_rows,
     impute::{clean, impute},
@@ -27,6 +27,7 @@ use crate::{
     sample::Samples,
     select::fit,
     sentinels::{Extremes, sentinels},
+    unit_change::LEAST_ROWS,
 };
 
 /// What the first pass found: everything but the values.
@@ -288,6 +289,7 @@ impl Scan<'_> {
             stood_for_missing: channel.stood_for_missing,
             words: channel.not_numbers.by_frequency().into_iter().take(EXAMPLES).collect(),
             far_out: summary.far_out,
+            unit_change: summary.unit_change,
             bridged: channel.bridged.clone(),
             imputed,
             unfilled,
@@ -307,7 +309,7 @@ impl Scan<'_> {
     fn summarise(&self, view: &mut ChannelView<'_>) -> ValueSummary {
         let movement = Movement::of(view.values, &view.timestamps, &view.stretches);
         let mut far_out = self.treat_spikes(view, movement.smallest_change);
-        let ChannelView { values, train, held_out, .. } = view;
+        let ChannelView { values, timestamps, train, held_out, .. } = view;
         let in_train = Moments::of(&values[train.clone()]);
         let around = [Moments::of(&values[..train.start]), Moments::of(&values[train.end..])];
         let moments = around.into_iter().chain([in_train]).flatten().reduce(Moments::merge);
@@ -316,7 +318,13 @@ impl Scan<'_> {
         if let (Some(moments), Some(held_out)) = (in_train, held_out) {
             note_held_out(&values[held_out.clone()], moments, &mut far_out);
         }
+        let trained = train.clone();
         ValueSummary {
+            unit_change: UnitChange::find(
+                &values[trained.clone()],
+                &timestamps[trained],
+                LEAST_ROWS,
+            ),
             in_train,
             missing: self.log.rows.timestamps.len() - present,
             missing_fraction: 1.0 - present_in_train as f64 / self.log.train.len() as f64,
@@ -403,6 +411,7 @@ struct ValueSummary {
     missing_fraction: f64,
     profile: Option<ValueProfile>,
     far_out: FarOut,
+    unit_change: Option<UnitChange>,
 }
 
 /// Count what lies further from the training range than it is wide: of a range without a width, all other values.

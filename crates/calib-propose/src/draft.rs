@@ -3,7 +3,7 @@ use std::ops::Range;
 use crate::{
     Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Sensors, Size, horizon,
     lines::{Lines, list, number},
-    sensors::explained,
+    sensors::{explained, stays},
     size::LEAST_STEPS,
     written::{key, quoted},
 };
@@ -269,8 +269,14 @@ impl Draft<'_> {
             let explained = self.sensors.proposed.iter().take(size.sensors).map(|&channel| {
                 format!("{:.0} %", 100.0 * explained(sketch, channel, &scope.channels))
             });
+            let mut named = self.sensors.proposed.iter().take(size.sensors);
+            let staying = if named.all(|&channel| stays(sketch, scope, channel)) {
+                ", stay where they have been before,"
+            } else {
+                ""
+            };
             format!(
-                "They move throughout the log, stay where they have been before, and are as unlike each other as can be; other channels explain {} of them",
+                "They move throughout the log{staying} and are as unlike each other as can be; other channels explain {} of them",
                 explained.collect::<Vec<_>>().join(", ")
             )
         };

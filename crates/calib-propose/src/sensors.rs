@@ -17,6 +17,10 @@ const LEAST_AUTOCORRELATION: f64 = 0.3;
 
 /// What is left of the worth of a sensor that no other channel explains, such as the weather.
 const UNEXPLAINED: f64 = 0.4;
+/// What is left of the worth of a sensor whose unit changed: it is proposed where there is no other.
+const OTHER_UNIT: f64 = 0.01;
+/// A sensor stays where it has been if it does so in this share of the last third.
+const STAYING: f64 = 0.9;
 /// Channels that are compared with each other.
 const COMPARED: usize = 64;
 /// Channels at most that explain another one.
@@ -63,7 +67,8 @@ impl Sensors {
                     && moving(&bins) >= LEAST_MOVING
                     && moving(held_out) >= LEAST_MOVING;
                 is_sensor.then(|| {
-                    (channel, moving_share(sketched) * known_share(sketch, scope, sketched))
+                    let unit = if sketched.unit_change.is_some() { OTHER_UNIT } else { 1.0 };
+                    (channel, moving_share(sketched) * known_share(sketch, scope, sketched) * unit)
                 })
             })
             .collect();
@@ -136,6 +141,12 @@ fn known_share(sketch: &Sketch, scope: &Scope, channel: &ChannelSketch) -> f64 {
     known as f64 / after.len().max(1) as f64
 }
 
+/// Whether a channel stays in the last third where it has been before, in one unit.
+pub(crate) fn stays(sketch: &Sketch, scope: &Scope, channel: usize) -> bool {
+    let channel = &sketch.channels[channel];
+    channel.unit_change.is_none() && known_share(sketch, scope, channel) >= STAYING
+}
+
 /// The share of the variance of a channel that other channels explain at the same time: what is left is taken up again and again by the one
 /// that correlates most with it (matching pursuit, Mallat and Zhang 1993).
 pub(crate) fn explained(sketch: &Sketch, channel: usize, others: &[usize]) -> f64 {
@@ -201,6 +212,8 @@ fn correlation(left: &[f64], right: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use calib_data::UnitChange;
+
     use super::*;
     use crate::testing::{Channel, sketch, wave};
 
@@ -232,6 +245,22 @@ mod tests {
         let found =
             names(&[("leaves", leaves), ("B", wave(70.0)), ("C", wave(90.0)), ("D", wave(50.0))]);
         assert!(!found.expect("some").contains(&"leaves".to_owned()));
+    }
+
+    #[test]
+    fn what_changed_its_unit_is_proposed_last() {
+        let mut log = sketch(
+            6_400,
+            &[("A", wave(40.0)), ("B", wave(70.0)), ("C", wave(90.0)), ("D", wave(50.0))],
+        );
+        let at = log.timestamps[2_000];
+        let change = UnitChange { at, before: [-1.0, 1.0], after: [-100.0, 100.0] };
+        log.channels[0].unit_change = Some(change);
+        let scope = Scope::of(&log).expect("channels");
+        let sensors = Sensors::of(&log, &scope).expect("some");
+        assert!(!sensors.proposed.contains(&0), "{:?}", sensors.proposed);
+        assert_eq!(sensors.others, [0]);
+        assert!(!stays(&log, &scope, 0) && stays(&log, &scope, 1));
     }
 
     #[test]

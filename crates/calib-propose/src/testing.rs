@@ -97,6 +97,7 @@ fn channel(name: &str, value_at: &Channel, rows: usize, bins: &[Range<usize>]) -
             })
             .collect(),
         spikes: 0,
+        unit_change: None,
         contradicting: 0,
         bridged: calib_data::BridgedStops::default(),
         thinned: values.iter().step_by(rows.div_ceil(4_000)).copied().collect(),

@@ -222,6 +222,31 @@ fn inputs_that_change_in_the_held_out_period_are_told() {
     assert!(late.contains("period: pump (100 values differ). "), "{late}");
     let predicted = profile.held_out_doubts(&["height".to_owned()]);
     assert_eq!(predicted, std::slice::from_ref(late), "it is told with its verdict");
+    let both = ["level", "height"].map(str::to_owned);
+    assert_eq!(profile.held_out_doubts(&both).len(), 2, "the agent of the other reads it");
+    assert!(profile.has_inputs_elsewhere("level") && !profile.has_inputs_elsewhere("height"));
+}
+
+/// A unit that changes inside the training range spoils all that is learned from it.
+#[test]
+fn a_unit_that_changes_in_the_training_range_is_told() {
+    let mut rows = String::from("time,level,height\n");
+    for row in 0..1_000 {
+        let unit = if row < 400 { 1 } else { 100 };
+        writeln!(rows, "{},{},{}", 1_704_067_200 + row, row % 11, (10 + row % 7) * unit)
+            .expect("memory");
+    }
+    let folder = Folder::of_text("a.csv", &rows);
+    let profile = profile(&folder.data());
+    let [(name, doubt)] = &profile.value_doubts()[..] else {
+        panic!("one doubt: {:?}", profile.value_doubts())
+    };
+    assert_eq!(*name, "height");
+    let told = "height has two ranges that do not overlap, mostly 10 to 16 before 2024-01-01 00:06:40 and 1000 to 1600 from then on";
+    assert!(doubt.starts_with(told), "{doubt}");
+    let of_inputs = profile.unit_doubts(&["level".to_owned()]);
+    assert_eq!(of_inputs, std::slice::from_ref(doubt));
+    assert_eq!(profile.unit_doubts(&["height".to_owned()]), Vec::<String>::new());
 }
 
 /// A channel that is dead in the whole held-out period leaves nothing of it.

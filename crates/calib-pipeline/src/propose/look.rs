@@ -196,7 +196,7 @@ fn contradicting(error: DataError) -> StepError {
     StepError::InContext { context, source: Box::new(error.into()) }
 }
 
-/// What of the times of a log is probably not as meant, in sentences.
+/// What of the times and the units of a log is probably not as meant, in sentences.
 fn doubts(sketch: &Sketch) -> Vec<String> {
     let mut doubts = Vec::new();
     let recorded = sketch.recorded_period_secs;
@@ -209,6 +209,7 @@ fn doubts(sketch: &Sketch) -> Vec<String> {
     }
     doubts.extend(sketch.timestamps.last().and_then(|last| clock::in_future(*last)));
     doubts.extend(backward(sketch));
+    doubts.extend(sketch.unit_doubts());
     doubts
 }
 

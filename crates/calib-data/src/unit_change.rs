@@ -1,0 +1,339 @@
+//! A time at which a channel probably changed its unit.
+//!
+//! The values before and after it do not overlap, nothing lies between them, and those after are those before in another unit: their
+//! level, their spread and their steps from row to row grew or shrank alike, by a factor of three or more, or degrees Celsius,
+//! Fahrenheit and kelvins stand for each other. A set point, a season or a pump does not move all three by the same factor. (The
+//! numbers are our choices: with them, no channel of the recorded plant logs that we have is told.)
+
+use calib_core::Timestamp;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::channel::quantile;
+
+/// Fewer rows than this, and than a twentieth of all, on either side say nothing of a unit.
+pub(crate) const LEAST_ROWS: usize = 200;
+/// Blocks whose medians are compared, so that a few bad samples hide nothing.
+const BLOCKS: usize = 200;
+/// The share of the values that may lie on the wrong side.
+const MISPLACED: f64 = 0.01;
+/// Rows on each side of the time in which a change would show that is none of a unit: some, or the same share as a block.
+const NEAR_ROWS: usize = 20;
+/// So many of these may lie between both ranges. A plant that starts up, or a vessel that empties, passes through.
+const PASSING: usize = 3;
+/// A factor that is nearer to 1 may be a set point.
+const LEAST_FACTOR: f64 = 3.0;
+/// Level, spread and steps from row to row have factors that differ by this one at most: a plant does not do the same all the time.
+const ALIKE: f64 = 2.0;
+/// The same of the spread in degrees, whose factor is known.
+const ALIKE_DEGREES: f64 = 1.5;
+/// By this share of its change a level in degrees may differ from what the unit makes of it.
+const NEAR_DEGREES: f64 = 0.15;
+/// Values that are looked at: evenly thinned, where there are more.
+const LOOKED_AT: usize = 200_000;
+
+/// What a change from one unit to another makes of values.
+struct Conversion {
+    factor: f64,
+    offset: f64,
+}
+
+/// From degrees Celsius to Fahrenheit and back, and to kelvins and back.
+const DEGREES: [Conversion; 4] = [
+    Conversion { factor: 1.8, offset: 32.0 },
+    Conversion { factor: 1.0 / 1.8, offset: -32.0 / 1.8 },
+    Conversion { factor: 1.0, offset: 273.15 },
+    Conversion { factor: 1.0, offset: -273.15 },
+];
+
+/// A time at which the unit of a channel probably changed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UnitChange {
+    /// The time of the first value after it.
+    pub at: Timestamp,
+    /// The values before it, without a twentieth at each end: the smallest and the largest.
+    pub before: [f64; 2],
+    /// The same of those after it.
+    pub after: [f64; 2],
+}
+
+impl UnitChange {
+    /// Of these values, NaN being missing, and their times. `least` rows have to be on each side.
+    pub(crate) fn find(values: &[f64], timestamps: &[Timestamp], least: usize) -> Option<Self> {
+        let step = values.len() / LOOKED_AT + 1;
+        let looked_at = values.iter().copied().enumerate().step_by(step);
+        let (rows, there): (Vec<usize>, Vec<f64>) =
+            looked_at.filter(|(_, value)| !value.is_nan()).unzip();
+        let least = least.max(there.len() / 20);
+        if there.len() < 2 * least {
+            return None;
+        }
+        let size = (there.len() / BLOCKS).max(5);
+        let medians: Vec<f64> =
+            there.chunks_exact(size).map(|block| quantile(&mut block.to_vec(), 0.5)).collect();
+        let gap = Gap::of(&medians)?;
+        let row = gap.row(&there, size);
+        if row < least || there.len() - row < least || gap.misplaced(&there, row) > MISPLACED {
+            return None;
+        }
+        let before = Level::of(&there[..row]);
+        let after = Level::of(&there[row..]);
+        let reach = NEAR_ROWS.max(there.len() / BLOCKS);
+        let near = &there[row.saturating_sub(reach)..(row + reach).min(there.len())];
+        (after.is_abrupt(&before, near) && after.is_converted(&before)).then(|| Self {
+            at: timestamps[rows[row]],
+            before: [before.low, before.high],
+            after: [after.low, after.high],
+        })
+    }
+
+    /// What is said of it, of the channel `name`, whose time is `shown`.
+    pub fn doubt(&self, name: &str, shown: &str) -> String {
+        let range = |[low, high]: [f64; 2]| format!("{} to {}", rounded(low), rounded(high));
+        format!(
+            "{name} has two ranges that do not overlap, mostly {} before {shown} and {} from then on; did its unit or its zero change? Let data.train and \
+             data.held_out begin after that time, correct the values, or leave the channel out with data.exclude",
+            range(self.before),
+            range(self.after)
+        )
+    }
+}
+
+/// A number with three significant digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// Where the medians of blocks before and after do not overlap.
+#[derive(Clone, Copy)]
+struct Gap {
+    /// The first block after it.
+    block: usize,
+    /// The largest median on the lower side.
+    low: f64,
+    /// The smallest one on the upper side.
+    high: f64,
+    /// Whether the upper side comes later.
+    rises: bool,
+}
+
+impl Gap {
+    /// The widest one; none where medians overlap wherever they are divided.
+    fn of(medians: &[f64]) -> Option<Self> {
+        let mut later = Vec::with_capacity(medians.len());
+        let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
+        for median in medians.iter().rev() {
+            ends = [ends[0].min(*median), ends[1].max(*median)];
+            later.push(ends);
+        }
+        later.reverse();
+        let mut before = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut widest: Option<Self> = None;
+        for (block, after) in later.iter().enumerate().skip(1) {
+            let last = medians[block - 1];
+            before = [before[0].min(last), before[1].max(last)];
+            let gap = if after[0] > before[1] {
+                Self { block, low: before[1], high: after[0], rises: true }
+            } else {
+                Self { block, low: after[1], high: before[0], rises: false }
+            };
+            if gap.width() > 0.0 && widest.is_none_or(|widest| gap.width() > widest.width()) {
+                widest = Some(gap);
+            }
+        }
+        widest
+    }
+
+    fn width(&self) -> f64 {
+        self.high - self.low
+    }
+
+    /// Whether a value is on the side that comes later.
+    fn is_later(&self, value: f64) -> bool {
+        (value > f64::midpoint(self.low, self.high)) == self.rises
+    }
+
+    /// The first row after it, with the fewest values on the wrong side near it. Blocks have `size` rows.
+    fn row(&self, values: &[f64], size: usize) -> usize {
+        let near = (self.block - 1) * size..((self.block + 1) * size).min(values.len());
+        // Divided before the first of these rows, those that belong before it are misplaced.
+        let early = values[near.clone()].iter().filter(|value| !self.is_later(**value)).count();
+        let mut misplaced = early as i64;
+        let mut fewest = misplaced;
+        let mut best = near.start;
+        for row in near {
+            misplaced += if self.is_later(values[row]) { 1 } else { -1 };
+            if misplaced < fewest {
+                fewest = misplaced;
+                best = row + 1;
+            }
+        }
+        best
+    }
+
+    /// The share of the values that are on the wrong side where they are divided before `row`.
+    fn misplaced(&self, values: &[f64], row: usize) -> f64 {
+        let early = values[..row].iter().filter(|value| self.is_later(**value)).count();
+        let late = values[row..].iter().filter(|value| !self.is_later(**value)).count();
+        (early + late) as f64 / values.len() as f64
+    }
+}
+
+/// Where values lie.
+struct Level {
+    /// The 5 % quantile.
+    low: f64,
+    /// The median.
+    middle: f64,
+    /// The 95 % quantile.
+    high: f64,
+    /// The 90 % quantile of the changes from row to row that are not 0; 0 where it never changes.
+    step: f64,
+}
+
+impl Level {
+    fn of(values: &[f64]) -> Self {
+        let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        let mut changes: Vec<f64> = changes.filter(|change| *change > 0.0).collect();
+        let step = if changes.is_empty() { 0.0 } else { quantile(&mut changes, 0.9) };
+        let mut values = values.to_vec();
+        Self {
+            step,
+            low: quantile(&mut values, 0.05),
+            middle: quantile(&mut values, 0.5),
+            high: quantile(&mut values, 0.95),
+        }
+    }
+
+    fn width(&self) -> f64 {
+        self.high - self.low
+    }
+
+    /// Whether hardly a value `near` the time of the change lies between this level and the one before.
+    fn is_abrupt(&self, before: &Self, near: &[f64]) -> bool {
+        let (low, high) = if self.middle > before.middle {
+            (before.high, self.low)
+        } else {
+            (self.high, before.low)
+        };
+        let quarter = (high - low) / 4.0;
+        let passing = low + quarter..high - quarter;
+        near.iter().filter(|value| passing.contains(*value)).count() <= PASSING
+    }
+
+    /// Whether this is the level `before` in another unit.
+    fn is_converted(&self, before: &Self) -> bool {
+        if self.width() <= 0.0 || before.width() <= 0.0 || self.step <= 0.0 || before.step <= 0.0 {
+            return false;
+        }
+        let spread = self.width() / before.width();
+        let step = self.step / before.step;
+        let level = self.middle / before.middle;
+        let is_scaled = level.is_finite()
+            && level > 0.0
+            && !are_within(level, 1.0, LEAST_FACTOR)
+            && are_within(spread, level, ALIKE)
+            && are_within(step, level, ALIKE);
+        let change = self.middle - before.middle;
+        is_scaled
+            || DEGREES.iter().any(|Conversion { factor, offset }| {
+                let expected = factor * before.middle + offset - before.middle;
+                (change - expected).abs() <= NEAR_DEGREES * expected.abs()
+                    && are_within(spread, *factor, ALIKE_DEGREES)
+                    && are_within(step, *factor, ALIKE)
+            })
+    }
+}
+
+/// Whether the quotient of two positive numbers lies within a factor of 1.
+fn are_within(one: f64, other: f64, factor: f64) -> bool {
+    (one / other).ln().abs() <= factor.ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: usize = 4_000;
+
+    /// A level between 1 and 3 that never repeats itself.
+    fn level(row: usize) -> f64 {
+        2.0 + 0.7 * (row as f64 / 40.0).sin() + 0.3 * (row as f64 / 2.3).sin()
+    }
+
+    fn found(value_at: impl Fn(usize) -> f64) -> Option<UnitChange> {
+        let values: Vec<f64> = (0..ROWS).map(value_at).collect();
+        let timestamps: Vec<Timestamp> =
+            (0..ROWS as i64).map(|row| Timestamp::from_micros(60_000_000 * row)).collect();
+        UnitChange::find(&values, &timestamps, LEAST_ROWS)
+    }
+
+    /// The row at which a unit changes.
+    fn row_of(value_at: impl Fn(usize) -> f64) -> Option<usize> {
+        found(value_at).map(|change| (change.at.as_micros() / 60_000_000) as usize)
+    }
+
+    #[test]
+    fn a_factor_is_told_with_its_time() {
+        let change = found(|row| level(row) * if row < 1_500 { 1.0 } else { 100.0 }).expect("told");
+        assert_eq!(change.at, Timestamp::from_micros(60_000_000 * 1_500));
+        let told = change.doubt("LT101", "2024-03-02 01:00:00");
+        assert!(told.starts_with("LT101 has two ranges that do not overlap, mostly 1.1"), "{told}");
+        assert!(told.contains(" before 2024-03-02 01:00:00 and 11"), "{told}");
+        assert_eq!(row_of(|row| level(row) * if row < 3_000 { 1.0 } else { 0.001 }), Some(3_000));
+    }
+
+    #[test]
+    fn degrees_are_told() {
+        let celsius = |row: usize| 12.0 + 5.0 * level(row);
+        let is_early = |row: usize| row < 2_000;
+        let row =
+            row_of(|row| if is_early(row) { celsius(row) } else { 1.8 * celsius(row) + 32.0 });
+        assert_eq!(row, Some(2_000));
+        let to_kelvins = row_of(|row| celsius(row) + if is_early(row) { 0.0 } else { 273.15 });
+        assert_eq!(to_kelvins, Some(2_000));
+        let to_celsius = row_of(|row| celsius(row) + if is_early(row) { 273.15 } else { 0.0 });
+        assert_eq!(to_celsius, Some(2_000));
+    }
+
+    #[test]
+    fn bad_samples_hide_nothing_and_missing_ones_count_nothing() {
+        let told = row_of(|row| match row {
+            _ if row % 7 == 0 => f64::NAN,
+            100 | 2_500 | 2_501 => 0.0,
+            _ => level(row) * if row < 1_500 { 1.0 } else { 100.0 },
+        });
+        assert_eq!(told, Some(1_500));
+    }
+
+    #[test]
+    fn what_a_plant_does_is_no_unit() {
+        let is_early = |row: usize| row < 2_000;
+        let none = [
+            row_of(|row| level(row) + if is_early(row) { 8.0 } else { 14.0 }),
+            // A drift.
+            row_of(|row| level(row) + row as f64 / 100.0),
+            // A switch.
+            row_of(|row| if is_early(row) { 0.0 } else { 100.0 }),
+            // A pump that stood still.
+            row_of(|row| if is_early(row) { 0.01 * level(row) } else { 40.0 + level(row) }),
+            // A storm.
+            row_of(|row| level(row) * if (900..1_500).contains(&row) { 9.0 } else { 1.0 }),
+            // Few rows before.
+            row_of(|row| level(row) * if row < 100 { 1.0 } else { 100.0 }),
+            // Another load, whose noise is as it was: steps do not grow with the level.
+            row_of(|row| {
+                let wave = (row as f64 / 40.0).sin();
+                let noise = 0.2 * (row as f64 * 1.7).sin();
+                noise + (2.0 + 0.7 * wave) * if is_early(row) { 1.0 } else { 8.0 }
+            }),
+            // A vessel that empties passes all levels between.
+            row_of(|row| match row {
+                0..2_000 => 10.0 * level(row),
+                2_000..2_020 => 20.0 - (row - 2_000) as f64 * 0.9,
+                _ => level(row),
+            }),
+        ];
+        assert_eq!(none, [None; 8]);
+    }
+}
