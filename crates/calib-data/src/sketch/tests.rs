@@ -104,6 +104,6 @@ fn numbers_of_rows_steps_and_episodes_count_on_evenly() {
     assert!(counts(|row| row % 50.0), "steps of episodes");
     assert!(counts(|row| (row / 50.0).floor()), "episodes");
     assert!(!counts(|row| (row / 500.0).floor()), "four values");
-    assert!(!counts(|row| row.sin()));
+    assert!(!counts(f64::sin));
     assert!(!counts(|row| f64::NAN * row));
 }

@@ -81,13 +81,11 @@ impl Grade {
         match simple::decisive(simple) {
             Some(better) if better.predictor == SimplePredictor::Mean => return Self::NotLearnt,
             Some(_) => return Self::Simpler,
-            None if !simple.is_empty() => {
-                if !simple::beats_the_mean(simple, truth, learning_off) {
-                    return Self::NotLearnt;
-                }
+            None if simple.is_empty() && best_skill <= 0.0 => return Self::NotLearnt,
+            None if simple.is_empty() && skill <= 0.0 => return Self::Poor,
+            None if !simple.is_empty() && !simple::beats_the_mean(simple, truth, learning_off) => {
+                return Self::NotLearnt;
             }
-            None if best_skill <= 0.0 => return Self::NotLearnt,
-            None if skill <= 0.0 => return Self::Poor,
             None => {}
         }
         if !truth.tells_apart() {
