@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import json
 import os
@@ -37,6 +38,9 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         super().__init__(env)
         self.left, self.timeout = steps, timeout
         self.returns: list[float] = []
+        # Episodes that were reset before their end: how many, and their shares of the timeout and rewards.
+        self.cut_off, self.cut_share, self.cut_reward = 0, 0.0, 0.0
+        self.resets = 0
         self.terminals = 0
         self.reward, self.length = 0.0, 0
         self.beyond = 0
@@ -46,7 +50,13 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """The first episode begins by our seed, whatever the agent's is: chance is common to all settings."""
         seed, self.seed = (seed if self.seed is None else self.seed), None
-        self.reward, self.length = 0.0, 0
+        self.resets += 1
+        if self.left > 0:
+            if self.length > 0:
+                self.cut_off += 1
+                self.cut_share += self.length / self.timeout
+                self.cut_reward += self.reward
+            self.reward, self.length = 0.0, 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
@@ -69,9 +79,22 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         return seen, reward, terminated, truncated, info
 
     def mean_return(self) -> float:
-        """Sum of all rewards by episodes and the part of the last one. One at least."""
-        episodes = max(1.0, len(self.returns) + self.length / self.timeout)
-        return (sum(self.returns) + self.reward) / episodes
+        """The sum of all rewards by episodes, one at least.
+
+        An episode that is not whole counts by its share of the timeout: the last one, and those that the agent reset before their end, such as by a
+        ``TimeLimit``. So each step counts the same, and a setting gains nothing by the number of its resets. As whole episodes they would make costs small,
+        and without their rewards they would cost nothing.
+        """
+        episodes = max(1.0, len(self.returns) + self.cut_share + self.length / self.timeout)
+        return (sum(self.returns) + self.cut_reward + self.reward) / episodes
+
+    def lost(self) -> int:
+        """Steps that were not taken, beyond those that vector environments spend on resets.
+
+        With ``AutoresetMode.NEXT_STEP``, the default of Gymnasium's vector environments, the step after the end of an episode resets the environment and does
+        nothing else. An agent that counts those steps takes fewer here, at most one for each reset but the first.
+        """
+        return max(0, self.left - max(0, self.resets - 1))
 
 
 def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> dict[str, Any]:
@@ -90,14 +113,16 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
             raise TypeError(f"make_agent returned {type(agent).__name__}, which has no learn(total_timesteps)")
         place = "learn"
         learn(unit.steps)
-        if env.left:
+        if env.lost():
+            taken = unit.steps - env.left
             raise RuntimeError(
-                f"learn({unit.steps}) returned after {unit.steps - env.left} steps; it must take as many as it is given, in env itself and not in a copy"
+                f"learn({unit.steps}) returned after {taken} steps in env; it must take all of them, in env itself. Let learn go on until they are taken, and "
+                "give the agent env rather than a copy, as copy.deepcopy, pickle and SubprocVecEnv make one"
             )
         mean = env.mean_return()
         if not np.isfinite(mean):
             raise FloatingPointError(f"the mean return is {mean}")
-    except Exception as error:  # whatever an agent raises is told, and the others go on
+    except (Exception, SystemExit) as error:  # whatever an agent raises is told, and the others go on
         return {"error": _told(error), "place": place, "trace": traceback.format_exc(limit=-8)}
     returns = env.returns
     run = {
@@ -111,16 +136,25 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
         "curve": _tenths(returns),
         **json.loads(env.coverage or made.lived()),
     }
-    return {"run": run, "returns": returns}
+    return {"run": run, "returns": returns, "cut_off": env.cut_off}
 
 
 def _arguments(make_agent: Callable[..., Any], unit: Unit) -> dict[str, Any]:
-    """The setting. With a seed, if ``make_agent`` names one."""
+    """A copy of the setting. With a seed, if ``make_agent`` names one."""
     try:
         wants = "seed" in inspect.signature(make_agent).parameters and "seed" not in unit.setting
     except (TypeError, ValueError):
         wants = False
-    return {**unit.setting, "seed": unit.seed % 2**31} if wants else dict(unit.setting)
+    setting = {name: _copied(value) for name, value in unit.setting.items()}
+    return {**setting, "seed": unit.seed % 2**31} if wants else setting
+
+
+def _copied(value: Any) -> Any:
+    """A copy, because agents change what they are given, and the next one is to be given the same."""
+    try:
+        return copy.deepcopy(value)
+    except Exception:  # what cannot be copied, such as a lock, is shared
+        return value
 
 
 def _seed_all(seed: int) -> None:
@@ -156,7 +190,7 @@ def main() -> None:
         torch = sys.modules.get("torch")
         if torch is not None:
             torch.set_num_threads(1)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         failure = {"error": _told(error), "place": "make_agent", "trace": traceback.format_exc(limit=-4)}
         for _ in sys.stdin:
             print(json.dumps(failure), file=answers, flush=True)
