@@ -20,7 +20,9 @@ from ._functions import Warping, build_model, dtw, knn_join, set_threads, simula
 from ._model import Model
 from ._progress import Observer, Printed
 from ._study import Study
-from ._tune import Failure, Tuned, tune
+from ._tune import tune
+from ._tune_settings import Failure
+from ._tuned import Tuned
 from ._verdict import Rollouts, Runs, Verdict
 
 if TYPE_CHECKING:

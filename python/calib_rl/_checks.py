@@ -58,3 +58,21 @@ def opened(study: Study | str | os.PathLike[str]) -> Study:
     if not isinstance(study, (str, os.PathLike)):
         raise TypeError(f"a study is a calib_rl.Study or the path of its file; got {type(study).__name__}")
     return Study(study)
+
+
+def share(value: Any, name: str) -> float:
+    """A share, from 0 to 1.
+
+    Raises:
+        TypeError: It is no number.
+        ValueError: It is another one.
+    """
+    try:
+        number = float(value) if not isinstance(value, (str, bytes)) else None
+    except (TypeError, ValueError):
+        number = None
+    if number is None:
+        raise TypeError(f"{name} is {value!r}, expected a share, such as 0.05")
+    if not 0.0 <= number <= 1.0:
+        raise ValueError(f"{name} is {number:g}, expected a share from 0 to 1")
+    return number

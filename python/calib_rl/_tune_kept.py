@@ -1,0 +1,133 @@
+"""Results of `calib_rl.tune` that are kept, and found again by the same call."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ._acting import ActionModel
+from ._errors import CalibError
+from ._identity import Unstable, identity
+from ._tune_settings import Names, Setting
+
+if TYPE_CHECKING:
+    from ._tune_unit import Unit
+
+# What a result follows from beside what is in its key.
+_FORMAT = 3
+
+
+class Kept:
+    """A folder with the result of every unit.
+
+    What results follow from is described once, before agents can change it.
+
+    Args:
+        folder: The folder. It is made if it is missing.
+
+    Raises:
+        CalibError: The folder is a file, or cannot be made.
+    """
+
+    def __init__(
+        self, folder: str | os.PathLike[str], make_agent: Callable[..., Any], model: ActionModel, settings: Sequence[Setting], environment: Mapping[str, Any]
+    ) -> None:
+        self._folder = _made(Path(folder))
+        self._settings: list[str | None] = [None] * len(settings)
+        labels = Names(settings).labels
+        unstable = []
+        try:
+            self._common = [
+                _FORMAT,
+                hashlib.sha256((model.path / "manifest.json").read_bytes()).hexdigest(),
+                identity(make_agent, "make_agent"),
+                identity(dict(environment), "environment"),
+            ]
+        except Unstable as error:
+            unstable.append(str(error))
+        else:
+            for place, setting in enumerate(settings):
+                try:
+                    self._settings[place] = identity(setting, labels[place])
+                except Unstable as error:
+                    unstable.append(str(error))
+        if unstable:
+            which = "the results of some settings" if any(self._settings) else "the results"
+            warnings.warn(
+                f"folder: {which} are not kept, because {unstable[0]}, which cannot be compared with that of another call; make it inside "
+                "make_agent, or leave folder= out",
+                stacklevel=3,
+            )
+
+    def _path(self, unit: Unit) -> Path | None:
+        setting = self._settings[unit.candidate]
+        if setting is None:
+            return None
+        key = [*self._common, setting, [unit.kind, unit.member, unit.run, unit.seed, unit.steps]]
+        return self._folder / f"unit-{hashlib.sha256(json.dumps(key).encode()).hexdigest()[:32]}.json"
+
+    def read(self, unit: Unit) -> dict[str, Any] | None:
+        """What came of a unit, if it was kept. A file that is damaged, or of another form, is passed over, and made again."""
+        path = self._path(unit)
+        if path is None or not path.is_file():
+            return None
+        try:
+            came = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return None
+        if not _is_result(came, unit):
+            return None
+        # Another grid may have it in another place.
+        came["run"]["candidate"] = unit.candidate
+        result: dict[str, Any] = came
+        return result
+
+    def write(self, unit: Unit, came: Mapping[str, Any]) -> None:
+        """Keep what came of a unit."""
+        path = self._path(unit)
+        if path is None:
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        told = {"setting": {name: repr(value) for name, value in unit.setting.items()}, **came}
+        unfinished.write_text(json.dumps(told), encoding="utf-8")
+        os.replace(unfinished, path)
+
+
+def _made(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise CalibError(f"folder: {folder} is a file, and results are kept in a folder; name another one") from None
+    except OSError as error:
+        raise CalibError(f"folder: {folder} cannot be made ({error.strerror}); name one that can be written to") from error
+    return folder
+
+
+def _is_result(came: Any, unit: Unit) -> bool:
+    """Whether a file has what a unit gives, and of this unit."""
+    run = came.get("run") if isinstance(came, dict) else None
+    if not isinstance(run, dict) or [run.get("kind"), run.get("member"), run.get("run")] != [unit.kind, unit.member, unit.run]:
+        return False
+    coverage, drift = run.get("coverage"), run.get("drift")
+    if not isinstance(coverage, dict) or not isinstance(drift, dict):
+        return False
+    counts = [run.get("episodes"), run.get("terminals"), came.get("cut_off"), drift.get("episodes")]
+    counts += [coverage.get(name) for name in ("steps", "missing", "far")]
+    lists = [came.get("returns"), run.get("curve"), drift.get("sums"), drift.get("squares")]
+    return (
+        all(type(count) is int and count >= 0 for count in counts)
+        and all(isinstance(numbers, list) for numbers in lists)
+        and all(_is_number(number) for numbers in lists for number in numbers)
+        and _is_number(run.get("mean_return"))
+    )
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and math.isfinite(value)

@@ -1,0 +1,180 @@
+"""Settings of `calib_rl.tune`: which there are, and what they are called."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ._identity import Unstable, identity
+
+Setting = dict[str, Any]
+Grid = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A setting that failed, and is not in the verdict. `Tuned.failures` has them.
+
+    Examples:
+        >>> failure = Failure({"gamma": 2.0}, 0, 0, "make_agent", "ValueError: gamma", "")
+        >>> print(failure)
+        gamma=2 failed in ensemble member 0, run 0, in make_agent: ValueError: gamma; see that make_agent(env, **setting) can be called with it
+    """
+
+    setting: Setting
+    """The setting."""
+    member: int
+    """The member in which it failed first."""
+    run: int
+    """The run there."""
+    place: str
+    """``"make_agent"``, ``"learn"``, or ``"process"``."""
+    error: str
+    """What was raised."""
+    trace: str
+    """Where, as Python tells it."""
+    name: str = ""
+    """What the setting is called among the others."""
+
+    def __str__(self) -> str:
+        remedy = {
+            "make_agent": "see that make_agent(env, **setting) can be called with it",
+            "learn": "see to the agent, or leave the setting out",
+            "process": "give it less memory or fewer processes=, or leave the setting out",
+        }[self.place]
+        return f"{self.name or label(self.setting)} failed in ensemble member {self.member}, run {self.run}, in {self.place}: {self.error}; {remedy}"
+
+
+def settings_of(grid: Any, default: Any) -> tuple[list[Setting], int | None]:
+    """The settings of a grid, with the default among them, and the place of the default.
+
+    Raises:
+        TypeError: The grid or the default is of another form.
+        ValueError: There is no setting, or one that comes twice.
+    """
+    if default is not None and not isinstance(default, Mapping):
+        raise TypeError(f"default is {default!r}, expected a setting, such as {{'gamma': 0.9}}; {{}} is the agent's own default, and None is nothing")
+    settings = [_plain(setting) for setting in _combinations(grid)]
+    if not settings or settings == [{}]:
+        raise ValueError("the grid has no setting; give values of an argument of make_agent, such as {'gamma': [0.9, 0.99]}")
+    for place, setting in enumerate(settings):
+        if place_of(setting, settings[:place]) is not None:
+            raise ValueError(f"the grid has {label(setting)} twice; remove one")
+    if default is None:
+        return settings, None
+    found = place_of(default, settings)
+    if found is not None:
+        return settings, found
+    # Of settings that come to the same the first is chosen.
+    return [_plain(default), *settings], 0
+
+
+def _combinations(grid: Any) -> list[Mapping[str, Any]]:
+    expected = "expected values of each argument, such as {'gamma': [0.9, 0.99]}, or a list of settings, such as [{'gamma': 0.9}]"
+    if isinstance(grid, Mapping):
+        for name, values in grid.items():
+            if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable) or getattr(values, "ndim", 1) == 0:
+                raise TypeError(f"grid[{name!r}] is {values!r}, expected a list of values")
+        settings: list[Mapping[str, Any]] = [dict(zip(grid, values)) for values in itertools.product(*grid.values())]
+    elif isinstance(grid, (str, bytes)) or not isinstance(grid, Iterable) or callable(grid):
+        raise TypeError(f"grid is {_shown(grid)}, {expected}; the order is tune(make_agent, grid, model)")
+    else:
+        settings = list(grid)
+    for place, setting in enumerate(settings):
+        if not isinstance(setting, Mapping):
+            raise TypeError(f"grid[{place}] is {_shown(setting)}, {expected}")
+        for name in setting:
+            if not isinstance(name, str):
+                raise TypeError(f"grid has {name!r}, expected the name of an argument of make_agent, such as 'gamma'")
+    return settings
+
+
+def _shown(value: Any) -> str:
+    return repr(value) if isinstance(value, (str, bytes, int, float)) or value is None else getattr(value, "__name__", type(value).__name__)
+
+
+def _plain(setting: Mapping[str, Any]) -> Setting:
+    """A setting with Python's own numbers for those of NumPy, which JSON and configurations refuse."""
+    return {name: value.item() if isinstance(value, (np.number, np.bool_, np.str_)) else value for name, value in setting.items()}
+
+
+def place_of(setting: Mapping[str, Any] | None, settings: Sequence[Mapping[str, Any]]) -> int | None:
+    """The place of the first equal setting."""
+    if setting is None:
+        return None
+    for place, other in enumerate(settings):
+        if setting is other or (setting.keys() == other.keys() and all(_is_same(value, other[name]) for name, value in setting.items())):
+            return place
+    return None
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if one is other:
+        return True
+    try:
+        return bool(one == other)
+    except Exception:  # arrays and tensors, and what contains them, have no single truth
+        try:
+            return identity(one, "value") == identity(other, "value")
+        except Unstable:
+            return False
+
+
+def label(setting: Mapping[str, Any]) -> str:
+    """A setting in a line."""
+    return _line({name: short(value) for name, value in setting.items()})
+
+
+def _line(texts: Mapping[str, str]) -> str:
+    return " ".join(f"{name}={text}" for name, text in texts.items()) or "the agent's own default"
+
+
+def short(value: Any) -> str:
+    """A value as it is printed: four digits, and functions by their name."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, type) or type(value).__name__ == "function":
+        return str(value.__name__)
+    # An address says nothing to a reader.
+    return re.sub(r" at 0x[0-9a-fA-F]+", "", str(value))
+
+
+class Names:
+    """What settings and their values are called, so that no two are called alike."""
+
+    def __init__(self, settings: Sequence[Setting]) -> None:
+        self.texts: list[dict[str, str]] = [{} for _ in settings]
+        """The text of each value, for each setting."""
+        for name in dict.fromkeys(name for setting in settings for name in setting):
+            places = [place for place, setting in enumerate(settings) if name in setting]
+            for place, text in zip(places, _distinct([settings[place][name] for place in places])):
+                self.texts[place][name] = text
+        # In the order of each setting's own arguments.
+        self.texts = [{name: texts[name] for name in setting} for setting, texts in zip(settings, self.texts)]
+        lines = [_line(texts) for texts in self.texts]
+        self.labels = [line if lines.count(line) == 1 else f"{line} (setting {place})" for place, line in enumerate(lines)]
+        """Each setting in a line."""
+
+
+def _distinct(values: Sequence[Any]) -> list[str]:
+    """Values as they are printed: with all their digits, with quotes, or with a number, where two would be printed alike."""
+    different: list[Any] = []
+    numbers = []
+    for value in values:
+        number = next((number for number, other in enumerate(different) if _is_same(value, other)), len(different))
+        if number == len(different):
+            different.append(value)
+        numbers.append(number)
+    texts = [short(value) for value in different]
+    texts = [text if texts.count(text) == 1 else _exact(value) for value, text in zip(different, texts)]
+    texts = [text if texts.count(text) == 1 else f"{text} #{number}" for number, text in enumerate(texts, 1)]
+    return [texts[number] for number in numbers]
+
+
+def _exact(value: Any) -> str:
+    return repr(value) if isinstance(value, (float, str, int)) else short(value)
