@@ -20,7 +20,7 @@ import calib_rl
 
 @pytest.mark.parametrize(
     "name",
-    ["", "_acting", "_functions", "_model", "_progress", "_study", "_tune", "_verdict", "gym"]
+    ["", "_acting", "_functions", "_model", "_progress", "_study", "_tune", "_tune_settings", "_tuned", "_verdict", "gym"]
     + [f"agents.{name}" for name in ("_optuna", "_protocol", "_runs", "_simple", "_streams", "_sweep")],
 )
 def test_examples_of_the_documentation(name: str) -> None:

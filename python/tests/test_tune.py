@@ -1,0 +1,374 @@
+"""What `calib_rl.tune` counts, keeps, names and refuses."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import json
+import os
+import subprocess
+import sys
+import threading
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import calib_rl
+from calib_rl._identity import Unstable, identity
+from calib_rl._tune_settings import Names
+
+polars = pytest.importorskip("polars")
+
+
+@pytest.fixture(scope="module")
+def acting(tmp_path_factory: pytest.TempPathFactory) -> calib_rl.ActionModel:
+    from test_acting import tank
+
+    return calib_rl.build_model(tank(), tmp_path_factory.mktemp("tune"), actions=["valve0"], reward="reward", timeout=40)
+
+
+class Always:
+    """An agent that always takes one action, and may limit its episodes."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], action: int = 1, limit: int | None = None, value: Any = None) -> None:
+        self.env = env if limit is None else gymnasium.wrappers.TimeLimit(env, limit)
+        self.action = action
+
+    def learn(self, total_timesteps: int) -> None:
+        over = True
+        for _ in range(total_timesteps):
+            if over:
+                self.env.reset()
+            _, _, terminated, truncated, _ = self.env.step(self.action)
+            over = terminated or truncated
+
+
+def run(make_agent: Any, grid: Any, model: calib_rl.ActionModel, **arguments: Any) -> calib_rl.Tuned:
+    given = {"total_timesteps": 100, "processes": 1, "kinds": ["neighbors"], "members": [0, 1], **arguments}
+    return calib_rl.tune(make_agent, grid, model, **given)
+
+
+def test_episodes_that_are_reset_early_count_with_their_rewards(acting: calib_rl.ActionModel) -> None:
+    sums: dict[int | None, float] = {}
+
+    class Sums(gymnasium.Wrapper[Any, Any, Any, Any]):
+        def step(self, action: Any) -> Any:
+            result = self.env.step(action)
+            sums[limit] = sums.get(limit, 0.0) + float(result[1])
+            return result
+
+    limit: int | None = None
+
+    def make(env: Any, **setting: Any) -> Always:
+        nonlocal limit
+        limit = setting.get("limit")
+        return Always(Sums(env), **setting)
+
+    tuned = run(make, {"limit": [10, 25]}, acting, members=[0], total_timesteps=400)
+    for one in tuned.runs:
+        # Ten timeouts of 40 steps.
+        assert one["mean_return"] == pytest.approx(sums[one["setting"].get("limit")] / 10)
+    assert {one["setting"].get("limit"): (one["episodes"], one["cut_off"]) for one in tuned.runs} == {None: (10, 0), 10: (0, 39), 25: (0, 15)}
+    assert [len(one["returns"]) for one in tuned.runs] == [one["episodes"] for one in tuned.runs]
+    assert "Reset before their end: 54 of 64 episodes" in str(tuned)
+    assert "cut_off" in tuned.runs_frame().columns
+
+
+def test_what_follows_the_counted_steps_counts_nothing(acting: calib_rl.ActionModel) -> None:
+    class Rounds(Always):
+        """Rounds its steps up, as agents with batches do."""
+
+        def learn(self, total_timesteps: int) -> None:
+            super().learn(500)
+
+    rounded, exact = run(Rounds, {"action": [0]}, acting), run(Always, {"action": [0]}, acting)
+    assert rounded.runs == exact.runs and {(one["episodes"], one["cut_off"]) for one in exact.runs} == {(2, 0)}
+
+
+def test_vector_environments_spend_steps_on_resets(acting: calib_rl.ActionModel) -> None:
+    class Vector:
+        def __init__(self, env: Any, share: float = 1.0) -> None:
+            self.envs, self.share = gymnasium.vector.SyncVectorEnv([lambda: env]), share
+
+        def learn(self, total_timesteps: int) -> None:
+            self.envs.reset()
+            for _ in range(int(total_timesteps * self.share)):
+                self.envs.step(np.array([1]))
+
+    tuned = run(Vector, {"share": [0.9]}, acting, total_timesteps=200)
+    assert tuned.settings == [{}] and {one["episodes"] for one in tuned.runs} == {4}
+    assert "returned after 176 steps in env; it must take all" in tuned.failures[0].error and "SubprocVecEnv" in tuned.failures[0].error
+
+
+def _made(source: str) -> Any:
+    """What a cell of a notebook defines."""
+    names: dict[str, Any] = {"Always": Always}
+    exec(source, names)
+    return names["make"]
+
+
+def _factory(action: int) -> Callable[..., Always]:
+    def make(env: Any, **setting: Any) -> Always:
+        return Always(env, action, **setting)
+
+    return make
+
+
+class _Held:
+    def __init__(self, action: int) -> None:
+        self.action = action
+
+    def __call__(self, env: Any, **setting: Any) -> Always:
+        return Always(env, self.action, **setting)
+
+
+ACTION = 0
+
+
+def _by_global(env: Any, **setting: Any) -> Always:
+    return Always(env, ACTION, **setting)
+
+
+def _with_default(action: int) -> Callable[..., Always]:
+    def make(env: Any, limit: Any = None, value: Any = None, *, action: int = action) -> Always:
+        return Always(env, action, limit)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        _factory,
+        _with_default,
+        _Held,
+        lambda action: functools.partial(Always, action=action),
+        lambda action: _made(f"def make(env, **setting): return Always(env, {action}, **setting)"),
+    ],
+)
+def test_kept_results_are_of_the_same_agent_by_value(make: Callable[[int], Any], acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    def returns(action: int) -> list[float]:
+        return [one["mean_return"] for one in run(make(action), {"limit": [40]}, acting, folder=tmp_path).runs]
+
+    first = returns(0)
+    assert len(list(tmp_path.iterdir())) == 4
+    assert returns(0) == first and len(list(tmp_path.iterdir())) == 4, "nothing is made again"
+    assert returns(2) != first and len(list(tmp_path.iterdir())) == 8
+
+
+def test_kept_results_follow_globals(acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = run(_by_global, {"limit": [40]}, acting, folder=tmp_path).runs
+    monkeypatch.setitem(globals(), "ACTION", 2)
+    assert run(_by_global, {"limit": [40]}, acting, folder=tmp_path).runs != first
+    monkeypatch.setitem(globals(), "ACTION", 0)
+    assert run(_by_global, {"limit": [40]}, acting, folder=tmp_path).runs == first and len(list(tmp_path.iterdir())) == 8
+
+
+def test_values_of_settings_are_kept_by_value(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    def values() -> list[Any]:
+        return [lambda left: 0.1, lambda left: 0.2, _Held(1), _Held(2), np.arange(2000), np.arange(2000) % 1999, {"a": [1]}]
+
+    for _ in range(2):
+        tuned = run(Always, {"value": values()}, acting, folder=tmp_path, default=None, environment={"observe": np.array(["level"])})
+        assert len(tuned.settings) == 7 and tuned.failures == [] and len(list(tmp_path.iterdir())) == 14
+    labels = tuned.runs_frame()["setting"].unique().to_list()
+    assert len(labels) == 7 and "value=<lambda> #1" in labels, labels
+
+
+SCRIPT = """
+import functools, sys
+from calib_rl._identity import identity
+class Agent:
+    names = {"b", "a", "c"}
+    def __init__(self, env, schedule=lambda left: left):
+        self.env = env
+    @property
+    def all(self):
+        return [name for name in self.names if name in {"x", "y"}]
+def make(env): return Agent(env) if SCALE else make(env)
+SCALE = {"b": 1.0, "a": (2, None)}
+print(identity([make, functools.partial(make, 1), Agent(None)], "make"))
+"""
+
+
+def test_an_identity_is_the_same_in_every_process() -> None:
+    def told(source: str, seed: str) -> str:
+        environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(sys.path)}
+        return subprocess.run([sys.executable, "-c", source], check=True, capture_output=True, text=True, env=environment).stdout
+
+    first = told(SCRIPT, "1")
+    assert told(SCRIPT, "2") == first and told(f"\n\n# moved{SCRIPT}", "3") == first
+    for before, after in [("(2, None)", "(3, None)"), ('"x", "y"', '"x", "z"'), ("left: left)", "left: -left)"), ("make, 1)", "make, 2)")]:
+        assert told(SCRIPT.replace(before, after), "1") != first, after
+
+
+def test_tensors_and_values_of_libraries_have_an_identity() -> None:
+    torch = pytest.importorskip("torch")
+    values = [torch.zeros(3), torch.ones(3), torch.zeros(4), torch.zeros(3, dtype=torch.bfloat16), torch.nn.ReLU, torch.relu, torch.float32]
+    first = [identity(value, "value") for value in values]
+    assert len(set(first)) == len(values) and identity(torch.zeros(3), "value") == first[0]
+
+
+def test_what_has_no_identity_is_named() -> None:
+    lock = threading.Lock()
+    with pytest.raises(Unstable, match=r"make_agent\.lock is a _thread\.lock"):
+        identity(lambda: lock, "make_agent")
+    nested: list[Any] = []
+    nested.append(nested)
+    assert identity(nested, "value") == identity(copy.deepcopy(nested), "value")
+    assert len({identity(value, "value") for value in (1, 1.0, True, "1", None, b"1", (1,), [1], {1})}) == 9
+
+
+def test_what_cannot_be_compared_is_not_kept(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    lock = threading.Lock()
+
+    def make(env: Any, **setting: Any) -> Always:
+        with lock:
+            return Always(env, **setting)
+
+    with pytest.warns(UserWarning, match=r"^folder: the results are not kept, because make_agent\.lock is a _thread\.lock"):
+        run(make, {"limit": [10]}, acting, folder=tmp_path)
+    assert not list(tmp_path.iterdir())
+    with pytest.warns(UserWarning, match="^folder: the results of some settings are not kept, because value="):
+        run(Always, {"value": [1, lock]}, acting, folder=tmp_path)
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_a_damaged_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    first = run(Always, {"limit": [10]}, acting, folder=tmp_path)
+    kept = sorted(tmp_path.iterdir())
+    texts = ["[]", "null", '{"run": 3}', '{"run": {"kind": "neighbors"}, "returns": 4}']
+    assert len(kept) == len(texts)
+    for path, text in zip(kept, texts):
+        path.write_text(text, encoding="utf-8")
+    assert run(Always, {"limit": [10]}, acting, folder=tmp_path).runs == first.runs
+    assert all("coverage" in json.loads(path.read_text(encoding="utf-8"))["run"] for path in kept)
+
+
+def test_agents_cannot_change_settings(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    class Writes(Always):
+        def __init__(self, env: Any, options: Any = None) -> None:
+            super().__init__(env, len(options["net"]) if options else 1)
+            if options:
+                options["net"].append("changed")
+                options["new"] = 1
+
+    grid = {"options": [{"net": []}, {"net": ["a"]}]}
+    before = copy.deepcopy(grid)
+    for _ in range(2):
+        tuned = run(Writes, grid, acting, folder=tmp_path, default={"options": {"net": []}})
+        assert grid == before and tuned.chosen in [{"options": options} for options in before["options"]]
+        assert tuned.default == {"options": {"net": []}} and tuned.verdict["default"] == 0
+        assert tuned.failures == [] and len(list(tmp_path.iterdir())) == 4
+
+
+def test_no_two_settings_have_one_name(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    assert Names([{"a": 0.123412}, {"a": 0.123414}, {"a": 0.5}]).labels == ["a=0.123412", "a=0.123414", "a=0.5"]
+    assert Names([{"a": "1"}, {"a": 1}, {"a": "b"}, {}]).labels == ["a='1'", "a=1", "a=b", "the agent's own default"]
+    assert len(set(Names([{"a": "1 b=2"}, {"a": 1, "b": 2}]).labels)) == 2
+    tuned = run(Always, {"value": ["1", 1], "action": [0, 2]}, acting)
+    frame = tuned.frame()
+    assert sorted(frame["setting"].to_list()) == [
+        "the agent's own default", "value='1' action=0", "value='1' action=2", "value=1 action=0", "value=1 action=2",
+    ]  # fmt: skip
+    of_setting = dict(zip(frame["setting"], zip(frame["value"], frame["action"])))
+    assert of_setting["value='1' action=2"] == ("'1'", 2) and of_setting["the agent's own default"] == (None, None)
+    assert set(tuned.runs_frame()["setting"]) == set(frame["setting"]) and "value=&#x27;1&#x27;" in tuned._repr_html_()
+    page = tuned.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert page.count("(chosen)") >= 1
+    # A hyperparameter may be called as a column is.
+    assert {"uncovered", "uncovered_value"} <= set(run(lambda env, uncovered=1: Always(env), {"uncovered": [3]}, acting).frame().columns)
+
+
+def test_numbers_of_numpy_and_arrays_are_values(acting: calib_rl.ActionModel) -> None:
+    tuned = run(Always, {"action": np.arange(2)}, acting, default=None)
+    assert [type(setting["action"]) for setting in tuned.settings] == [int, int] and json.dumps(tuned.chosen)
+    arrays = {"value": [np.array([1, 2]), np.array([2, 3])]}
+    assert len(run(Always, arrays, acting).settings) == 3
+    with pytest.raises(ValueError, match="twice"):
+        run(Always, {"value": [np.array([1, 2]), np.array([1, 2])]}, acting)
+
+
+def test_a_wrong_environment_is_refused_before_any_agent_is_made(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    wrong: list[tuple[Any, type[Exception], str]] = [
+        ({"obs": ["level"]}, ValueError, "environment has 'obs', expected arguments of calib_rl.gym.make: .*observe"),
+        ({"observe": ["Level"]}, ValueError, "environment: no column is called 'Level'; the model has level, flow"),
+        ({"reward": "flow"}, ValueError, "environment has 'reward'"),
+        ({"live": True}, ValueError, "environment: live"),
+        ("level", TypeError, "environment is 'level', expected arguments"),
+    ]
+    made: list[Any] = []
+    for environment, error, told in wrong:
+        with pytest.raises(error, match=told):
+            run(made.append, {"limit": [1]}, acting, environment=environment, folder=tmp_path / "units")
+    assert not made and not (tmp_path / "units").exists()
+
+
+def test_arguments_of_another_kind_are_refused_with_what_was_expected(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    (tmp_path / "file.py").write_text("", encoding="utf-8")
+    grid = {"limit": [10]}
+    calls: list[tuple[Callable[[], object], type[Exception], str]] = [
+        (lambda: run(grid, Always, acting), TypeError, r"make_agent is a dict, .* the order is tune\(make_agent, grid, model\)"),
+        (lambda: run(Always, Always, acting), TypeError, r"grid is Always, expected values of each argument, such as .* the order is"),
+        (lambda: run(Always, 3, acting), TypeError, "grid is 3, expected values"),
+        (lambda: run(Always, [("limit", 3)], acting), TypeError, r"grid\[0\] is tuple, expected"),
+        (lambda: run(Always, {"limit": {"a": 1}}, acting), TypeError, r"grid\['limit'\] is .* expected a list of values"),
+        (lambda: run(Always, grid, acting, members=2), TypeError, r"members is 2, expected a list of positions, such as \[0, 1\]"),
+        (lambda: run(Always, grid, acting, default="x"), TypeError, "default is 'x', expected a setting, such as"),
+        (lambda: run(Always, grid, acting, kinds=3), ValueError, "kinds is 3, expected a list"),
+        (lambda: run(Always, grid, acting, most_uncovered=5.0), ValueError, "most_uncovered is 5, expected a share from 0 to 1"),
+        (lambda: run(Always, grid, acting, most_uncovered="all"), TypeError, "most_uncovered is 'all', expected a share"),
+        (lambda: run(Always, grid, acting, fewest_terminals=0.5), TypeError, "fewest_terminals is 0.5, expected a whole number"),
+        (lambda: run(Always, grid, acting, folder=tmp_path / "file.py"), calib_rl.CalibError, "file.py is a file, and results are kept in a folder"),
+        (lambda: run(Always, grid, acting).report(tmp_path), calib_rl.CalibError, "is a folder, and the report is a file; name one, such as .*report.html"),
+    ]
+    for call, error, told in calls:
+        with pytest.raises(error, match=told):
+            call()
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_an_agent_that_exits_fails_alone(acting: calib_rl.ActionModel, processes: int) -> None:
+    def make(env: Any, limit: int = 40) -> Always:
+        if limit == 3:
+            sys.exit("no licence")
+        return Always(env, limit=limit)
+
+    tuned = run(make, {"limit": [3, 10]}, acting, processes=processes)
+    assert [(failure.place, failure.error) for failure in tuned.failures] == [("make_agent", "SystemExit: no licence")]
+    assert tuned.settings == [{}, {"limit": 10}] and str(tuned.failures[0]).startswith("limit=3 failed")
+
+    def stop(env: Any) -> Always:
+        raise KeyboardInterrupt
+
+    if processes == 1:
+        with pytest.raises(KeyboardInterrupt):
+            run(stop, {"limit": [3]}, acting)
+
+
+def test_processes_leave_no_open_files(acting: calib_rl.ActionModel) -> None:
+    import gc
+
+    def make(env: Any, limit: int = 40) -> Always:
+        if limit == 3:
+            os._exit(5)
+        return Always(env, limit=limit)
+
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        tuned = run(make, {"limit": [3, 10]}, acting, processes=2)
+        gc.collect()
+    assert "exit code 5" in tuned.failures[0].error
+    assert not [one for one in told if issubclass(one.category, ResourceWarning)]
+
+
+def test_settings_that_all_get_the_same_name_a_cause(acting: calib_rl.ActionModel) -> None:
+    tuned = run(Always, {"value": [1, 2]}, acting)
+    assert not tuned.is_supported and tuned.doubts[0].startswith("all 3 settings got the same returns in every training run")
+    assert "total_timesteps=100; raise it above n_steps" in tuned.advice[1]
+    assert not any("got the same returns" in doubt for doubt in run(Always, {"action": [0, 2]}, acting).doubts)
