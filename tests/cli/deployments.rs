@@ -45,8 +45,8 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     assert!(seen.contains("deployment far: 2022-11-03 12:00:00 to"), "{seen}");
     let dry = place.calib(&["sweep", "study.toml", "--dry-run"]);
     let told = dry.stderr();
-    assert!(told.contains("all runs are left to make on"), "{told}");
-    assert!(told.contains("4 of them with an earlier model or deployment"), "{told}");
+    assert!(told.contains("; all "), "{told}");
+    assert!(told.contains("an earlier model or deployment makes 4 runs of each setting"), "{told}");
     assert!(told.contains("deployment near") && told.contains("deployment far"), "{told}");
     assert!(!place.path().join("study-results/deployments/near/sweep").exists());
     let swept = run(&place, &["sweep", "study.toml"]);

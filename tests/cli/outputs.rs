@@ -12,6 +12,7 @@ fn with_filters(check: impl FnOnce()) {
     settings.add_filter(r"\b\d[\d.,]* (B|KiB|MiB|GiB)\b", "[size]");
     settings.add_filter(r"(?m)\b(in|took|for|done in) \d[\d.]* (ms|s|min)( \d+ s)?$", "$1 [time]");
     settings.add_filter(r"\bon \d+ threads?\b", "on [n] threads");
+    settings.add_filter(r"\(\d+ threads?\)", "([n] threads)");
     settings.add_filter(r"[ \t]+\n", "\n");
     settings.bind(check);
 }

@@ -54,7 +54,7 @@ fn a_sweep_starts_from_what_was_pre_trained() {
     // Kept moments, other periods and other agents are other inputs.
     run(&["sweep"]);
     let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]);
-    assert!(dry("pretrain.moments=keep").stderr().contains("all runs are left"));
+    assert!(dry("pretrain.moments=keep").stderr().contains("; all "));
     dry("pretrain.fraction=0.3").fails_with(2, &["pretrain.fraction = 0.4, now 0.3"]);
     assert!(dry("pretrain.epochs=7").fails(2).contains(", now 7; run `calib pretrain"));
 }

@@ -233,7 +233,7 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
                 "{whole}"
             );
             assert!(
-                dry.stderr().contains("(28 of their 112 agents) left to make"),
+                dry.stderr().contains("; 28 of 112 training runs are left ("),
                 "{}",
                 dry.stderr()
             );

@@ -50,12 +50,18 @@ pub fn span(secs: f64) -> String {
         return format!("{} s", significant(secs));
     };
     let (size, unit) = UNITS[largest];
-    let whole = (secs / size).floor();
     let Some(&(smaller, smaller_unit)) = UNITS.get(largest + 1) else {
         let text = format!("{secs:.2}");
         return format!("{} {unit}", text.trim_end_matches('0').trim_end_matches('.'));
     };
-    let rest = ((secs - whole * size) / smaller).floor();
+    // Ten days of rows a minute apart end a minute before the tenth day does.
+    let parts = (secs / smaller).round();
+    if largest > 0 && parts * smaller >= UNITS[largest - 1].0 {
+        return span(parts * smaller);
+    }
+    let per_size = size / smaller;
+    let whole = (parts / per_size).floor();
+    let rest = parts - whole * per_size;
     if rest > 0.0 {
         format!("{whole} {unit} {rest} {smaller_unit}")
     } else {
@@ -143,6 +149,8 @@ mod tests {
             spans,
             ["0 s", "0.500 s", "1.25 s", "59.9 s", "1 min", "1 min 30 s", "1 h", "5 d 10 h", "1 d"]
         );
+        let short_of_whole = [863_940.0, 86_390.0, 100_000.0, 172_790.0].map(span);
+        assert_eq!(short_of_whole, ["10 d", "1 d", "1 d 4 h", "2 d"]);
         assert_eq!(percent(0.0123), "1.2 %");
         assert_eq!(significant(0.012_345), "0.0123");
         assert_eq!(significant(123.4), "123");

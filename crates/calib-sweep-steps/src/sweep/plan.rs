@@ -244,21 +244,23 @@ impl SweepPlan {
     pub(crate) fn announce(&self, study: &Study, printer: &Printer) -> Result<(), StepError> {
         let shared = match self.shared {
             0 => String::new(),
-            shared => format!(", {} of them with an earlier model or deployment", count(shared)),
+            shared => format!(
+                "; an earlier model or deployment makes {} of each setting",
+                counted(shared, "run")
+            ),
         };
-        let of_all = self.left * self.candidates.len();
-        let runs = if self.runs_left < of_all {
-            format!(" ({} of their {} agents)", count(self.runs_left), count(of_all))
+        let all = self.units * self.candidates.len();
+        let left = if self.runs_left == all {
+            format!("all {}", count(all))
         } else {
-            String::new()
+            format!("{} of {}", count(self.runs_left), count(all))
         };
         printer.say(&format!(
-            "{} settings x {} training runs (sensor, environment, run) of {} steps, for {}; {}{runs} left to make on {}{shared}",
+            "{} settings x {} runs (sensor, environment, run) of {} steps, for {}; {left} training runs are left ({}){shared}",
             self.candidates.len(),
             count(self.units),
             count(self.steps),
             study.sweep.sensors.join(", "),
-            if self.left == self.units { "all runs are".to_owned() } else { format!("{} runs are", count(self.left)) },
             counted(self.threads, "thread"),
         ));
         if self.left == 0 {
