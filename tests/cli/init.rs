@@ -44,7 +44,7 @@ fn a_study_is_proposed_and_runs_to_a_verdict() {
     place.calib(&init).succeeds_with(&["3 of 5 channels"]);
     let study = place.read("study.toml");
     for line in
-        ["FQ300", "a total: it moves one way only", "XV400", "never changes", "[sweep.grid]"]
+        ["FQ300", "a total: nearly all of its changes go one way", "XV400", "never changes", "[sweep.grid]"]
     {
         assert!(study.contains(line), "{line} in {study}");
     }

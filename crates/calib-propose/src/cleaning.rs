@@ -53,10 +53,10 @@ impl Cleaning {
         } else {
             (
                 1.5,
-                if gaps.len() == 1 {
-                    "1 gap is longer".to_owned()
-                } else {
-                    format!("{} gaps are longer", gaps.len())
+                match gaps.len() {
+                    0 => "no gap is longer".to_owned(),
+                    1 => "1 gap is longer".to_owned(),
+                    many => format!("{many} gaps are longer"),
                 },
             )
         };

@@ -186,7 +186,7 @@ impl Draft<'_> {
             ProposedAgent::Linear => {
                 text.key("value_function", "\"linear\"", "");
                 text.key("optimiser", "\"swift_td\"", "it finds the step size of each weight");
-                text.key("replay", "\"none\"", "every step is learned from once");
+                text.key("replay", "\"none\"", "the agent learns from each step as it comes, and stores none");
             }
             ProposedAgent::Network => {
                 text.key("value_function", "\"mlp\"", "");
@@ -267,7 +267,8 @@ impl Draft<'_> {
             "Named with --sensor".to_owned()
         } else {
             let explained = self.sensors.proposed.iter().take(size.sensors).map(|&channel| {
-                format!("{:.0} %", 100.0 * explained(sketch, channel, &scope.channels))
+                let share = 100.0 * explained(sketch, channel, &scope.channels);
+                format!("{} {share:.0} %", sketch.channels[channel].name)
             });
             let mut named = self.sensors.proposed.iter().take(size.sensors);
             let staying = if named.all(|&channel| stays(sketch, scope, channel)) {
@@ -276,7 +277,7 @@ impl Draft<'_> {
                 ""
             };
             format!(
-                "They move throughout the log{staying} and are as unlike each other as can be; other channels explain {} of them",
+                "They move throughout the log{staying} and are as unlike each other as can be. How much of each can be computed from the other channels: {}",
                 explained.collect::<Vec<_>>().join(", ")
             )
         };
@@ -295,7 +296,7 @@ impl Draft<'_> {
             let shown = others.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ");
             text.comment(&format!("could be as well: {shown}{more}"));
         }
-        let fit = match size.windows(self.held_out_states()) {
+        let fit = match size.windows(self.held_out_states(), self.horizon) {
             1 => "one window of the held-out period".to_owned(),
             few @ 2..=3 => format!(
                 "{few} windows fit beside each other in the held-out period: hardly any difference can be shown with so few"
@@ -405,7 +406,7 @@ mod tests {
         assert_eq!(modelled["model"]["members"].as_integer(), Some(5));
         assert_eq!(modelled["sweep"]["member_runs"].as_integer(), Some(1));
         assert!(modelled["model"].get("kind").is_none() && modelled.contains_key("rollout"));
-        assert!(text.contains("# a total: it moves one way only"), "{text}");
+        assert!(text.contains("# a total: nearly all of its changes go one way"), "{text}");
         assert!(text.contains("# because"), "{text}");
         assert!(
             text.contains("best simple predictor, here ridge regression for B, and adds"),

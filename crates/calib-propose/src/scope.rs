@@ -38,7 +38,7 @@ pub enum LeftOutReason {
     Empty,
     /// It never changes there.
     Constant,
-    /// It moves in one direction only.
+    /// It moves in one direction.
     Total,
     /// It moves in one direction, by equal steps.
     Clock,
@@ -55,13 +55,15 @@ impl fmt::Display for LeftOutReason {
         match self {
             Self::Empty => write!(f, "has no numbers: it is empty, or text"),
             Self::Constant => write!(f, "never changes"),
-            Self::Total => {
-                write!(f, "a total: it moves one way only, and no state of it comes again")
-            }
+            Self::Total => write!(
+                f,
+                "a total: nearly all of its changes go one way, so it tells the time rather than the state of the plant"
+            ),
             Self::Clock => write!(f, "a clock: it counts on evenly"),
-            Self::Restarting => {
-                write!(f, "a total that starts anew: no state of it comes again before that")
-            }
+            Self::Restarting => write!(
+                f,
+                "a total that starts again now and then: until it does, it tells the time rather than the state of the plant"
+            ),
             Self::Angle => write!(
                 f,
                 "an angle: from 359 to 1 degree is a small step and looks like a large one; an entry of data.angles reads its sine and its cosine"
@@ -214,8 +216,8 @@ fn unusable(channel: &ChannelSketch) -> Option<LeftOutReason> {
     match (channel.counts_on_evenly(), one_way, channel.restarts) {
         _ if !channel.has_many_values() => None,
         (true, ..) => Some(LeftOutReason::Clock),
-        (false, true, _) => Some(LeftOutReason::Total),
-        (false, false, true) => Some(LeftOutReason::Restarting),
+        (false, _, true) => Some(LeftOutReason::Restarting),
+        (false, true, false) => Some(LeftOutReason::Total),
         (false, false, false) => None,
     }
 }
@@ -295,7 +297,7 @@ mod tests {
 
     #[test]
     fn totals_clocks_and_constants_are_left_out() {
-        let log = sketch(
+        let mut log = sketch(
             6_400,
             &[
                 ("A", wave(40.0)),
@@ -304,8 +306,11 @@ mod tests {
                 ("still", Box::new(|_| 5.0)),
                 ("dead", Box::new(|_| f64::NAN)),
                 ("switch", Box::new(|row| if row > 3_000 { 1.0 } else { 0.0 })),
+                // It wraps seldom, so that nearly all of its changes go up.
+                ("counter", Box::new(|row| (17.0 * row as f64 + (row % 3) as f64) % 65_536.0)),
             ],
         );
+        log.channels[6].restarts = true;
         let scope = Scope::of(&log).expect("one channel");
         assert_eq!(scope.channels, [0, 5], "a switch that is thrown once is no total");
         let why: Vec<(&str, LeftOutReason)> =
@@ -315,6 +320,7 @@ mod tests {
             ("total", LeftOutReason::Total),
             ("still", LeftOutReason::Constant),
             ("dead", LeftOutReason::Empty),
+            ("counter", LeftOutReason::Restarting),
         ];
         assert_eq!(why, expected);
     }

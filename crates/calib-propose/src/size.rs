@@ -1,4 +1,6 @@
-use crate::{ProposedAgent, ProposedModel};
+use calib_sweep::{Span, Windows};
+
+use crate::{Horizon, ProposedAgent, ProposedModel};
 
 /// The share of the time asked for that is planned with: machines have other things to do.
 pub(crate) const PLANNED: f64 = 0.85;
@@ -12,6 +14,8 @@ const SMALLER: f64 = 0.6;
 const WINDOWS: f64 = 4.5;
 /// Windows that a held-out period has where four would be too short.
 const FEW_WINDOWS: f64 = 2.25;
+/// `sweep.online_windows`, which is proposed as it is by default.
+const MOST_WINDOWS: usize = 8;
 /// Effective horizons that a window has at least where there are four of them: docs/how-much-log.md has why.
 const LEAST_HORIZONS: f64 = 50.0;
 /// Steps of a run at least.
@@ -220,9 +224,11 @@ impl Size {
         self.learning_rates().len()
     }
 
-    /// How many windows of its runs fit beside each other in so many held-out states.
-    pub fn windows(&self, held_out_states: usize) -> usize {
-        (held_out_states / self.steps.max(1)).clamp(1, 8)
+    /// How many windows of its runs fit beside each other in so many held-out states, as a sweep of agents with this horizon counts
+    /// them.
+    pub fn windows(&self, held_out_states: usize, horizon: Horizon) -> usize {
+        let span = Span::new(self.steps, [horizon.gamma]);
+        Windows::side_by_side(held_out_states, span, MOST_WINDOWS)
     }
 
     /// Steps of all agents.
@@ -307,6 +313,16 @@ mod tests {
             [98, 444, 2_222, 3_333],
             "two, because four would have 37 horizons"
         );
+    }
+
+    #[test]
+    fn windows_are_counted_with_the_states_that_complete_their_returns() {
+        let size = Size::within(NETWORK, ENSEMBLE, 600.0, COSTS, 444, 1);
+        assert_eq!(size.steps, 444);
+        // Returns of a horizon of 5 states take 21 more, those of 100 states 459.
+        let windows = [5.0, 100.0].map(|states| size.windows(1_000, Horizon::new(states, 1.0)));
+        assert_eq!(windows, [2, 1]);
+        assert_eq!(size.windows(100, Horizon::new(5.0, 1.0)), 1);
     }
 
     #[test]

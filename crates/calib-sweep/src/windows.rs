@@ -37,9 +37,15 @@ impl Windows {
     pub fn held_out(segments: &Segments, demand: ScoringDemand, most: usize) -> Self {
         let rows = segments.rows();
         let states = demand.span.states().min(rows);
-        let count = (rows / states.max(1)).min(most).max(1);
+        let count = Self::side_by_side(rows, demand.span, most);
         let spread = (0..count).map(|window| spread(window, count, rows - states));
         Self::scorable(spread.collect(), states, segments, demand)
+    }
+
+    /// How many windows of `rows` rows fit beside each other, the states that follow the steps of each included: one at least, and
+    /// at most `most`.
+    pub fn side_by_side(rows: usize, span: Span, most: usize) -> usize {
+        (rows / span.states().max(1)).min(most).max(1)
     }
 
     /// `count` windows of the log of `segments`, the latest first and the others evenly spread over what precedes it. They overlap

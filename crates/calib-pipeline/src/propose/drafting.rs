@@ -140,7 +140,7 @@ impl Drafting<'_> {
     ) -> Option<String> {
         let state_secs = self.look.sketch.period_secs * spacing as f64;
         let held_out = self.look.cut.rows[1] / spacing;
-        let windows = size.windows(held_out);
+        let windows = size.windows(held_out, horizon);
         if windows >= ENOUGH_WINDOWS {
             return None;
         }
