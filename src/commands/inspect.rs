@@ -155,7 +155,9 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
         printer.warn(&doubt);
     }
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
-    profile.value_doubts().iter().take(DOUBTS).for_each(|(_, doubt)| printer.warn(doubt));
+    for (channel, doubt) in profile.value_doubts().iter().take(DOUBTS) {
+        printer.warn(&format!("{channel}: {doubt}"));
+    }
     let doubts = [profile.frozen_doubt(), profile.late_changes(), profile.nothing_to_score()];
     doubts.iter().flatten().for_each(|doubt| printer.warn(doubt));
     for pattern in &profile.unused_excludes {

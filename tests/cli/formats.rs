@@ -54,9 +54,7 @@ fn a_spike_is_told_and_harmless() {
     let shown = place.calib(&["inspect", "level.csv"]);
     assert!(shown.succeeds().contains("1 spike"), "{}", shown.stdout());
     assert!(
-        shown
-            .stderr()
-            .contains("LIT100 has a spike (such as 9900000000000 at 2024-03-13 05:00:00)"),
+        shown.stderr().contains("LIT100: a spike (such as 9900000000000 at 2024-03-13 05:00:00)"),
         "{}",
         shown.stderr()
     );

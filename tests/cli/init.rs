@@ -43,9 +43,13 @@ fn a_study_is_proposed_and_runs_to_a_verdict() {
     let init = ["init", "log.csv", "--within", "5s", "--sensor", "LIT100", "--horizon", "20m"];
     place.calib(&init).succeeds_with(&["3 of 5 channels"]);
     let study = place.read("study.toml");
-    for line in
-        ["FQ300", "a total: nearly all of its changes go one way", "XV400", "never changes", "[sweep.grid]"]
-    {
+    for line in [
+        "FQ300",
+        "a total: nearly all of its changes go one way",
+        "XV400",
+        "never changes",
+        "[sweep.grid]",
+    ] {
         assert!(study.contains(line), "{line} in {study}");
     }
     assert!(study.contains("gamma = 0.9 "), "ten states of two minutes: {study}");
@@ -192,7 +196,11 @@ fn what_is_no_log_is_told_at_once() {
         ("sheet.csv", b"PK\x03\x04\x14\0", "save each sheet as CSV"),
         ("noise.csv", b"\x7fELF\x02\x01\0\0", "export the log as CSV or Parquet"),
         ("cut.csv.gz", b"\x1f\x8b\x08\0\0\0\0\0\0\x03\x4b", "truncated or damaged?"),
-        ("header.csv", b"time,a\n", "has no rows: of 1 file every timestamp"),
+        (
+            "header.csv",
+            b"time,a\n",
+            "has no rows: the file has a header and no rows; check data.path",
+        ),
         ("two.csv", b"time,a\n2024-01-01,1\n2024-01-02,2\n", "the log has 2 rows"),
     ] {
         fs::write(place.path().join(name), content).expect("written");

@@ -21,7 +21,7 @@ pub fn long_gap(from: Timestamp, micros: i64) -> String {
     let years = micros as f64 / 1e6 / YEAR_SECS;
     let to = Timestamp::from_micros(from.as_micros().saturating_add(micros));
     format!(
-        "nothing was recorded for {years:.1} years, from {} to {}: if one of these times is wrong, correct or leave out its rows; else data.train and data.held_out \
+        "nothing was recorded for {years:.1} years, from {} to {}: if one of these times is wrong, correct or delete its rows; else data.train and data.held_out \
          say which part is meant",
         format_time(from),
         format_time(to)
@@ -263,8 +263,8 @@ impl Profile {
         })
     }
 
-    /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences; empty for a good
-    /// log.
+    /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences that do not name it; empty for
+    /// a good log.
     pub fn value_doubts(&self) -> Vec<(&str, String)> {
         let mut doubts = Vec::new();
         let mut doubted: Vec<&str> = Vec::new();
@@ -282,7 +282,7 @@ impl Profile {
             if count > 0 {
                 let times = if count == 1 { "once".to_owned() } else { format!("{count} times") };
                 doubts.push((name, format!(
-                    "{name} was not recorded {times}, for up to {longest_secs} s where it usually is every {usual_secs} s, and its last value stands in: \
+                    "not recorded {times}, for up to {longest_secs} s where it usually is every {usual_secs} s, and its last value stands in: \
                      lower its age, data.max_age_secs = {{ default = …, {name:?} = … }}, if it was not what the plant did"
                 )));
             }
@@ -293,27 +293,27 @@ impl Profile {
                 });
                 let spikes =
                     if spikes == 1 { "a spike".to_owned() } else { format!("{spikes} spikes") };
-                doubts.push((name, format!(
-                    "{name} has {spikes}{example}: preprocess.outliers says what becomes of them"
-                )));
+                doubts.push((
+                    name,
+                    format!("{spikes}{example}: preprocess.outliers says what becomes of them"),
+                ));
             }
             if held_out > 0 {
-                let side = if furthest < 0.0 { "below" } else { "above" };
                 let lost_sign = if furthest.abs() > ABSURD {
                     ". Was the decimal sign of some values lost, or their unit changed?"
                 } else {
                     ""
                 };
                 let values = if held_out == 1 {
-                    "a held-out value".to_owned()
+                    "a held-out value is".to_owned()
                 } else {
-                    format!("{held_out} held-out values")
+                    format!("{held_out} held-out values are")
                 };
-                doubts.push((name, format!(
-                    "{name} has {values} far outside of its training range, up to {:.0} of its widths {side} it: \
-                     no model of the training range knows them{lost_sign}",
-                    furthest.abs(),
-                )));
+                let furthest = channel.far_out.furthest_value().unwrap_or_default();
+                doubts.push((
+                    name,
+                    format!("{values} far outside of the training range{furthest}{lost_sign}"),
+                ));
             }
         }
         doubts
@@ -325,6 +325,26 @@ impl ChannelProfile {
     fn unit_doubt(&self) -> Option<String> {
         let change = self.unit_change.as_ref()?;
         Some(change.doubt(&self.name, &format_time(change.at)))
+    }
+}
+
+impl FarOut {
+    /// The furthest held-out value beside the end of the training range, as the end of a sentence; `None` if they are not known.
+    fn furthest_value(&self) -> Option<String> {
+        let [low, high] = self.trained?;
+        let (end, name) = if self.furthest < 0.0 { (low, "minimum") } else { (high, "maximum") };
+        let value = end + self.furthest * (high - low);
+        Some(format!(", up to {}: the training {name} is {}", short(value), short(end)))
+    }
+}
+
+/// Four digits of a value, without an exponent where it needs none.
+fn short(value: f64) -> String {
+    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
+    if rounded != 0.0 && !(1e-4..1e9).contains(&rounded.abs()) {
+        format!("{rounded:e}")
+    } else {
+        rounded.to_string()
     }
 }
 

@@ -190,15 +190,16 @@ pub enum DataError {
     },
     /// The log has no rows.
     #[error(
-        "the log in {path} has no rows: of {files} file{} every timestamp is missing or nothing but a header is there; \
-         check data.path and data.timestamp",
-        if *files == 1 { "" } else { "s" }
+        "the log in {path} has no rows: {}",
+        why_no_rows(*files, *without_time)
     )]
     NoRows {
         /// `data.path`.
         path: String,
         /// Number of files.
         files: usize,
+        /// Rows that have no time.
+        without_time: u64,
     },
     /// The log has more rows than are counted in 32 bits.
     #[error(
@@ -268,8 +269,8 @@ pub enum DataError {
     /// A share of the time leaves one range almost without rows.
     #[error(
         "data.train_fraction divides the time of the log, most of which lies between {} and {}: {train} rows are for training and {held_out} are held out. \
-         If a timestamp there is none, correct or leave out its row; else say which rows are for what with data.train and data.held_out",
-        gap[0], gap[1]
+         If the time {} is wrong, correct or delete that row; else say which rows are for what with data.train and data.held_out",
+        gap[0], gap[1], if train < held_out { &gap[0] } else { &gap[1] }
     )]
     Lopsided {
         /// Rows for training.
@@ -432,4 +433,13 @@ impl DataError {
 /// A sentence with its full stop, unless it ends as a question.
 fn ended(sentence: &str) -> String {
     if sentence.ends_with('?') { sentence.to_owned() } else { format!("{sentence}.") }
+}
+
+/// Why a log of so many files has no rows, or none that has a time, and what to check.
+fn why_no_rows(files: usize, without_time: u64) -> String {
+    match (files, without_time) {
+        (1, 0) => "the file has a header and no rows; check data.path".to_owned(),
+        (files, 0) => format!("its {files} files have a header and no rows; check data.path"),
+        (_, rows) => format!("{rows} rows have no time that can be read; check data.timestamp"),
+    }
 }

@@ -272,6 +272,9 @@ pub struct FarOut {
     pub held_out: u64,
     /// The furthest of these, in widths of the training range: −75 is 75 widths below its smallest value. 0 where it has no width.
     pub furthest: f64,
+    /// The smallest and the largest value of the training range. Default: none, if no held-out value is far out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trained: Option<[f64; 2]>,
 }
 
 impl FarOut {

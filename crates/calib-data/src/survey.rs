@@ -430,6 +430,7 @@ fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
         };
         if beyond.abs() > 1.0 {
             found.held_out += 1;
+            found.trained = Some([train.min, train.max]);
             if beyond.abs() > found.furthest.abs() {
                 found.furthest = beyond;
             }

@@ -186,7 +186,11 @@ impl Draft<'_> {
             ProposedAgent::Linear => {
                 text.key("value_function", "\"linear\"", "");
                 text.key("optimiser", "\"swift_td\"", "it finds the step size of each weight");
-                text.key("replay", "\"none\"", "the agent learns from each step as it comes, and stores none");
+                text.key(
+                    "replay",
+                    "\"none\"",
+                    "the agent learns from each step as it comes, and stores none",
+                );
             }
             ProposedAgent::Network => {
                 text.key("value_function", "\"mlp\"", "");

@@ -55,7 +55,9 @@ fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> 
     MemoryLimit::of(data).require_rows(total as u64, None)?;
     let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
     let (Some(first), Some(last)) = (present().min(), present().max()) else {
-        return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
+        let path = data.path.0.join(", ");
+        let without_time = total as u64;
+        return Err(DataError::NoRows { path, files: files.len(), without_time });
     };
     let split = Split::new(data, first, last)?;
     let mut rows = Rows::plan(&instants, &split.window());
@@ -103,7 +105,9 @@ fn plan_samples(samples: Samples, data: &DataConfig) -> Result<Planned, DataErro
     read_as.extend(sink.mixed_tags());
     let series = sink.finish()?;
     let Some((first, last)) = series.span() else {
-        return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
+        let path = data.path.0.join(", ");
+        let without_time = null_timestamps;
+        return Err(DataError::NoRows { path, files: files.len(), without_time });
     };
     let split = Split::new(data, first, last)?;
     let window = split.window();

@@ -335,7 +335,10 @@ fn columns_that_hold_no_numbers_are_dropped() {
 #[test]
 fn empty_files_are_no_rows() {
     let folder = Folder::of("empty.parquet", &log(0, &[("a", &[])]));
-    assert_refused(&folder.data(), &["has no rows: of 1 file "]);
+    assert_refused(
+        &folder.data(),
+        &["has no rows: the file has a header and no rows; check data.path"],
+    );
     folder.write("full.parquet", &log(0, &[("a", A)]));
     assert_eq!(folder.load().train.rows(), 4);
 }

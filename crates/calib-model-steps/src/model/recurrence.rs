@@ -191,7 +191,7 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
             format!(
                 "rollouts of MEMBERS end in a few rows that they never leave{}",
                 if remove_traps {
-                    ", because the log hardly returns to where it was; try a larger preprocess.subsample or more model.neighbors, and leave totals and counters out with data.exclude"
+                    ": the plant drifts, and much of the log is unlike any other part. Use a larger preprocess.subsample or more model.neighbors, and leave drifting channels out with data.exclude"
                 } else {
                     "; set model.remove_traps = true"
                 }
@@ -205,13 +205,13 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
         (
             &|recurrence, _| recurrence.classes.lost as f64 > MUCH * recurrence.classes.candidates as f64,
             format!(
-                "calib left more than {} of the possible neighbours out of MEMBERS, so that no rollout is trapped among them: there the log does not return to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
+                "MEMBERS: the plant drifts, and more than {} of the log is unlike any other part, so a model can only repeat it. Use a larger preprocess.subsample, or leave drifting channels out with data.exclude",
                 percent(MUCH)
             ),
         ),
         (
             &|recurrence, _| recurrence.classes.exits > 0,
-            "rollouts of MEMBERS leave traps by jumps to distant states, because too much of the log never returns to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude"
+            "rollouts of MEMBERS jump to distant states: the plant drifts, and much of the log is unlike any other part, so a model can only repeat it. Use a larger preprocess.subsample, or leave drifting channels out with data.exclude"
                 .to_owned(),
         ),
         (

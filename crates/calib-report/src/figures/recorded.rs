@@ -61,6 +61,20 @@ impl RecordedFigure {
         (all > 0).then(|| outside as f64 / all as f64)
     }
 
+    /// Means of what was learned from and of what was held out, of the values that are drawn; none where either has no values.
+    pub fn means(&self) -> Option<[f64; 2]> {
+        let learned = self.mean(PeriodUse::Learning)?;
+        Some([learned, self.mean(PeriodUse::Deployment)?])
+    }
+
+    /// Mean of the values that are drawn of the periods with this use: the smallest and the largest of each stretch.
+    fn mean(&self, used_for: PeriodUse) -> Option<f64> {
+        let periods = self.periods.iter().filter(|period| period.used_for == used_for);
+        let values = periods.flat_map(|period| period.points.iter().map(|(_, value)| *value));
+        let values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    }
+
     /// Draws the figure: a plot for each period that has values, over its dates.
     ///
     /// # Errors
@@ -238,6 +252,20 @@ mod tests {
 
     fn days(from: u32, to: u32) -> impl Iterator<Item = f64> {
         (from..to).map(|day| f64::from(day) * DAY)
+    }
+
+    #[test]
+    fn means_are_of_what_was_learned_from_and_of_the_deployment() {
+        let with = |used_for, values: &[f64]| RecordedPeriod {
+            used_for,
+            points: values.iter().map(|value| (0.0, *value)).collect(),
+            ..period(std::iter::empty())
+        };
+        let learned = with(PeriodUse::Learning, &[1.0, f64::NAN, 3.0]);
+        let held_out = with(PeriodUse::Deployment, &[10.0, 30.0]);
+        let figure = |periods| RecordedFigure { sensor: "A".to_owned(), unit: None, periods };
+        assert_eq!(figure(vec![learned.clone(), held_out]).means(), Some([2.0, 20.0]));
+        assert_eq!(figure(vec![learned]).means(), None, "nothing is held out");
     }
 
     #[test]

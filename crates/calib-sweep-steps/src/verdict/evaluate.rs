@@ -9,7 +9,7 @@ use calib_base::{
     bail, ensure,
     log::{context::RunContext, partition},
     outcome::{NoPlan, Outcome, StepResult},
-    output::span,
+    output::{significant, span},
     stale::StoredArtefact,
 };
 use calib_core::{Monitor, Seed};
@@ -248,7 +248,7 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
     let sensors = study.sweep.sensors.iter();
     let profile = learned::profile(job)?;
     let doubts = profile.value_doubts();
-    let verdicts = sensors
+    let mut verdicts = sensors
         .map(|sensor| {
             monitor.check()?;
             let mut verdict = verdict_of(sensor, study.part(), study, &manifest, &results)?;
@@ -279,6 +279,9 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
         held_out: job.deployment().unwrap_or("held out"),
     };
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, periods)?;
+    for (verdict, kept) in verdicts.iter_mut().zip(&kept) {
+        verdict.warnings.extend(changed_level(verdict, kept));
+    }
     let rows: Vec<calib_report::Verdict> = verdicts
         .iter()
         .zip(&kept)
@@ -299,6 +302,19 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
         ..Summary::new(job.title(), verdicts, &rows, &manifest.candidates)
     };
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
+}
+
+/// That a sensor has another level than in training, with both means in its unit.
+fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<String> {
+    let [learned, held_out] = recorded.means().filter(|_| verdict.level_has_changed())?;
+    let unit =
+        if verdict.unit_may_have_changed() { ", or the unit or the zero of the sensor" } else { "" };
+    Some(format!(
+        "the mean is {} in the training range and {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
+         train on a time that is like the present (data.train)",
+        significant(learned),
+        significant(held_out)
+    ))
 }
 
 /// What the agents of a study predict of states that are so far apart: a sentence for each discount factor.

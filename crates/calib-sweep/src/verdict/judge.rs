@@ -69,7 +69,6 @@ pub fn verdict(
         (&ranking, &dropped),
         truth.as_ref(),
     );
-    warnings.extend(warnings::level_has_changed(&simple));
     let grade = Grade::of(standing, truth.as_ref(), &simple, judging.stands_still, learning_off);
     // Which part of a run counts is no question where no agent is to be deployed.
     if matches!(grade, Grade::Good | Grade::Fair | Grade::Unchecked) && learning_off.is_none() {

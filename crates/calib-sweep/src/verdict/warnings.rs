@@ -2,8 +2,8 @@ use calib_agent::{Part, SimplePredictor};
 use calib_stats::Selection;
 
 use super::{
-    Dropped, Judging, PartChoice, Rule, SimpleComparison, differ, rule::ChoiceStanding,
-    simple::elsewhere, told_apart, truth::Truth,
+    Dropped, Judging, PartChoice, Rule, SensorVerdict, SimpleComparison, differ,
+    rule::ChoiceStanding, simple::elsewhere, told_apart, truth::Truth,
 };
 use crate::{Candidate, UnitResult};
 
@@ -16,18 +16,21 @@ const MUCH_AT_THE_START: f64 = 0.3;
 /// Held-out values that lie further from the training mean, in spreads of the training range, are another level. Our choice.
 const OTHER_LEVEL: f64 = 2.0;
 
-/// That the sensor has another level than in training, by the error of the training mean.
-pub(super) fn level_has_changed(simple: &[SimpleComparison]) -> Option<String> {
-    let mean = simple.iter().find(|row| row.predictor == SimplePredictor::Mean)?;
-    let unit =
-        if elsewhere(simple).is_some() { ", or the unit or the zero of the sensor" } else { "" };
-    (mean.online_error > OTHER_LEVEL && mean.online_error.is_finite()).then(|| {
-        format!(
-            "held-out values lie {:.1} times the spread of the training range from its mean, so the plant has changed{unit}, and what was learned before \
-             may not hold; train on a time that is like the present (data.train)",
-            mean.online_error
-        )
-    })
+impl SensorVerdict {
+    /// Whether the sensor has another level than in training, by the error of the training mean.
+    pub fn level_has_changed(&self) -> bool {
+        level_has_changed(&self.simple)
+    }
+
+    /// Whether its level is so far from that of training that its unit may have changed.
+    pub fn unit_may_have_changed(&self) -> bool {
+        elsewhere(&self.simple).is_some()
+    }
+}
+
+pub(super) fn level_has_changed(simple: &[SimpleComparison]) -> bool {
+    let mut means = simple.iter().filter(|row| row.predictor == SimplePredictor::Mean);
+    means.any(|row| row.online_error > OTHER_LEVEL && row.online_error.is_finite())
 }
 
 /// What the errors of a run measure: its start-up, or what comes after it.
@@ -149,7 +152,7 @@ fn little_held_out(truth: &Truth, part: Part) -> Option<String> {
              data.train_fraction), or use shorter runs (sweep.steps)"
         )),
         (true, true) => Some(format!(
-            "the held-out data has {count} {windows} of only {horizons:.1} horizons (of 1 / (1 − gamma) steps), so little tells a difference from \
+            "the held-out data has {count} {windows} of only {horizons:.1} times what an agent predicts ahead, so little tells a difference from \
              chance; hold out more (data.held_out, or data.train_fraction), or predict less far ahead (agent.gamma)"
         )),
         (false, true) => {
@@ -158,7 +161,7 @@ fn little_held_out(truth: &Truth, part: Part) -> Option<String> {
                 Part::AfterFirstQuarter | Part::FinalQuarter => ", or sweep.scored = \"whole_run\"",
             };
             Some(format!(
-                "each held-out window scores only {horizons:.1} horizons (of 1 / (1 − gamma) steps), so the verdict depends on what happened in \
+                "each held-out window is only {horizons:.1} times as long as what an agent predicts ahead, so the verdict depends on what happened in \
                  those {count} as much as on the settings; use longer runs (sweep.steps), and hold out enough for them{whole}"
             ))
         }

@@ -229,11 +229,10 @@ fn mean(online: f64) -> SimpleComparison {
 }
 
 #[test]
-fn another_level_than_in_training_is_told() {
+fn another_level_than_in_training_is_known() {
     let persistence = simple(SimplePredictor::Persistence, 1.0, 9.0, [1.0, 0.9, 1.1]);
-    let told = warnings::level_has_changed(&[persistence.clone(), mean(3.32)]).expect("told");
-    assert!(told.starts_with("held-out values lie 3.3 times the spread"), "{told}");
+    assert!(warnings::level_has_changed(&[persistence.clone(), mean(3.32)]));
     for quiet in [vec![persistence], vec![mean(1.9)], vec![mean(f64::INFINITY)]] {
-        assert_eq!(warnings::level_has_changed(&quiet), None);
+        assert!(!warnings::level_has_changed(&quiet));
     }
 }
