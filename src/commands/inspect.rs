@@ -125,6 +125,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
         span(profile.sampled_period_secs),
     ))?;
     show_gaps(profile, printer)?;
+    let closer = format!("rows closer together than {}", span(profile.period_secs));
     let oddities = [
         (profile.duplicates.identical, "duplicate rows (dropped)"),
         (profile.merged_rows, "rows merged by column with those of another file"),
@@ -137,7 +138,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
             profile.undecided_times,
             "of these of an hour that clocks showed twice or never (data.time_zone), which no other row decides",
         ),
-        (profile.short_steps, "steps shorter than the period (tolerated)"),
+        (profile.short_steps, closer.as_str()),
         (profile.overlapping_files, "files that overlap another (merged by time)"),
         (profile.rows_outside, "rows outside the training and held-out ranges"),
         (profile.unseen_modes, "held-out rows in a mode that training does not have"),

@@ -1,10 +1,10 @@
 //! What `calib inspect` shows of each channel.
 
-use calib_data::{AngleOf, ChannelProfile, Profile};
+use calib_data::{AngleOf, ChannelProfile, DropReason, Profile, ValueProfile};
 
 use calib_pipeline::{
     Descriptions, Printer, StepError,
-    output::{count, counted, percent, significant, span, table},
+    output::{count, counted, percent, rounded, span, table},
 };
 
 use crate::cli::InspectArgs;
@@ -22,11 +22,12 @@ pub(super) fn show_channels(
     printer: &Printer,
 ) -> Result<(), StepError> {
     let limit = if args.all { profile.channels.len() } else { LISTED };
-    let dropped: Vec<&ChannelProfile> = profile
+    let without_column = profile
         .channels
         .iter()
-        .filter(|channel| channel.dropped.is_some() && !beside.contains(&channel.name))
-        .collect();
+        .filter(|channel| channel.dropped.is_some() && !beside.contains(&channel.name));
+    let (modes, dropped): (Vec<&ChannelProfile>, Vec<&ChannelProfile>) = without_column
+        .partition(|channel| matches!(channel.dropped, Some(DropReason::OneHot { .. })));
     let more = |shown: usize, total: usize| match total.saturating_sub(shown) {
         0 => Ok(()),
         left => printer.result(&format!("… and {} more; --all shows them", count(left))),
@@ -35,21 +36,36 @@ pub(super) fn show_channels(
         printer.result("")?;
         printer.result(&format!("dropped: {}", counted(dropped.len(), "channel")))?;
         for channel in dropped.iter().take(limit) {
-            let why = channel.dropped.as_ref().map(ToString::to_string).unwrap_or_default();
-            printer.result(&format!("    {}: {why}{}", channel.name, notes(channel)))?;
+            printer.result(&format!("    {}", without_own_column(channel)))?;
         }
         more(limit, dropped.len())?;
     }
+    for channel in modes {
+        printer.result("")?;
+        printer.result(&without_own_column(channel))?;
+    }
     let kept: Vec<&ChannelProfile> = profile.kept().collect();
     if !kept.is_empty() {
-        let header = ["kept", "min", "max", "mean", "missing", "stuck", "step", "distinct", "unit"];
+        let header = [
+            "kept",
+            "min",
+            "max",
+            "mean",
+            "missing",
+            "constant for up to",
+            "smallest change",
+            "different values",
+            "unit",
+        ];
         let described = kept.iter().any(|channel| descriptions.words(&channel.name).is_some());
         let columns = if described { header.len() } else { header.len() - 1 };
-        let rows: Vec<Vec<String>> = kept
+        let listed = &kept[..kept.len().min(limit)];
+        let numbers = NumberColumns::of(listed);
+        let rows: Vec<Vec<String>> = listed
             .iter()
-            .take(limit)
-            .map(|channel| {
-                let mut row = channel_row(channel, profile.rows);
+            .enumerate()
+            .map(|(position, channel)| {
+                let mut row = numbers.channel_row(position, channel, profile.rows);
                 row.push(descriptions.words(&channel.name).unwrap_or_default());
                 row.truncate(columns);
                 row
@@ -58,7 +74,7 @@ pub(super) fn show_channels(
         printer.result("")?;
         printer.lines(&table(&header[..columns], &rows))?;
         more(limit, kept.len())?;
-        for channel in kept.iter().take(limit) {
+        for channel in listed {
             let notes = notes(channel);
             if let Some(notes) = notes.strip_prefix("; ") {
                 printer.result(&format!("{}: {notes}", channel.name))?;
@@ -88,26 +104,82 @@ fn notes(channel: &ChannelProfile) -> String {
     if notes.is_empty() { String::new() } else { format!("; {}", notes.join("; ")) }
 }
 
-/// What a channel is like in all `rows` of the log.
-fn channel_row(channel: &ChannelProfile, rows: u64) -> Vec<String> {
-    let values = channel.values.as_ref();
-    let distinct = values.map_or_else(
-        || "0".to_owned(),
-        |values| values.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
-    );
-    vec![
-        channel.name.clone(),
-        number_text(values.map(|values| values.min)),
-        number_text(values.map(|values| values.max)),
-        number_text(values.map(|values| values.mean)),
-        percent(channel.missing as f64 / rows as f64),
-        values.map_or_else(|| "–".to_owned(), |values| span(values.longest_stuck_secs)),
-        number_text(values.and_then(|values| values.smallest_change)),
-        distinct,
-    ]
+/// The name of a channel that is no column of the states, and why it is none.
+fn without_own_column(channel: &ChannelProfile) -> String {
+    let why = channel.dropped.as_ref().map(ToString::to_string).unwrap_or_default();
+    format!("{}: {why}{}", channel.name, notes(channel))
 }
 
-/// The number, or a dash.
-fn number_text(value: Option<f64>) -> String {
-    value.map_or_else(|| "–".to_owned(), significant)
+/// Columns of a table of channels whose numbers are written in one notation each.
+struct NumberColumns {
+    min: Vec<String>,
+    max: Vec<String>,
+    mean: Vec<String>,
+    smallest_change: Vec<String>,
+}
+
+impl NumberColumns {
+    /// One entry a channel.
+    fn of(channels: &[&ChannelProfile]) -> Self {
+        let column = |pick: fn(&ValueProfile) -> Option<f64>| {
+            let values = channels.iter().map(|channel| channel.values.as_ref().and_then(pick));
+            in_one_notation(&values.collect::<Vec<_>>())
+        };
+        Self {
+            min: column(|values| Some(values.min)),
+            max: column(|values| Some(values.max)),
+            mean: column(|values| Some(values.mean)),
+            smallest_change: column(|values| values.smallest_change),
+        }
+    }
+
+    /// What the channel at this position is like in all `rows` of the log.
+    fn channel_row(&self, position: usize, channel: &ChannelProfile, rows: u64) -> Vec<String> {
+        let values = channel.values.as_ref();
+        let distinct = values.map_or_else(
+            || "0".to_owned(),
+            |values| {
+                values.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string())
+            },
+        );
+        vec![
+            channel.name.clone(),
+            self.min[position].clone(),
+            self.max[position].clone(),
+            self.mean[position].clone(),
+            percent(channel.missing as f64 / rows as f64),
+            values.map_or_else(|| "–".to_owned(), |values| span(values.longest_stuck_secs)),
+            self.smallest_change[position].clone(),
+            distinct,
+        ]
+    }
+}
+
+/// Three digits of each number, or a dash: all without an exponent, or all with one where some would be long without it.
+fn in_one_notation(values: &[Option<f64>]) -> Vec<String> {
+    let mut sizes = values.iter().flatten().map(|value| value.abs()).filter(|size| *size > 0.0);
+    let is_short = sizes.all(|size| (1e-6..1e9).contains(&size));
+    let written = |value: f64| {
+        if value == 0.0 {
+            "0".to_owned()
+        } else if is_short {
+            let digits_before_point = value.abs().log10().floor().max(2.0) as usize + 1;
+            rounded(value, digits_before_point).to_string()
+        } else {
+            format!("{value:.2e}")
+        }
+    };
+    values.iter().map(|value| value.map_or_else(|| "–".to_owned(), written)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_has_one_notation() {
+        let plain = [1e-4, 0.009_999_999_8, 0.1, 2.0, 1_237.4, 0.0, -33.41].map(Some);
+        assert_eq!(in_one_notation(&plain), ["0.0001", "0.01", "0.1", "2", "1237", "0", "-33.4"]);
+        assert_eq!(in_one_notation(&[Some(1e-9), Some(0.25), None]), ["1.00e-9", "2.50e-1", "–"]);
+    }
 }

@@ -209,7 +209,7 @@ impl Survey {
         }
         if let Some(modes) = &self.modes {
             let name = &self.log.channels[modes.channel].name;
-            columns.extend(modes.labels.iter().map(|label| feature(format!("{name}={label}"))));
+            columns.extend(modes.columns(name).map(feature));
         }
         columns
     }

@@ -104,6 +104,11 @@ impl Modes {
         }))
     }
 
+    /// The names of the columns for the channel called `name`.
+    pub(crate) fn columns(&self, name: &str) -> impl Iterator<Item = String> {
+        self.labels.iter().map(move |label| format!("{name}={label}"))
+    }
+
     /// 1 where the mode is number `mode`, 0 elsewhere.
     pub(crate) fn one_hot(&self, mode: usize) -> Vec<f64> {
         let positions = self.positions.iter();

@@ -140,6 +140,6 @@ fn category(reason: &DropReason) -> &'static str {
         DropReason::Missing { .. } => "missing too often",
         DropReason::Constant { .. } => "constant",
         DropReason::NoSpread { .. } => "without spread",
-        DropReason::OneHot => "modes",
+        DropReason::OneHot { .. } => "modes",
     }
 }

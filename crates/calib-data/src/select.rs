@@ -51,7 +51,11 @@ pub enum DropReason {
         high: f64,
     },
     /// Its values became one 0/1 column each.
-    OneHot,
+    OneHot {
+        /// Their names. Default: not known.
+        #[serde(default)]
+        columns: Vec<String>,
+    },
 }
 
 impl fmt::Display for DropReason {
@@ -73,7 +77,9 @@ impl fmt::Display for DropReason {
             Self::NoSpread { low, high } => {
                 write!(f, "its normalisation range is from {} to {}", Short(*low), Short(*high))
             }
-            Self::OneHot => f.write_str("replaced by its one-hot columns"),
+            Self::OneHot { columns } => {
+                write!(f, "read as a column of 0 and 1 for each value: {}", columns.join(", "))
+            }
         }
     }
 }

@@ -180,8 +180,8 @@ impl Scan<'_> {
         let mut profiles: Vec<ChannelProfile> = Vec::new();
         let mut to_read = Vec::new();
         for (index, channel) in self.log.channels.iter().enumerate() {
-            let dropped = if modes.is_some_and(|modes| modes.channel == index) {
-                Some(DropReason::OneHot)
+            let dropped = if let Some(modes) = modes.filter(|modes| modes.channel == index) {
+                Some(DropReason::OneHot { columns: modes.columns(&channel.name).collect() })
             } else if let Some(pattern) = exclude.matching_any(channel.names()) {
                 let pattern = pattern.to_owned();
                 Some(DropReason::Excluded { pattern })

@@ -137,7 +137,8 @@ fn features_follow_the_sensors() {
     assert_eq!(train_values(&dataset, "mode=4"), [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
     assert!(train_values(&dataset, "time_of_day_cos").iter().all(|&cos| cos > 0.99));
     let mode = dataset.profile.channel("mode").expect("a channel");
-    assert_eq!(mode.dropped, Some(DropReason::OneHot));
+    let columns = ["mode=4", "mode=13", "mode=31"].map(str::to_owned).to_vec();
+    assert_eq!(mode.dropped, Some(DropReason::OneHot { columns }));
 }
 
 #[test]
