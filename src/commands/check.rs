@@ -33,7 +33,7 @@ fn show(checked: &CheckedResults, root: &Path, printer: &Printer) -> Result<(), 
     }
     let damaged = checked.damages.len();
     printer.result(&format!(
-        "{} of {} in {} are as they were written; damaged: {}",
+        "{} of {} in {} are as they were written; damaged or missing: {}",
         count(checked.files.saturating_sub(damaged)),
         counted(checked.files, "file"),
         root.display(),

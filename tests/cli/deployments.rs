@@ -52,7 +52,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     let swept = run(&place, &["sweep", "study.toml"]);
     // Two sensors in three members with two runs, three Online and two of log replay; the second has the last already.
     assert!(
-        swept.contains("22 training runs made") && swept.contains("18 training runs made"),
+        swept.contains("66 training runs made") && swept.contains("54 training runs made"),
         "{swept}"
     );
     let verdict = run(&place, &["evaluate", "study.toml"]);
@@ -133,12 +133,12 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     assert!(!place.path().join("study-results/models/year/deployments").exists());
     let first = run(&place, &["sweep", "study.toml", "--deployment", "near"]);
     assert!(
-        first.contains("22 training runs made") && first.contains("12 training runs made"),
+        first.contains("66 training runs made") && first.contains("36 training runs made"),
         "{first}"
     );
     // Members and log replay are the same, Online is the same for both models.
     let second = run(&place, &["sweep", "study.toml"]);
-    assert!(second.contains("6 training runs made"), "{second}");
+    assert!(second.contains("18 training runs made"), "{second}");
     assert_eq!(second.matches("up to date").count(), 3, "{second}");
     let verdict = run(&place, &["evaluate", "study.toml", "-q"]);
     // All models choose the same everywhere; but so short a run learns nothing that a line does not know.
@@ -197,7 +197,7 @@ fn recent_states_and_months_are_of_each_deployment() {
     // All training data is before both, so the streams of members are the same.
     place
         .calib(&["sweep", "study.toml"])
-        .succeeds_with(&["22 training runs made", "6 training runs made"]);
+        .succeeds_with(&["66 training runs made", "18 training runs made"]);
     let month = ["rollout", "study.toml", "--set", "rollout.start=calendar_month"];
     assert_snapshot!("no_earlier_year", place.calib(&month).fails(2));
     let later = [&month[..], &["--set", "rollout.month=7"]].concat();

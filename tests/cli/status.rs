@@ -97,7 +97,7 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
     assert_eq!(folder["rankings"], after["rankings"], "by the folder of its results");
     place.calib(&["status", "study.toml", "--watch"]).succeeds_with(&[
         "study.toml: every step is done",
-        "PIT300: by 33 of 33 runs",
+        "PIT300: 33 of 33 training runs are made; those on the log and in the models count",
         "report: ",
     ]);
     assert!(place.content("study-results") == content, "nothing is written");
@@ -195,7 +195,7 @@ fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
     );
     let (stored, all) = runs(&during["rankings"][0]);
     assert!(stored < all, "{stored} of {all}");
-    place.calib(&["status", "study.toml"]).succeeds_with(&["provisional, by ", " left"]);
+    place.calib(&["status", "study.toml"]).succeeds_with(&["PIT300: provisional, ", " left"]);
 
     run.0.kill().expect("killed");
     run.0.wait().expect("gone");
@@ -203,7 +203,11 @@ fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
     assert_eq!(killed["state"], "killed", "{killed}");
     assert_eq!(killed["commands"][0]["standing"], "killed");
     assert!(killed["secs_left"].is_null() && states(&killed, "sweep") == ["to_do"], "{killed}");
-    place.calib(&["status", "study.toml"]).succeeds_with(&["was killed"]);
+    place.calib(&["status", "study.toml"]).succeeds_with(&[
+        "was killed",
+        "sweep: ",
+        " training runs are made",
+    ]);
 
     // The next command removes what the killed one has left, and goes on.
     let smaller = ["--set", "sweep.member_runs=1", "--set", "sweep.log_replay_runs=1"];
@@ -212,6 +216,42 @@ fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
     let again =
         place.calib(&[&["status", "study.toml", "--json"][..], &smaller].concat()).json(&[0]);
     assert_eq!((&again["state"], &again["commands"]), (&"done".into(), &Value::Array(vec![])));
+}
+
+#[test]
+fn what_is_missing_or_changed_is_to_do_and_told() {
+    let place = Place::with_study();
+    let results = place.path().join("study-results");
+    place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+    for missing in ["sweep/runs.parquet", "sweep/units/PIT300/log-replay/run-0001.json"] {
+        fs::remove_file(results.join(missing)).expect("there");
+        assert_eq!(states(&status(&place, "study.toml"), "sweep"), ["to_do"], "{missing}");
+        let checked = place.calib(&["check", "study-results"]).ends(&[1]);
+        let told = format!("study-results/{missing}: it is missing; `calib sweep STUDY` makes it");
+        assert!(
+            checked.contains(&told) && checked.ends_with("damaged or missing: 1\n"),
+            "{checked}"
+        );
+        let ran = place.calib(&["run", "study.toml"]);
+        assert!(ran.stderr().contains("to do: sweep, evaluate"), "{}", ran.stderr());
+        assert_eq!(status(&place, "study.toml")["state"], "done", "{missing}");
+    }
+    fs::remove_file(results.join("report.html")).expect("there");
+    let checked = place.calib(&["check", "study-results"]).ends(&[1]);
+    assert!(checked.contains("study-results/report.html: it is missing"), "{checked}");
+    place.calib(&["evaluate", "study.toml"]).ends(&[0, 1]);
+
+    // A file that was only touched may be another one.
+    let log = place.path().join("data/2022-11-02.parquet");
+    fs::write(&log, fs::read(&log).expect("there")).expect("writable");
+    let told = "2022-11-02.parquet has another name, size or date than when the log was read";
+    let shown = place.calib(&["status", "study.toml"]).succeeds();
+    assert!(shown.contains(told) && shown.contains("keeps results"), "{shown}");
+    let old = place.calib(&["evaluate", "study.toml"]);
+    assert!(old.stderr().contains(told), "{}", old.stderr());
+    place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+    let new = place.calib(&["evaluate", "study.toml"]);
+    assert!(!new.stderr().contains("the log has changed"), "{}", new.stderr());
 }
 
 #[test]

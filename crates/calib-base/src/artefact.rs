@@ -140,6 +140,11 @@ impl<T: Facts> Artefact<T> {
         are_whole(directory, &self.lasting_files()) && self.has_all_parts(directory)
     }
 
+    /// Whether every file is there, which is known without reading any.
+    pub fn has_files(&self, directory: &Path) -> bool {
+        self.files.keys().all(|name| directory.join(name).exists())
+    }
+
     /// The files that do not change as long as the result is the same.
     pub fn lasting_files(&self) -> Files {
         let lasting = self.files.iter().filter(|(name, _)| T::lasts(name));

@@ -40,6 +40,7 @@ use calib_sweep_steps::{
 };
 
 use crate::{
+    changed_log,
     check::{self, CheckedResults},
     cluster::{
         self, ClusterDryPlan, ClusterPlan, ClusterScripts, ClusterShard, ClusterStatus,
@@ -167,6 +168,9 @@ pub fn sweep(
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, StepError> {
     let context = &RunContext::new(printer);
     let parts = job.parts(StepKind::Evaluate.scope())?;
+    if let Some(warning) = changed_log::old_verdict(job) {
+        printer.warn(&warning);
+    }
     told(evaluation::run(job, &parts, &[], context)?, job, printer)
 }
 

@@ -7,7 +7,7 @@ use std::{
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{Files, MANIFEST},
+    artefact::{self, Files, MANIFEST},
     ensure, memory,
     options::Logs,
     output::Printer,
@@ -16,6 +16,7 @@ use calib_core::Monitor as _;
 use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
 use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
 use calib_study::{StepKind, with_variables};
+use calib_sweep_steps::sweep::SweepManifest;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -27,7 +28,7 @@ pub struct CheckedResults {
     pub files: usize,
     /// Folders without a manifest: what makes them was interrupted, or is at work.
     pub unfinished: Vec<PathBuf>,
-    /// Files that are not what was written.
+    /// Files that are not what was written, or are missing.
     pub damages: Vec<Damage>,
     /// Logs that were read again, with `--read-data`.
     pub logs: Vec<String>,
@@ -107,13 +108,19 @@ impl Check<'_> {
             let lists = ["files", "shown"].map(|list| holder[list].clone());
             let lists = lists.into_iter().filter_map(|list| serde_json::from_value(list).ok());
             for (name, written) in lists.flat_map(|list: Files| list) {
-                let path = folder.join(name);
+                let path = beside_or_in(folder, &name);
                 let damage = match fingerprint_file(&path) {
                     Ok(found) if found == written => None,
                     Ok(_) => Some("it is not what was written".to_owned()),
+                    Err(_) if !path.exists() => Some("it is missing".to_owned()),
                     Err(error) => Some(StepError::from(error).to_string()),
                 };
                 self.note(folder, &path, damage);
+            }
+        }
+        if let Some(swept) = artefact::read::<SweepManifest>(folder) {
+            for path in swept.missing_runs(folder) {
+                self.note(folder, &path, Some("it is missing".to_owned()));
             }
         }
     }
@@ -198,6 +205,14 @@ fn found_from(data: &mut DataConfig, root: &Path) -> Result<(), StepError> {
     }
     data.resolve(root.parent().unwrap_or(Path::new("")));
     Ok(())
+}
+
+/// The file of a manifest in `folder`; a page of verdicts lies beside it, and is called `../report.html`.
+fn beside_or_in(folder: &Path, name: &str) -> PathBuf {
+    match name.strip_prefix("../") {
+        Some(name) if folder.file_name().is_some() => folder.with_file_name(name),
+        _ => folder.join(name),
+    }
 }
 
 /// A table, whose pages have checksums.

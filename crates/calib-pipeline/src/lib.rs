@@ -19,6 +19,7 @@
 //! [`validity`] judges how well calib chooses over several studies.
 
 mod api;
+mod changed_log;
 mod check;
 mod cluster;
 mod control;

@@ -1,9 +1,10 @@
 //! What of a study is up to date, and what a run is going to do.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, path::Path};
 
 use calib_base::{
-    StepError, artefact,
+    StepError,
+    artefact::{self, Artefact, Facts},
     log::{context::RunContext, plant_of_study, prepared},
 };
 use calib_model_steps::{
@@ -187,19 +188,16 @@ fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunCo
             return plant_of_study::data_of(part)
                 .is_ok_and(|data| prepared::is_there(part, &data, context));
         }
-        StepKind::Pretrain => {
-            artefact::read::<PretrainManifest>(directory).map(|found| found.facts.study)
-        }
+        StepKind::Pretrain => whole(directory).map(|found: PretrainManifest| found.facts.study),
         StepKind::Represent => {
-            artefact::read::<RepresentationManifest>(directory).map(|found| found.facts.study)
+            whole(directory).map(|found: RepresentationManifest| found.facts.study)
         }
-        StepKind::BuildModel => {
-            artefact::read::<ModelManifest>(directory).map(|found| found.facts.study)
-        }
-        StepKind::Rollout => artefact::read::<RolloutManifest>(directory)
-            .filter(|found| Some(&found.model) == model_content(part).as_ref())
+        StepKind::BuildModel => whole(directory).map(|found: ModelManifest| found.facts.study),
+        StepKind::Rollout => whole(directory)
+            .filter(|found: &RolloutManifest| Some(&found.model) == model_content(part).as_ref())
             .map(|found| found.facts.study),
-        StepKind::Sweep => artefact::read::<SweepManifest>(directory)
+        StepKind::Sweep => whole(directory)
+            .filter(|found: &SweepManifest| found.missing_runs(directory).is_empty())
             .filter(|found| found.model == model_content(part))
             .filter(|found| found.arithmetic.as_deref() == arithmetic)
             .map(|found| found.facts.study),
@@ -207,6 +205,11 @@ fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunCo
         StepKind::Simulate | StepKind::Evaluate | StepKind::Control => None,
     };
     study.is_some_and(|study| part.study().differences(step, &study).is_empty())
+}
+
+/// What a step has left in its directory, if every file is still there.
+fn whole<T: Facts>(directory: &Path) -> Option<Artefact<T>> {
+    artefact::read::<Artefact<T>>(directory).filter(|found| found.has_files(directory))
 }
 
 /// What the model of a part is, if it has one.

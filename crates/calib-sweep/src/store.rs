@@ -126,6 +126,12 @@ impl UnitStore {
         Ok(())
     }
 
+    /// The files of those of `planned` that are not there; they are looked for, not read.
+    pub fn missing(&self, planned: &[PlannedUnit]) -> Vec<PathBuf> {
+        let paths = planned.iter().map(|planned| self.path(&planned.unit));
+        paths.filter(|path| !path.exists()).collect()
+    }
+
     fn path(&self, unit: &Unit) -> PathBuf {
         self.directory
             .join(file_name(&unit.sensor))

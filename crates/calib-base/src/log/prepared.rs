@@ -116,6 +116,17 @@ pub fn is_there(job: &Job, data: &DataConfig, context: &RunContext) -> bool {
     kept.is_some()
 }
 
+/// A file of the log that has another name, size or date than when the log was read; none if there is none, or the log was not read
+/// for these sections of the study.
+///
+/// # Errors
+/// If the log has no files, or the key of what was read cannot be computed.
+pub fn changed_file(job: &Job, data: &DataConfig) -> Result<Option<PathBuf>, StepError> {
+    let place = Place::of(job, data)?;
+    let noted = Sources::noted_in(&place.directory);
+    Ok(noted.and_then(|noted| noted.changed_file(&place.sources).map(Path::to_owned)))
+}
+
 /// As [`open`], but where states would have to be made they are not: for a plan of what they are needed for.
 ///
 /// # Errors

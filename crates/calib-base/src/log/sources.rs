@@ -66,6 +66,20 @@ impl Sources {
         let own = self.files.iter().map(SourceFile::size_and_time);
         own.ne(others.files.iter().map(SourceFile::size_and_time))
     }
+
+    /// A file that these do not have with the same name, size and time of its last change, or one that `now` lacks; none if there is
+    /// none.
+    pub(super) fn changed_file<'a>(&'a self, now: &'a Self) -> Option<&'a Path> {
+        let lacks = |files: &[SourceFile], file: &SourceFile| {
+            files.iter().all(|other| {
+                other.path.file_name() != file.path.file_name()
+                    || other.size_and_time() != file.size_and_time()
+            })
+        };
+        let new = now.files.iter().find(|file| lacks(&self.files, file));
+        let changed = new.or_else(|| self.files.iter().find(|file| lacks(&now.files, file)));
+        changed.map(|file| file.path.as_path())
+    }
 }
 
 impl SourceFile {
@@ -103,6 +117,14 @@ mod tests {
         assert!(log.differ_from(&file("a/log.csv", 101, 5, 1)));
         assert!(log.differ_from(&file("a/log.csv", 100, 6, 1)));
         assert!(log.differ_from(&Sources { files: Vec::new() }));
+        assert_eq!(log.changed_file(&file("b/log.csv", 100, 5, 2)), None, "it was moved");
+        for (now, changed) in [
+            (file("b/log.csv", 100, 6, 1), "b/log.csv"),
+            (file("b/other.csv", 100, 5, 1), "b/other.csv"),
+            (Sources { files: Vec::new() }, "a/log.csv"),
+        ] {
+            assert_eq!(log.changed_file(&now), Some(Path::new(changed)));
+        }
         let place = tempfile::tempdir().expect("a directory");
         assert!(Sources::noted_in(place.path()).is_none());
         log.note_in(place.path()).expect("writable");

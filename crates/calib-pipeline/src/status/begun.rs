@@ -1,6 +1,6 @@
 //! Sweeps that were begun for a study, and how the study differs now.
 
-use calib_base::{StepError, stale::StoredArtefact};
+use calib_base::{StepError, output::count, stale::StoredArtefact};
 use calib_study::{Difference, Job, Scope, StepKind};
 use calib_sweep_steps::sweep::planned::{PlannedSweep, StoredRun};
 
@@ -47,6 +47,20 @@ impl BegunSweep {
         let directory = &self.part.layout().sweep();
         let study = self.planned.study()?;
         StoredArtefact { step: StepKind::Sweep, study, directory }.stale_reason(&self.part)
+    }
+
+    /// How many of its runs are there, if some are missing.
+    pub(super) fn unfinished(&self) -> Option<String> {
+        let made = self.stored().len();
+        let sensors = self.planned.sensors().into_iter();
+        let all: usize = sensors.map(|sensor| self.planned.runs_of(sensor)).sum();
+        let (model, deployment) = self.names();
+        let names: Vec<&str> = model.into_iter().chain(deployment).collect();
+        let part =
+            if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
+        (made < all).then(|| {
+            format!("sweep{part}: {} of {} training runs are made", count(made), count(all))
+        })
     }
 
     /// The keys in which the study differs from the one that it was begun for.

@@ -18,10 +18,10 @@ use calib_sweep_steps::{sweep::SweepManifest, verdict::report_cache::is_judged_s
 use schemars::JsonSchema;
 use serde::Serialize;
 
-pub(crate) use self::ranking::Ranking;
+pub(crate) use self::ranking::{DecidedBy, Ranking};
 use self::{begun::BegunSweep, find::Subject, ranking::rankings};
 use crate::{
-    cluster,
+    changed_log, cluster,
     control::{self, ControlRanking, VerdictStanding},
     plan::{Plan, PlannedStep, State},
 };
@@ -108,7 +108,7 @@ pub(crate) struct StepStanding {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) deployment: Option<String>,
     pub(crate) state: StepState,
-    /// Why what is there does not count, and what to run, where that is known.
+    /// Why it is to do, and what to run, where that is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) stale: Option<String>,
 }
@@ -260,7 +260,10 @@ fn steps(
         };
         if state == StepState::ToDo {
             let own = begun.iter().find(|sweep| sweep.is_of(&standing));
-            standing.stale = own.and_then(BegunSweep::stale_reason);
+            standing.stale = match step.step {
+                StepKind::Prepare => changed_log::why_read_again(job),
+                _ => own.and_then(|sweep| sweep.stale_reason().or_else(|| sweep.unfinished())),
+            };
         }
         standings.push(standing);
     }

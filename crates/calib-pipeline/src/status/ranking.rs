@@ -22,8 +22,31 @@ pub(crate) struct Ranking {
     pub(crate) runs: [usize; 2],
     /// Whether it is by the runs that the study's rule looks at; while there are none of these, it is by those in the models.
     pub(crate) by_rule: bool,
+    /// The runs that the rule looks at.
+    pub(crate) decided_by: DecidedBy,
     /// The settings that have runs, the best first.
     pub(crate) settings: Vec<Ranked>,
+}
+
+/// Where the runs are by which settings are ranked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum DecidedBy {
+    Log,
+    Models,
+    Both,
+}
+
+impl DecidedBy {
+    fn of(planned: &PlannedSweep) -> Self {
+        let of_models = planned.counts(EnvironmentId::Member(0));
+        match (planned.counts(EnvironmentId::LogReplay), of_models) {
+            (true, false) => Self::Log,
+            (true, true) if planned.has_model_runs() => Self::Both,
+            (true, true) => Self::Log,
+            (false, _) => Self::Models,
+        }
+    }
 }
 
 /// A setting.
@@ -84,6 +107,7 @@ pub(super) fn rankings(
                 sensor: sensor.to_owned(),
                 runs: [own.len(), planned.runs_of(sensor)],
                 by_rule,
+                decided_by: DecidedBy::of(planned),
                 settings: settings.collect(),
             })
         })

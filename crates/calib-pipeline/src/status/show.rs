@@ -8,8 +8,8 @@ use calib_base::{
 };
 
 use super::{
-    ClusterStanding, Command, ControlRanking, Overall, Ranking, StandingOf, StepStanding,
-    StepState, StudyStanding,
+    ClusterStanding, Command, ControlRanking, DecidedBy, Overall, Ranking, StandingOf,
+    StepStanding, StepState, StudyStanding,
 };
 use crate::control::FAILED;
 
@@ -170,7 +170,7 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
             if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
         let [runs, all] = ranking.runs;
         let provisional = if runs < all { "provisional, " } else { "" };
-        let by = format!("{} of {} runs", count(runs), count(all));
+        let by = format!("{} of {} training runs", count(runs), count(all));
         if !ranking.by_rule {
             printer.result(&format!(
                 "{}{part}: no ranking yet: {by} are done, and none of those that decide",
@@ -178,7 +178,15 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
             ))?;
             continue;
         }
-        printer.result(&format!("{}{part}: {provisional}by {by}", ranking.sensor))?;
+        let decide = match ranking.decided_by {
+            DecidedBy::Log => "on the log",
+            DecidedBy::Models => "in the models",
+            DecidedBy::Both => "on the log and in the models",
+        };
+        printer.result(&format!(
+            "{}{part}: {provisional}{by} are made; those {decide} count",
+            ranking.sensor
+        ))?;
         let settings = ranking.settings.iter().map(|setting| {
             let ratio =
                 setting.ratio.map_or_else(|| "diverged".to_owned(), |ratio| format!("{ratio:.3}"));
@@ -193,7 +201,7 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
             }
         });
         tell_settings(
-            &["setting", "error / first", "95 %", "runs", "diverged"],
+            &["setting", "error relative to the best", "95 %", "runs that count", "diverged"],
             settings,
             printer,
         )?;

@@ -27,14 +27,15 @@ impl Told for Swept {
             printer.json(&self.manifest)?;
         } else {
             let did = match self.ran {
+                0 if self.rewrote => {
+                    "training runs are up to date, their tables are written again".to_owned()
+                }
                 0 => "up to date".to_owned(),
-                ran if self.ran_runs < ran * self.candidates().len() => format!(
-                    "{} made in {} ({}, of the settings that had none)",
-                    counted(ran, "training run"),
-                    duration(self.took),
-                    counted(self.ran_runs, "agent")
+                _ => format!(
+                    "{} made in {}",
+                    counted(self.ran_runs, "training run"),
+                    duration(self.took)
                 ),
-                ran => format!("{} made in {}", counted(ran, "training run"), duration(self.took)),
             };
             let runs = self.directory.join("runs.parquet");
             printer.result(&format!("{did}; results in {}", runs.display()))?;

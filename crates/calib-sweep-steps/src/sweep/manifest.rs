@@ -1,3 +1,5 @@
+use std::path::{Path, PathBuf};
+
 use calib_base::artefact::{Artefact, Facts};
 use calib_core::{Period, Timestamp};
 use calib_data::Dataset;
@@ -8,7 +10,7 @@ use calib_sweep::{Candidate, ErrorScale, PlannedUnit, Span};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{simple::SimpleErrors, streams::OnlineWindow};
+use super::{simple::SimpleErrors, streams::OnlineWindow, unit_store};
 
 /// `manifest.json` of a sweep directory.
 pub type SweepManifest = Artefact<SweepFacts>;
@@ -125,6 +127,11 @@ impl SweepFacts {
             held_out: HeldOut::of(dataset),
             ..Self::of_no_data(study, dataset.period, span, candidates)
         }
+    }
+
+    /// The files of its runs that are missing from its directory.
+    pub fn missing_runs(&self, directory: &Path) -> Vec<PathBuf> {
+        unit_store(directory, self.arithmetic.as_deref()).missing(&self.units)
     }
 
     /// How long the streams of a sensor are.

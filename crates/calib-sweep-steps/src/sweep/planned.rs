@@ -152,6 +152,12 @@ impl PlannedSweep {
         }
     }
 
+    /// Whether it trains agents in models.
+    pub fn has_model_runs(&self) -> bool {
+        let mut units = self.units.iter();
+        units.any(|planned| matches!(planned.unit.environment, EnvironmentId::Member(_)))
+    }
+
     fn replays_the_log(&self) -> bool {
         self.units.iter().any(|planned| planned.unit.environment == EnvironmentId::LogReplay)
     }

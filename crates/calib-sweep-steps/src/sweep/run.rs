@@ -60,6 +60,8 @@ pub struct Swept {
     pub(crate) ran: usize,
     /// Runs that were made just now.
     pub(crate) ran_runs: usize,
+    /// Whether the tables were written just now.
+    pub(crate) rewrote: bool,
     pub(crate) took: Duration,
 }
 
@@ -229,7 +231,9 @@ fn sweep(
         }
         manifest = claim.finish(manifest.facts, tables(study))?;
     }
-    Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, took: clock.elapsed() }))
+    let took = clock.elapsed();
+    let rewrote = !is_the_same;
+    Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, rewrote, took }))
 }
 
 /// Note that agents were trained by something that rounds in its own way.

@@ -10,7 +10,7 @@ use calib_base::{
     artefact::{self, Artefact, Below, DirectoryLock, Facts, MANIFEST, TOOL},
 };
 use calib_report::Report;
-use calib_study::{Job, StepKind};
+use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
 
 /// `manifest.json` of the verdicts and figures of a study.
@@ -35,7 +35,9 @@ impl Facts for ReportFacts {
 /// Whether a study was judged after the sweeps in `folders` were finished.
 pub fn is_judged_since(job: &Job, folders: &[PathBuf]) -> bool {
     let directory = job.layout().evaluate();
-    let judged = artefact::read::<ReportManifest>(&directory).and_then(|_| finished(&directory));
+    let judged = artefact::read::<ReportManifest>(&directory)
+        .filter(|report| report.has_files(&directory))
+        .and_then(|_| finished(&directory));
     judged.is_some_and(|judged| {
         folders.iter().all(|folder| finished(folder).is_some_and(|finished| finished <= judged))
     })
@@ -61,7 +63,10 @@ pub(crate) fn keep(
     let page_name = page.file_name().map(|name| format!("../{}", name.to_string_lossy()));
     let kept = artefact::read::<ReportManifest>(&directory);
     let is_kept = kept.as_ref().is_some_and(|kept| kept.key == key && kept.is_whole(&directory));
-    if is_kept && !job.policy().redoes() {
+    // A verdict that is older than its sweep would look as if it were still to be made.
+    let parts = job.parts(Scope::Deployment)?;
+    let sweeps: Vec<PathBuf> = parts.iter().map(|part| part.layout().sweep()).collect();
+    if is_kept && is_judged_since(job, &sweeps) && !job.policy().redoes() {
         return Ok(());
     }
     let mut claim = DirectoryLock::new(&directory, Below::Ours)?;
