@@ -29,10 +29,9 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepE
     let path = path.trim().trim_matches(['[', ']']);
     let Some(found) = find_key(&schema, path) else {
         let all = keys(&schema, &schema, "");
-        let meant = match value_above(&schema, path) {
-            Some(key) => vec![key],
-            None => similar_keys(path, &all),
-        };
+        let last = path.rsplit('.').next().unwrap_or(path);
+        let known = calib_study::meant_key(last).or_else(|| value_above(&schema, path));
+        let meant = known.map_or_else(|| similar_keys(path, &all), |key| vec![key]);
         let hint = match meant.as_slice() {
             [] => "`calib explain` lists all sections".to_owned(),
             meant => format!("did you mean {}?", meant.join(", ")),

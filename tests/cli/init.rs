@@ -367,6 +367,10 @@ fn few_windows_and_short_horizons_are_told() {
     let (told, study) = init(&["--horizon", "20m"]);
     assert!(told.contains("2 held-out windows: hardly any difference can be shown"), "{told}");
     assert!(study.contains("hardly any difference can be shown with so few"), "{study}");
+    let far = ["init", "log.csv", "far.toml", "--within", "5s", "--horizon", "400d"];
+    let far = place.calib(&far).fails(2);
+    assert_eq!(far.matches("400 d").count(), 1, "once: {far}");
+    assert!(far.contains("too far for ") && far.contains("at most about "), "{far}");
     let (told, study) = init(&["--horizon", "30s"]);
     assert!(told.contains("--horizon 30 s is shorter than one state, which is 2 min"), "{told}");
     assert!(study.contains("subsample = 1 "), "{study}");

@@ -47,6 +47,15 @@ fn results_are_the_same_bytes_for_any_number_of_threads() {
 }
 
 #[test]
+fn a_dry_run_refuses_a_sensor_that_the_log_does_not_have() {
+    let place = Place::with_study();
+    let wrong = ["run", "study.toml", "--dry-run", "--set", "sweep.sensors=[\"PIT30\"]"];
+    let told = place.calib(&wrong).fails(2);
+    assert!(told.contains("\"PIT30\" is not a channel of the log"), "{told}");
+    assert!(!told.contains("waits for the steps before it"), "{told}");
+}
+
+#[test]
 fn what_is_up_to_date_is_not_made_again() {
     let place = Place::with_study();
     let run = |command: &str| place.calib(&[command, "study.toml"]).succeeds();

@@ -19,10 +19,10 @@ pub(crate) fn changed_file(job: &Job) -> Option<PathBuf> {
 pub(crate) fn old_verdict(job: &Job) -> Option<String> {
     let file = changed_file(job)?;
     Some(format!(
-        "the log has changed: {} has another name, size or date than when the log was read. The verdict is on the log as it was; `calib run {}` \
+        "the log has changed: {} has another name, size or date than when the log was read. The verdict is on the log as it was; `{}` \
          judges it as it is",
         file.display(),
-        job.layout().study().display()
+        job.run_command()
     ))
 }
 
@@ -30,9 +30,9 @@ pub(crate) fn old_verdict(job: &Job) -> Option<String> {
 pub(crate) fn why_read_again(job: &Job) -> Option<String> {
     let file = changed_file(job)?;
     Some(format!(
-        "{} has another name, size or date than when the log was read: `calib run {}` reads the log again, and keeps results whose content is \
+        "{} has another name, size or date than when the log was read: `{}` reads the log again, and keeps results whose content is \
          the same",
         file.display(),
-        job.layout().study().display()
+        job.run_command()
     ))
 }

@@ -435,7 +435,8 @@ impl Model {
             Err(reason)
                 if self.job.policy().is_dry()
                     && matches!(step, StepKind::Rollout | StepKind::Sweep)
-                    && !reason.was_cancelled() =>
+                    && !reason.was_cancelled()
+                    && !stays(&reason, talk) =>
             {
                 // What is missing of a log that stands in for another is no reason.
                 not_yet(step, talk.stands_in().is_none().then_some(&reason), talk);
@@ -454,6 +455,11 @@ impl Model {
             other => other,
         }
     }
+}
+
+/// Whether a reason stays when the steps before are taken: it is of the study or of its log, for which no other one stands in.
+fn stays(reason: &StepError, talk: &RunContext) -> bool {
+    talk.stands_in().is_none() && matches!(reason.root(), StepError::Study(_) | StepError::Data(_))
 }
 
 fn not_yet(step: StepKind, reason: Option<&StepError>, talk: &Printer) {

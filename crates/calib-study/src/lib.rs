@@ -61,7 +61,7 @@ pub use hint::shell_words;
 pub use inputs::{Difference, Inputs};
 pub use job::Job;
 pub use layout::{Layout, Rollouts};
-pub use message::{option_error, setting_error};
+pub use message::{meant_key, option_error, setting_error};
 pub use model_section::ModelSection;
 pub use overrides::of_data;
 pub use partition::Partition;

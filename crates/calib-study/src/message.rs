@@ -6,6 +6,46 @@ const REMOVED: [(&str, &str); 1] = [(
     "the race by certainty is gone, and its error rate with it. Leave the key out",
 )];
 
+/// What keys are called elsewhere, and the keys of a study that are meant.
+const MEANT_KEYS: [(&str, &str); 8] = [
+    ("horizon", "agent.gamma"),
+    ("discount", "agent.gamma"),
+    ("k", "model.neighbors"),
+    ("n_neighbors", "model.neighbors"),
+    ("neighbours", "model.neighbors"),
+    ("lr", "agent.learning_rate"),
+    ("alpha", "agent.learning_rate"),
+    ("step_size", "agent.learning_rate"),
+];
+
+/// What kinds of models are called elsewhere, and the values of `model.kind` that are meant.
+const MEANT_KINDS: [(&str, &str); 6] = [
+    ("neighbors", "knn"),
+    ("neighbours", "knn"),
+    ("nearest_neighbors", "knn"),
+    ("network", "nn"),
+    ("mlp", "nn"),
+    ("recurrent", "gru"),
+];
+
+/// What the values of `model.kind` are.
+const KINDS: [(&str, &str); 5] = [
+    ("knn", "nearest neighbours"),
+    ("nn", "a network"),
+    ("gru", "a recurrent network"),
+    ("torchscript", "a network of your own"),
+    ("none", "no model"),
+];
+
+/// The key of a study that somebody means who calls it so: `model.neighbors` for `k`.
+pub fn meant_key(name: &str) -> Option<&'static str> {
+    entry(&MEANT_KEYS, name)
+}
+
+fn entry(table: &'static [(&'static str, &'static str)], name: &str) -> Option<&'static str> {
+    table.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, meant)| *meant)
+}
+
 /// Rewrite "unknown field `x`, expected one of `a`, `b`" so that it names the nearest valid key.
 pub(crate) fn friendly(message: &str) -> String {
     let Some(rest) = message.strip_prefix("unknown field `") else {
@@ -19,8 +59,16 @@ pub(crate) fn friendly(message: &str) -> String {
     if valid.is_empty() {
         return format!("unknown key `{key}`; no keys are known here");
     }
-    let nearest = nearest(key, &valid)
-        .map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"));
+    let nearest = match meant_key(key) {
+        // Beside its own section the last part of its name is enough.
+        Some(meant) => {
+            let last = meant.rsplit('.').next().unwrap_or(meant);
+            Some(if valid.contains(&last) { last } else { meant })
+        }
+        None => nearest(key, &valid),
+    };
+    let nearest =
+        nearest.map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"));
     format!("unknown key `{key}`{nearest} (known keys: {})", valid.join(", "))
 }
 
@@ -60,10 +108,18 @@ fn friendly_variant(message: &str) -> String {
     };
     let Some((value, rest)) = rest.split_once('`') else { return message.to_owned() };
     let valid = quoted(rest);
-    let nearest = nearest(value, &valid)
+    let are_kinds = valid.contains(&"torchscript");
+    let meant = if are_kinds { entry(&MEANT_KINDS, value) } else { None };
+    let nearest = meant
+        .or_else(|| nearest(value, &valid))
         .map_or_else(String::new, |nearest| format!("; did you mean \"{nearest}\"?"));
-    let valid: Vec<String> = valid.iter().map(|value| format!("\"{value}\"")).collect();
-    format!("unknown value \"{value}\"{nearest} (known values: {})", valid.join(", "))
+    let told = valid.iter().map(|value| match entry(&KINDS, value).filter(|_| are_kinds) {
+        Some(meaning) => format!("\"{value}\", {meaning}"),
+        None => format!("\"{value}\""),
+    });
+    let valid: Vec<String> = told.collect();
+    let between = if are_kinds { "; " } else { ", " };
+    format!("unknown value \"{value}\"{nearest} (known values: {})", valid.join(between))
 }
 
 /// Rewrite "invalid type: string "x", expected f64" in the words of whoever writes a study.
@@ -145,6 +201,22 @@ mod tests {
         assert_eq!(unknown, expected);
         let told = option_error("invalid type: string \"x\", expected usize\nin `members`\n");
         assert_eq!(told, "members: expected a whole number from 0 up, got the text \"x\"");
+    }
+
+    #[test]
+    fn names_of_other_tools_lead_to_the_key() {
+        let k = friendly("unknown field `k`, expected one of `kind`, `members`, `neighbors`");
+        assert!(k.starts_with("unknown key `k`; did you mean `neighbors`? ("), "{k}");
+        let horizon = friendly("unknown field `horizon`, expected `seed` or `agent`");
+        assert!(horizon.contains("did you mean `agent.gamma`?"), "{horizon}");
+        let kinds = "expected one of `knn`, `nn`, `gru`, `torchscript`, `none`";
+        for (value, meant) in [("neighbours", "knn"), ("network", "nn")] {
+            let told = friendly(&format!("unknown variant `{value}`, {kinds}"));
+            assert!(told.contains(&format!("did you mean \"{meant}\"?")), "{told}");
+            assert!(told.contains("\"knn\", nearest neighbours; \"nn\", a network; "), "{told}");
+        }
+        assert_eq!(meant_key("horizon"), Some("agent.gamma"));
+        assert_eq!(meant_key("gamma"), None);
     }
 
     #[test]

@@ -1,13 +1,17 @@
 //! Drafts of the study that is proposed.
 
 use calib_base::{
+    StepError, bail,
     options::ProposeOptions,
-    output::{Printer, span},
+    output::{Printer, rounded, span},
 };
 use calib_propose::{Asked, Cut, Draft, Horizon, LogDraft, Sensors, Size, horizon, mean_step_secs};
 use calib_sweep::ENOUGH_WINDOWS;
 
 use super::look::ExaminedLog;
+
+/// Held-out data should be so many times as long as a horizon: returns take 4.6 horizons to be known. Our choice.
+const SCORED_HORIZONS: f64 = 10.0;
 
 /// To whole days of several, else to whole hours or minutes.
 fn rounded_up(secs: f64) -> f64 {
@@ -120,6 +124,21 @@ impl Drafting<'_> {
         Some(format!(
             "--horizon {asked} is shorter than one state, which is {apart}: the study predicts one state ahead, {apart} (gamma 0)"
         ))
+    }
+
+    /// Refuse a horizon that is longer than all held-out data.
+    pub(super) fn refuse_beyond_held_out(&self) -> Result<(), StepError> {
+        let [start, end] = self.look.cut.held_out;
+        let held_out = end.micros_since(start) as f64 / 1e6;
+        if let Some(asked) = self.args.horizon.filter(|secs| *secs > held_out) {
+            bail!(
+                "--horizon {}: that is too far for {} of held-out data. Ask for at most about {}, or export a longer log",
+                span(asked),
+                span(held_out),
+                span(rounded(held_out / SCORED_HORIZONS, 1))
+            );
+        }
+        Ok(())
     }
 
     /// What is said of a horizon that was too long for the log.

@@ -280,6 +280,7 @@ impl Proposal {
         };
         let mut sensors = look.sensors.clone();
         let drafting = Drafting { args, path, look };
+        drafting.refuse_beyond_held_out()?;
         let StateSpacing { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
         if let Some(too_near) = drafting.too_near(spacing) {
             context.warn(&too_near);

@@ -2,7 +2,7 @@
 
 use calib_agent::SimplePredictor;
 use calib_base::{
-    Context as _, StepError, bail,
+    Context as _, StepError,
     clock::{Stopwatch, TimeTaken},
     log::{
         context::RunContext,
@@ -426,9 +426,9 @@ fn scorable<T>(
             swept => return swept,
         }
     }
-    bail!(
-        "no horizon was found at which held-out data can be scored: its unbroken pieces are too short"
-    )
+    Err(StepError::Unscorable(
+        "no horizon was found at which held-out data can be scored: its unbroken pieces are too short".to_owned(),
+    ))
 }
 
 /// Half as far ahead.
