@@ -1,4 +1,4 @@
-use calib_data::{DataConfig, FEW_CONTRADICT, PartProfile, PreprocessConfig, Profile, format_time};
+use calib_data::{DataConfig, FEW_CONTRADICT, PartProfile, PreprocessConfig, Profile, ShownClock};
 use calib_pipeline::{
     Descriptions, Inspection, Job, Outcome, Printer, Request, StepError, data_of, ensure,
     inspect_deployments, on_this_machine,
@@ -16,7 +16,8 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
     if printer.is_json() {
         printer.json(&inspection)?;
     } else {
-        show_log(profile, printer)?;
+        let clock = ShownClock::of(&data, profile.utc);
+        show_log(profile, &clock, printer)?;
         let descriptions = match &job {
             Some(job) => Descriptions::of(job, profile)?,
             None => Descriptions::of_log(profile),
@@ -27,7 +28,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
         };
         show_channels(profile, &descriptions, &beside, args, printer)?;
         let deployments = inspect_deployments(deployments, &preprocess, printer)?;
-        show_parts(profile, &deployments, printer)?;
+        show_parts(profile, &deployments, &clock, printer)?;
         if let Some(acted) = &inspection.control {
             acted.show(printer)?;
         }
@@ -105,7 +106,7 @@ struct Settings {
     job: Option<Job>,
 }
 
-fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
+fn show_log(profile: &Profile, clock: &ShownClock, printer: &Printer) -> Result<(), StepError> {
     printer.result(&format!("read as {}", shape_name(profile.shape)))?;
     let long = profile.end.micros_since(profile.start) as f64 / 1e6;
     printer.result(&format!(
@@ -113,10 +114,10 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
         counted(profile.file_rows as usize, "row"),
         counted(profile.files, "file"),
         bytes(profile.bytes),
-        format_time(profile.start),
-        format_time(profile.end),
+        clock.shown(profile.start),
+        clock.shown(profile.end),
         span(long),
-        if profile.utc { "in UTC" } else { "as the log has them" },
+        clock.told(),
     ))?;
     let period = if profile.period_was_detected { "detected" } else { "given" };
     printer.result(&format!(
@@ -124,7 +125,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
         span(profile.period_secs),
         span(profile.sampled_period_secs),
     ))?;
-    show_gaps(profile, printer)?;
+    show_gaps(profile, clock, printer)?;
     let closer = format!("rows closer together than {}", span(profile.period_secs));
     let oddities = [
         (profile.duplicates.identical, "duplicate rows (dropped)"),
@@ -156,7 +157,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
         printer.warn(&doubt);
     }
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
-    for (channel, doubt) in profile.value_doubts().iter().take(DOUBTS) {
+    for (channel, doubt) in profile.value_doubts(clock).iter().take(DOUBTS) {
         printer.warn(&format!("{channel}: {doubt}"));
     }
     let doubts = [profile.frozen_doubt(), profile.late_changes(), profile.nothing_to_score()];
@@ -167,7 +168,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     Ok(())
 }
 
-fn show_gaps(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
+fn show_gaps(profile: &Profile, clock: &ShownClock, printer: &Printer) -> Result<(), StepError> {
     let gaps = &profile.gaps;
     if gaps.count == 0 {
         return printer.result("gaps: none");
@@ -179,7 +180,7 @@ fn show_gaps(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     ))?;
     let shown = gaps.examples.iter().map(|(from, to)| {
         let long = span(to.micros_since(*from) as f64 / 1e6);
-        vec![format!("    {long}"), format_time(*from), format_time(*to)]
+        vec![format!("    {long}"), clock.shown(*from), clock.shown(*to)]
     });
     printer.lines(&table(&["", "from", "to"], &shown.take(GAPS).collect::<Vec<_>>()))
 }
@@ -196,6 +197,7 @@ const GAPS: usize = 5;
 fn show_parts(
     profile: &Profile,
     deployments: &[(String, PartProfile)],
+    clock: &ShownClock,
     printer: &Printer,
 ) -> Result<(), StepError> {
     printer.result("")?;
@@ -208,21 +210,21 @@ fn show_parts(
         bytes(profile.state_bytes),
         count(imputed as usize),
     ))?;
-    printer.result(&part("training", &profile.train))?;
+    printer.result(&part("training", &profile.train, clock))?;
     match &profile.held_out {
-        Some(held_out) => printer.result(&part("held out", held_out)),
+        Some(held_out) => printer.result(&part("held out", held_out, clock)),
         None if deployments.is_empty() => printer.result("held out: nothing"),
         None => deployments.iter().try_for_each(|(name, profile)| {
-            printer.result(&part(&format!("deployment {name}"), profile))
+            printer.result(&part(&format!("deployment {name}"), profile, clock))
         }),
     }
 }
 
-fn part(name: &str, part: &PartProfile) -> String {
+fn part(name: &str, part: &PartProfile, clock: &ShownClock) -> String {
     format!(
         "{name}: {} to {}; {} of the log, {} dropped for missing values; {} in {}, {}",
-        format_time(part.start),
-        format_time(part.end),
+        clock.shown(part.start),
+        clock.shown(part.end),
         counted(part.log_rows as usize, "row"),
         count(part.dropped_rows as usize),
         counted(part.rows as usize, "state"),

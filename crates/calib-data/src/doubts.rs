@@ -3,7 +3,9 @@
 use calib_core::Timestamp;
 use calib_text::format_time;
 
-use crate::{BridgedStops, ChannelProfile, DropReason, FarOut, Profile, Sentinel, Shape, Sketch};
+use crate::{
+    BridgedStops, ChannelProfile, DropReason, FarOut, Profile, Sentinel, Shape, ShownClock, Sketch,
+};
 
 /// So many widths of the training range beyond it are no state of a plant. Our choice.
 const ABSURD: f64 = 1_000.0;
@@ -265,7 +267,7 @@ impl Profile {
 
     /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences that do not name it; empty for
     /// a good log.
-    pub fn value_doubts(&self) -> Vec<(&str, String)> {
+    pub fn value_doubts(&self, clock: &ShownClock) -> Vec<(&str, String)> {
         let mut doubts = Vec::new();
         let mut doubted: Vec<&str> = Vec::new();
         for channel in self.kept() {
@@ -289,7 +291,7 @@ impl Profile {
             if spikes > 0 {
                 let example = channel.far_out.examples.first();
                 let example = example.map_or_else(String::new, |(time, value)| {
-                    format!(" (such as {value} at {})", format_time(*time))
+                    format!(" (such as {value} at {})", clock.named(*time))
                 });
                 let spikes =
                     if spikes == 1 { "a spike".to_owned() } else { format!("{spikes} spikes") };

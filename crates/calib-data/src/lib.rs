@@ -61,6 +61,7 @@ mod reject;
 mod sample;
 mod select;
 mod sentinels;
+mod shown_clock;
 mod sketch;
 mod statistics;
 mod survey;
@@ -93,6 +94,7 @@ pub use profile::{
 pub use recorded::{RecordedColumns, TextFound};
 pub use select::DropReason;
 pub use sentinels::Sentinel;
+pub use shown_clock::ShownClock;
 pub use sketch::{ChannelSketch, FEW_VALUES, Sketch, counts_on_evenly, sketch};
 pub use tags::read_tags;
 pub use unit_change::UnitChange;

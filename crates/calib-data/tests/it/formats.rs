@@ -8,7 +8,8 @@ use std::{
 
 use calib_core::Silent;
 use calib_data::{
-    Contradictions, DataConfig, Dataset, MaxAge, PreprocessConfig, Resample, Shape, load,
+    Contradictions, DataConfig, Dataset, MaxAge, PreprocessConfig, Resample, Shape, ShownClock,
+    load,
 };
 
 use crate::support::{
@@ -181,14 +182,16 @@ fn stops_that_the_last_value_bridges_are_told() {
     let bridged = &profile.channel("fast").expect("a channel").bridged;
     assert_eq!((bridged.count, bridged.longest_secs, bridged.usual_secs), (1, 1_201.0, 1.0));
     assert!(profile.channel("slow").expect("a channel").bridged.is_none());
-    let [(name, doubt)] = &profile.value_doubts()[..] else { panic!("one doubt") };
+    let [(name, doubt)] = &profile.value_doubts(&ShownClock::default())[..] else {
+        panic!("one doubt")
+    };
     assert!(
         *name == "fast"
             && doubt.contains("1201 s")
             && doubt.contains("data.max_age_secs = { default = …, \"fast\" = … }"),
         "{doubt}"
     );
-    assert!(with(60.0).value_doubts().is_empty(), "missing is not bridged");
+    assert!(with(60.0).value_doubts(&ShownClock::default()).is_empty(), "missing is not bridged");
 }
 
 fn twenty(factor: f64) -> Vec<f64> {

@@ -87,7 +87,7 @@ impl Told for Compared {
             show_predicted(first, printer)?;
         }
         for place in places {
-            printer.heading(&place.name);
+            printer.result(&format!("{}:", place.name))?;
             if let Some(summary) = self.at(place) {
                 show_advice(summary, printer)?;
             }

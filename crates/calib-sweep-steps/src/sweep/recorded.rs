@@ -5,7 +5,7 @@ use std::path::Path;
 
 use calib_base::{Context as _, StepError, artefact::write_table, log::partition::PretrainPart};
 use calib_core::{Frames, Normalised, Timestamp};
-use calib_data::{Dataset, format_time, table::Table, table::read_parquet};
+use calib_data::{Dataset, ShownClock, table::Table, table::read_parquet};
 use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod, min_max_in_time};
 
 /// The file in the directory of a sweep.
@@ -92,6 +92,8 @@ pub(crate) struct Periods<'a> {
     /// What the training range is for, of which a part is for pre-training.
     pub(crate) beside_pretraining: &'static str,
     pub(crate) held_out: &'a str,
+    /// The clock that their times are shown on.
+    pub(crate) clock: &'a ShownClock,
 }
 
 /// One figure a sensor, of what the sweep in `directory` has kept.
@@ -148,7 +150,7 @@ impl Rows<'_> {
         Some(RecordedPeriod {
             name: name.to_owned(),
             used_for,
-            times: [first, last].map(|row| format_time(self.times[row])),
+            times: [first, last].map(|row| names.clock.shown(self.times[row])),
             points: own
                 .iter()
                 .map(|&row| (seconds(self.times[row]), self.values[row].unwrap_or(f64::NAN)))

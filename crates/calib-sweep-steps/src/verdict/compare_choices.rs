@@ -41,7 +41,7 @@ pub(crate) fn choices(parts: &[JudgedModel]) -> String {
         .into_iter()
         .chain(named.then_some("deployment"))
         .chain(has_models.then_some("model"))
-        .chain(["choice", "grade", "regret", "Spearman"])
+        .chain(["choice", "grade", "regret", "order agrees (at most 1)"])
         .chain(of_rollouts)
         .collect();
     table(&header, &rows)

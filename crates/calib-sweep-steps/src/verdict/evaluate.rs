@@ -13,6 +13,7 @@ use calib_base::{
     stale::StoredArtefact,
 };
 use calib_core::{Monitor, Seed};
+use calib_data::ShownClock;
 use calib_model::StartKind;
 use calib_model_steps::{
     model::model_files,
@@ -151,6 +152,8 @@ pub struct Judged {
     pub(crate) recorded: Vec<RecordedFigure>,
     /// The verdicts in words.
     pub(crate) rows: Vec<calib_report::Verdict>,
+    /// The clock that times are shown on.
+    pub(crate) clock: ShownClock,
 }
 
 impl Judged {
@@ -247,7 +250,8 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
     })?;
     let sensors = study.sweep.sensors.iter();
     let profile = learned::profile(job)?;
-    let doubts = profile.value_doubts();
+    let clock = ShownClock::of(&study.data, profile.utc);
+    let doubts = profile.value_doubts(&clock);
     let mut verdicts = sensors
         .map(|sensor| {
             monitor.check()?;
@@ -277,6 +281,7 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
     let periods = recorded::Periods {
         beside_pretraining: if study.has_model() { "model" } else { "log replay" },
         held_out: job.deployment().unwrap_or("held out"),
+        clock: &clock,
     };
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, periods)?;
     for (verdict, kept) in verdicts.iter_mut().zip(&kept) {
@@ -301,7 +306,7 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
         .concat(),
         ..Summary::new(job.title(), verdicts, &rows, &manifest.candidates)
     };
-    Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
+    Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows, clock })
 }
 
 /// That a sensor has another level than in training, with both means in its unit.

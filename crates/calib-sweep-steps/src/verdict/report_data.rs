@@ -2,23 +2,23 @@
 
 use std::collections::BTreeSet;
 
-use calib_data::{ChannelProfile, format_time};
+use calib_data::ChannelProfile;
 use calib_report::{Channel, ChannelStatus, DataProfile};
 
 use crate::verdict::{evaluate::Judged, learned::Learned};
 
 /// What was learned from, and what it was judged by.
 pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
-    let [first, last] = learned.times().map(format_time);
-    let period = format!("Learned from {first} to {last}");
+    let clock = &judged.clock;
+    let period = format!("Learned from {}", clock.range(learned.times()));
     match &judged.manifest.held_out {
         Some(held_out) => {
-            let [start, end] = held_out.times.map(format_time);
+            let judged_on = clock.range(held_out.times);
             let name = judged.job.deployment();
             let name = name.map_or_else(String::new, |name| format!("{name}, "));
             let windows = windows(judged, held_out.rows);
             format!(
-                "{period}; judged on {windows} of {name}{start} to {end}, which nothing had learned from."
+                "{period}; judged on {windows} of {name}{judged_on}, which nothing had learned from."
             )
         }
         None => format!("{period}; no data was held out."),
@@ -83,13 +83,13 @@ pub(crate) fn data_profile(learned: &Learned, judged: &Judged) -> DataProfile {
         fact("missing values filled", profile.channels.iter().map(|channel| channel.imputed).sum()),
     ];
     facts.extend(deployment_facts(judged));
-    let [first, last] = learned.times().map(format_time);
+    let [first, last] = learned.times();
     DataProfile {
         rows: learned.rows as u64,
         segments: learned.segments as u64,
         period_secs: learned.period.as_secs(),
-        first,
-        last,
+        first: judged.clock.shown(first),
+        last: judged.clock.named(last),
         facts,
         channels: profile.channels.iter().map(channel).collect(),
     }
@@ -104,8 +104,7 @@ const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];
 /// What is known of the deployment that was judged by.
 pub(crate) fn deployment_facts(judged: &Judged) -> Vec<(String, String)> {
     let Some(held_out) = &judged.manifest.held_out else { return Vec::new() };
-    let [first, last] = held_out.times.map(format_time);
-    let values = [calib_report::count(held_out.rows), format!("{first} to {last}")];
+    let values = [calib_report::count(held_out.rows), judged.clock.range(held_out.times)];
     HELD_OUT.map(str::to_owned).into_iter().zip(values).collect()
 }
 
