@@ -226,6 +226,7 @@ fn what_is_missing_or_changed_is_to_do_and_told() {
     for missing in ["sweep/runs.parquet", "sweep/units/PIT300/log-replay/run-0001.json"] {
         fs::remove_file(results.join(missing)).expect("there");
         assert_eq!(states(&status(&place, "study.toml"), "sweep"), ["to_do"], "{missing}");
+        place.calib(&["status", "study.toml"]).succeeds_with(&["files are missing from"]);
         let checked = place.calib(&["check", "study-results"]).ends(&[1]);
         let told = format!("study-results/{missing}: it is missing; `calib sweep STUDY` makes it");
         assert!(

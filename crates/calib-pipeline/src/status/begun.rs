@@ -1,8 +1,11 @@
 //! Sweeps that were begun for a study, and how the study differs now.
 
-use calib_base::{StepError, output::count, stale::StoredArtefact};
+use calib_base::{StepError, artefact, output::count, stale::StoredArtefact};
 use calib_study::{Difference, Job, Scope, StepKind};
-use calib_sweep_steps::sweep::planned::{PlannedSweep, StoredRun};
+use calib_sweep_steps::sweep::{
+    SweepManifest,
+    planned::{PlannedSweep, StoredRun},
+};
 
 use super::StepStanding;
 
@@ -43,14 +46,19 @@ impl BegunSweep {
     }
 
     /// Which keys it was made with that differ now, and what to run.
-    pub(super) fn stale_reason(&self) -> Option<String> {
+    fn stale_reason(&self) -> Option<String> {
         let directory = &self.part.layout().sweep();
         let study = self.planned.study()?;
         StoredArtefact { step: StepKind::Sweep, study, directory }.stale_reason(&self.part)
     }
 
+    /// Why it is to do: other keys, missing files, or missing runs; none where that is not known, as of another log.
+    pub(super) fn why_to_do(&self) -> Option<String> {
+        self.stale_reason().or_else(|| self.lacks_files()).or_else(|| self.unfinished())
+    }
+
     /// How many of its runs are there, if some are missing.
-    pub(super) fn unfinished(&self) -> Option<String> {
+    fn unfinished(&self) -> Option<String> {
         let made = self.stored().len();
         let sensors = self.planned.sensors().into_iter();
         let all: usize = sensors.map(|sensor| self.planned.runs_of(sensor)).sum();
@@ -60,6 +68,20 @@ impl BegunSweep {
             if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
         (made < all).then(|| {
             format!("sweep{part}: {} of {} training runs are made", count(made), count(all))
+        })
+    }
+
+    /// That files of the finished sweep are missing, if some are.
+    fn lacks_files(&self) -> Option<String> {
+        let directory = self.part.layout().sweep();
+        let made = artefact::read::<SweepManifest>(&directory)?;
+        let is_whole = made.has_files(&directory) && made.missing_runs(&directory).is_empty();
+        (!is_whole).then(|| {
+            format!(
+                "files are missing from {}: `calib check` names them, and `{}` makes them again",
+                directory.display(),
+                self.part.run_command()
+            )
         })
     }
 

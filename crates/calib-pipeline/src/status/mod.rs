@@ -262,7 +262,7 @@ fn steps(
             let own = begun.iter().find(|sweep| sweep.is_of(&standing));
             standing.stale = match step.step {
                 StepKind::Prepare => changed_log::why_read_again(job),
-                _ => own.and_then(|sweep| sweep.stale_reason().or_else(|| sweep.unfinished())),
+                _ => own.and_then(BegunSweep::why_to_do),
             };
         }
         standings.push(standing);

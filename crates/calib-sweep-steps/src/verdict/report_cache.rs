@@ -65,7 +65,9 @@ pub(crate) fn keep(
     let is_kept = kept.as_ref().is_some_and(|kept| kept.key == key && kept.is_whole(&directory));
     // A verdict that is older than its sweep would look as if it were still to be made.
     let parts = job.parts(Scope::Deployment)?;
-    let sweeps: Vec<PathBuf> = parts.iter().map(|part| part.layout().sweep()).collect();
+    let sweeps = parts.iter().map(|part| part.layout().sweep());
+    // Runs that calib did not make have no sweep.
+    let sweeps: Vec<PathBuf> = sweeps.filter(|folder| folder.join(MANIFEST).exists()).collect();
     if is_kept && is_judged_since(job, &sweeps) && !job.policy().redoes() {
         return Ok(());
     }
