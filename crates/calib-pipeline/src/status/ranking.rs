@@ -39,11 +39,12 @@ pub(crate) enum DecidedBy {
 
 impl DecidedBy {
     fn of(planned: &PlannedSweep) -> Self {
-        let of_models = planned.counts(EnvironmentId::Member(0));
-        match (planned.counts(EnvironmentId::LogReplay), of_models) {
+        let environments = planned.environments_that_count();
+        let is_on_log = environments.contains(&EnvironmentId::LogReplay);
+        let is_in_models = environments.iter().any(|own| matches!(own, EnvironmentId::Member(_)));
+        match (is_on_log, is_in_models) {
+            (true, true) => Self::Both,
             (true, false) => Self::Log,
-            (true, true) if planned.has_model_runs() => Self::Both,
-            (true, true) => Self::Log,
             (false, _) => Self::Models,
         }
     }

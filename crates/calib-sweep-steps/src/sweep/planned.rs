@@ -152,10 +152,10 @@ impl PlannedSweep {
         }
     }
 
-    /// Whether it trains agents in models.
-    pub fn has_model_runs(&self) -> bool {
-        let mut units = self.units.iter();
-        units.any(|planned| matches!(planned.unit.environment, EnvironmentId::Member(_)))
+    /// The environments that it has and that the rule looks at, once for each unit in them.
+    pub fn environments_that_count(&self) -> Vec<EnvironmentId> {
+        let all = self.units.iter().map(|planned| planned.unit.environment);
+        all.filter(|environment| self.counts(*environment)).collect()
     }
 
     fn replays_the_log(&self) -> bool {
