@@ -1,11 +1,12 @@
-//! The tables by which `"auto"` chooses between the k-d tree and the join, as they are in the documentation of `Sources::index`:
+//! Measures the tables by which `"auto"` chooses between the k-d tree and the join. The documentation of `Sources::index` shows
+//! them.
 //!
 //! ```text
 //! cargo bench -p calib-knn --bench choice [-- ROUNDS]
 //! ```
 //!
-//! Processor seconds of a build with two threads, the least of several rounds; in each round everything has its turn, so that
-//! other work on the machine falls on all alike. Without `--bench` everything is small.
+//! A cell is the processor seconds of a build with two threads: the minimum over several rounds. Each round measures every cell
+//! once, so that other work on the machine affects all cells alike. Without `--bench` all data are small.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::disallowed_methods, reason = "a bench reads the clock")]
@@ -18,7 +19,7 @@ use calib_core::{Segments, Silent, States, Transitions};
 use calib_knn::{Blocks, Exclusion, IndexKind, build_tables};
 use data::{plant, uniform};
 
-/// One cell of a table: what is built, and the least seconds so far.
+/// One cell of a table: what is built, and the minimum of its seconds so far.
 struct Cell<'a> {
     states: &'a States,
     kind: IndexKind,
@@ -26,10 +27,10 @@ struct Cell<'a> {
     least: f64,
 }
 
-/// Processor seconds of this process so far, or, where the system does not say, seconds.
+/// Returns the processor seconds of this process so far, or wall-clock seconds if the system does not report them.
 fn processor_seconds(since: Instant) -> f64 {
     let ticks = fs::read_to_string("/proc/self/stat").ok().and_then(|stat| {
-        // The name of the program, in parentheses, may hold spaces.
+        // The program's name is in parentheses and may contain spaces.
         let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
         Some(fields.get(11)?.parse::<f64>().ok()? + fields.get(12)?.parse::<f64>().ok()?)
     });
@@ -50,7 +51,7 @@ impl Cell<'_> {
     }
 }
 
-/// Both data sets of so many rows and of each of these numbers of columns.
+/// Returns both data sets with `rows` rows, for each number of columns.
 fn data(rows: usize, columns: &[usize]) -> Vec<(usize, [States; 2])> {
     columns
         .iter()
@@ -58,7 +59,7 @@ fn data(rows: usize, columns: &[usize]) -> Vec<(usize, [States; 2])> {
         .collect()
 }
 
-/// Cells of each of these kinds, which have not been measured yet.
+/// Returns unmeasured cells, one for each kind of index.
 fn cells<'a>(states: &'a States, kinds: &[IndexKind], theiler: u32) -> Vec<Cell<'a>> {
     kinds.iter().map(|&kind| Cell { states, kind, theiler, least: f64::INFINITY }).collect()
 }

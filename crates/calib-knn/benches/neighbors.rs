@@ -1,9 +1,9 @@
-//! Tables of all members by each search structure, by dimension and by the structure of the data.
+//! Builds the tables of all members with each search structure, by dimension and by the structure of the data.
 //!
-//! `uniform` fills its cube, `plant` has a few slow factors with modes, sensor noise and quantisation, like logs of
-//! a plant, `gaussian` has nothing that could be ruled out. `by shape` has what breaks simple rules: long standstills, copies,
-//! constant columns, wild values, small members and as many neighbours as there are. In test mode everything is small.
-//! The bench `choice` measures the table by which `"auto"` chooses.
+//! `uniform` fills its cube. `plant` is like the log of a plant: a few slow factors with modes, sensor noise and quantisation.
+//! In `gaussian` no source can be ruled out unseen. `by shape` has data that break simple rules: long standstills, copies,
+//! constant columns, extreme values, small members, and as many neighbours as there are. In test mode all data are small. The
+//! bench `choice` measures the table by which `"auto"` chooses.
 
 mod data;
 
@@ -28,7 +28,7 @@ fn build_of(states: &States, (members, k): (usize, usize), kind: IndexKind, excl
     build_tables(states, &transitions, &blocks, k, exclusion, kind, &Silent).expect("built");
 }
 
-/// `states` with some rows or values put in place of others: `change` gets the row's number and its values.
+/// Returns a copy of `states` after `change` has modified each row. It receives the row number and the values.
 fn changed(states: &States, change: impl Fn(usize, &mut [f32])) -> States {
     let mut values = states.as_slice().to_vec();
     for (row, state) in values.chunks_exact_mut(states.columns()).enumerate() {
@@ -37,7 +37,7 @@ fn changed(states: &States, change: impl Fn(usize, &mut [f32])) -> States {
     States::new(values, states.rows(), states.columns()).expect("valid")
 }
 
-/// `states`, constant in half of the rows.
+/// Returns `states` with half of the rows constant.
 fn half_still(states: &States) -> States {
     changed(states, |row, state| {
         if row % 1000 < 500 {
@@ -46,7 +46,7 @@ fn half_still(states: &States) -> States {
     })
 }
 
-/// `states` with wild values in one row in 1000.
+/// Returns `states` with extreme values in one row in 1000.
 fn partly_wild(states: &States) -> States {
     changed(states, |row, state| {
         if row % 1000 == 0 {
@@ -84,7 +84,7 @@ fn by_shape(criterion: &mut Criterion) {
     }
     let few = rows / 50;
     let states = States::new(plant.as_slice()[..few * 142].to_vec(), few, 142).expect("valid");
-    // Two members of half of the transitions, less one at the border.
+    // There are two members. Each has half of the transitions, less one at the border.
     let all = (few - 1) / 2 - 1;
     group.throughput(Throughput::Elements(few as u64));
     group.bench_function("plant, as many neighbours as a member has", |bench| {

@@ -1,4 +1,4 @@
-//! What `scripts/peers/knn.py` runs beside Python packages, one line of JSON each:
+//! Runs calib beside Python packages, for `scripts/peers/knn.py`. Prints one line of JSON per run:
 //!
 //! ```text
 //! knn_peers calib STATES.npy ROWS QUERIES.npy OUT.npy K
@@ -6,10 +6,15 @@
 //! knn_peers kiddo STATES.npy ROWS QUERIES.npy OUT.npy K BUDGET_SECS
 //! ```
 //!
-//! The first ROWS rows of STATES are one unbroken log. `calib` builds the tables of all five members, `graph` the neighbours of every row of member 0
-//! as points that are no log, `kiddo` a k-d tree over the sources of member 0. A query is the number of a row that member 0 has as a next state; OUT
-//! receives its K nearest sources in that member other than the row itself, as row numbers. `kiddo` ends
-//! with the budget and says how many queries it answered, in their order.
+//! The first ROWS rows of STATES are one unbroken log.
+//!
+//! - `calib` builds the tables of all five members.
+//! - `graph` finds the neighbours of every row of member 0. It treats the rows as points without time.
+//! - `kiddo` builds a k-d tree over the sources of member 0. It stops when the budget is spent, and reports how many queries it answered,
+//!   in their order.
+//!
+//! A query is the number of a row that is a next state in member 0. OUT receives the K nearest sources in that member, other than the row
+//! itself, as row numbers.
 
 #![expect(clippy::print_stdout, reason = "a program prints")]
 #![expect(clippy::disallowed_methods, reason = "a program that measures reads the clock")]
@@ -66,7 +71,7 @@ impl Log {
         &self.as_ref()[row * self.file.columns()..][..self.file.columns()]
     }
 
-    /// Rows that are sources of member 0: later than the first of five blocks, and the row after it.
+    /// Returns the rows that are sources of member 0: those after the first of five blocks and after the row that follows it.
     fn sources(&self) -> Range<usize> {
         let transitions = self.rows - 1;
         transitions / 5 + 1..transitions
@@ -99,7 +104,7 @@ fn calib(log: Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
     let clock = Instant::now();
     let states = States::from_shared(Arc::new(log), rows, columns)?;
     let transitions = Transitions::new(Segments::from_lengths([rows])?);
-    // Neighbours alone, as the others: what traps rollouts is left out by models, and is another search.
+    // The peers only find neighbours. Removing traps is an additional search.
     let config = ModelConfig {
         neighbors: k,
         exclude_self: true,
@@ -121,14 +126,15 @@ fn calib(log: Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
     Ok(write_npy(out, &found, queries.len(), k)?)
 }
 
-/// What a graph of neighbours is elsewhere: of every row of member 0, its sources and the row after them, the nearest others.
+/// Builds a neighbour graph as other packages define it. Its points are the sources of member 0 and the row after them, and each gets its
+/// nearest other points.
 fn graph(log: &Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
     let sources = log.sources();
     let columns = log.file.columns();
     let values = log.as_ref()[sources.start * columns..(sources.end + 1) * columns].to_vec();
     let clock = Instant::now();
     let points = Points::new(values, columns)?;
-    // The row after the sources is no source: one neighbour more.
+    // The row after the sources is a point but no source, so one more neighbour is needed.
     let found = points.join(k + 1, SelfMatch::Excluded, IndexKind::Auto, &Silent)?;
     let seconds = clock.elapsed().as_secs_f64();
     let nearest: Vec<u32> = queries

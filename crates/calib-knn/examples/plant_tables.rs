@@ -1,4 +1,4 @@
-//! Neighbour tables of a simulated plant of any length, timed, with the memory that they took.
+//! Builds neighbour tables of a simulated plant of any length, and measures time and memory.
 //!
 //! ```text
 //! plant_tables simulate ROWS PERIOD_SECS STATES.npy
@@ -6,11 +6,10 @@
 //! plant_tables as-found STATES.npy …
 //! ```
 //!
-//! `simulate` streams the 142 live channels of a 480-channel plant, scaled to the range that they have over the
-//! whole time, so that logs longer than the memory can be made. `build` maps the file, builds the
-//! tables of five members with k = 3, checks VERIFY rows of each member (20) against brute force, and prints one line of JSON.
-//! `as-found` does the same with `remove_traps = false`.
-//! `disk` puts images and tables in files beside the states, and PARTS is a folder for partial results.
+//! `simulate` streams the 142 live channels of a 480-channel plant, so that logs can be larger than memory. It scales each
+//! channel to its range over the whole time. `build` maps the file and builds the tables of five members with k = 3. It checks
+//! VERIFY rows of each member (20 by default) against brute force, and prints one line of JSON. `as-found` does the same with
+//! `remove_traps = false`. `disk` puts images and tables in files beside the states. PARTS is a folder for partial results.
 
 #![expect(clippy::print_stdout, reason = "a program prints")]
 #![expect(clippy::disallowed_methods, reason = "a program that measures reads the clock")]
@@ -34,9 +33,9 @@ use calib_files::{ScratchPlace, map_npy};
 use calib_knn::{KnnModel, MemoryNeed, ModelConfig, Parts, Workplace, verify};
 use calib_plant::{Fate, Plant, PlantOptions};
 
-/// Channels of the plant, 142 of them alive.
+/// Channels of the plant. 142 of them are live.
 const CHANNELS: usize = 480;
-/// Period at which the ranges of the channels are found.
+/// Sampling period at which the ranges of the channels are found, in seconds.
 const COARSE_SECS: f64 = 600.0;
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -71,12 +70,12 @@ fn main() -> Outcome<()> {
 
 fn plant(rows: usize, period_secs: f64) -> Outcome<Plant> {
     let period = Period::from_secs(period_secs).ok_or("the period must be positive")?;
-    // A little longer, because outages of the historian leave rows out.
+    // The simulation is a little longer, because outages of the historian drop rows.
     let days = rows as f64 * period_secs / 86_400.0 * 1.05 + 1.0;
     Ok(Plant::new(PlantOptions { channels: CHANNELS, period, days, ..PlantOptions::default() })?)
 }
 
-/// Smallest and largest value of every channel.
+/// Returns the smallest and largest value of every channel.
 fn ranges(rows: usize, period_secs: f64) -> Outcome<Vec<(f32, f32)>> {
     let coarse_rows = (rows as f64 * period_secs / COARSE_SECS).ceil() as usize;
     let plant = plant(coarse_rows, COARSE_SECS)?;
@@ -126,7 +125,7 @@ fn simulate(rows: usize, period_secs: f64, path: &Path) -> Outcome<()> {
     Ok(())
 }
 
-/// Watches the memory of this process.
+/// Records the memory of this process.
 struct Watch {
     peak_anonymous_kib: AtomicU64,
     peak_mapped_kib: AtomicU64,
@@ -149,7 +148,7 @@ impl Watch {
     }
 }
 
-/// Processor seconds of this process so far.
+/// Returns the processor seconds of this process so far.
 fn processor_secs() -> f64 {
     let text = fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields: Vec<&str> =

@@ -3,20 +3,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::prototypes::CHOOSING;
 
-/// What a search leaves out to be faster: then its tables are approximate, and [`recall`](crate::recall) says by how much.
+/// Options that make a search faster and its tables approximate. [`recall`](crate::recall) measures the loss.
 ///
 /// The paper names prototypes and reduced states for data that is too large for exact search, and does not say which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shortcuts {
     /// About one source in this many can be a neighbour; 1 for all.
     pub prototypes: u32,
-    /// Which ones.
+    /// How the prototypes are chosen.
     pub prototype_kind: PrototypeKind,
-    /// Neighbours are searched in so many leading principal components; 0 for all columns. Distances in tables are those
-    /// of the states all the same.
+    /// Number of leading principal components in which neighbours are searched; 0 for all columns. The distances in the
+    /// tables are still those of the states.
     pub components: usize,
-    /// Most leaves that the join visits for a band of queries beside their own, nearest first; 0 for as many as it takes.
-    /// It wants the join.
+    /// Maximum number of leaves that the join visits for a band of queries besides their own, nearest first; 0 for no
+    /// limit. Only the join supports it.
     pub leaf_budget: usize,
 }
 
@@ -40,12 +40,13 @@ impl Default for Shortcuts {
 }
 
 impl Shortcuts {
-    /// Whether nothing is left out.
+    /// Whether the search is exact: no option is in use.
     pub fn is_exact(self) -> bool {
         self.prototypes == 1 && self.components == 0 && self.leaf_budget == 0
     }
 
-    /// Memory a row of states: for components that are searched, and while prototypes are chosen.
+    /// Returns the memory per row of the states, in bytes: for the components that are searched, and while prototypes are
+    /// chosen.
     pub(crate) fn bytes_a_row(self, columns: usize) -> (u64, u64) {
         let reduced = if self.components < columns { 4 * self.components as u64 } else { 0 };
         let covers = self.prototypes > 1 && self.prototype_kind == PrototypeKind::KCentre;

@@ -1,10 +1,10 @@
-//! A set of transitions, one bit each.
+//! A set of transitions, with one bit each.
 
 use std::ops::Range;
 
 const WORD: usize = u64::BITS as usize;
 
-/// A set of numbers below a length; an empty one may have no length at all.
+/// A set of numbers below a length. An empty set may have length zero.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Bits {
     words: Vec<u64>,
@@ -12,7 +12,7 @@ pub(crate) struct Bits {
 }
 
 impl Bits {
-    /// The empty set of numbers below `len`.
+    /// Returns the empty set of numbers below `len`.
     pub(crate) fn new(len: usize) -> Self {
         Self { words: vec![0; len.div_ceil(WORD)], len }
     }
@@ -22,10 +22,10 @@ impl Bits {
         word.is_some_and(|word| word >> (number as usize % WORD) & 1 == 1)
     }
 
-    /// Put `number` into the set; whether it was new.
+    /// Inserts `number`, and returns whether it was new.
     ///
     /// # Panics
-    /// If it is not below the length.
+    /// If `number` is not below the length.
     pub(crate) fn insert(&mut self, number: u32) -> bool {
         let word = &mut self.words[number as usize / WORD];
         let bit = number as usize % WORD;
@@ -34,7 +34,7 @@ impl Bits {
         new
     }
 
-    /// How many numbers are in the set.
+    /// Returns how many numbers are in the set.
     pub(crate) fn count(&self) -> usize {
         self.words.iter().map(|word| word.count_ones() as usize).sum()
     }
@@ -43,7 +43,7 @@ impl Bits {
         self.words.iter().all(|&word| word == 0)
     }
 
-    /// The numbers that are not in the other set.
+    /// Returns the numbers that are not in `other`.
     pub(crate) fn without(mut self, other: &Self) -> Self {
         for (word, out) in self.words.iter_mut().zip(&other.words) {
             *word &= !out;
@@ -51,13 +51,14 @@ impl Bits {
         self
     }
 
-    /// How many numbers are in both sets.
+    /// Returns how many numbers are in both sets.
     pub(crate) fn common(&self, other: &Self) -> usize {
         let pairs = self.words.iter().zip(&other.words);
         pairs.map(|(a, b)| (a & b).count_ones() as usize).sum()
     }
 
-    /// The first number from `from` on that is not in the set; beyond its length none is.
+    /// Returns the first number at or after `from` that is not in the set. Numbers beyond the
+    /// length are not in the set.
     pub(crate) fn first_absent(&self, from: u32) -> u32 {
         let mut word = from as usize / WORD;
         let mut mask = !0 << (from as usize % WORD);
@@ -71,14 +72,14 @@ impl Bits {
         from.max((word * WORD) as u32)
     }
 
-    /// The runs of consecutive numbers in the set, ascending.
+    /// Returns the runs of consecutive numbers in the set, ascending.
     pub(crate) fn runs(&self) -> impl Iterator<Item = Range<u32>> + '_ {
         self.iter()
             .filter(|&number| number == 0 || !self.contains(number - 1))
             .map(|start| start..self.first_absent(start))
     }
 
-    /// The numbers in the set, ascending.
+    /// Returns the numbers in the set, ascending.
     pub(crate) fn iter(&self) -> impl Iterator<Item = u32> + '_ {
         self.words.iter().enumerate().flat_map(|(number, &word)| {
             let mut left = word;
@@ -90,25 +91,25 @@ impl Bits {
         })
     }
 
-    /// The words, 64 numbers each, the smallest in the lowest bit.
+    /// Returns the words of the set, 64 numbers each. The smallest number is the lowest bit.
     pub(crate) fn words(&self) -> &[u64] {
         &self.words
     }
 
-    /// The set that these words are, of numbers below `len`.
+    /// Returns the set with these words, of numbers below `len`.
     pub(crate) fn from_words(words: Vec<u64>, len: usize) -> Self {
         debug_assert_eq!(words.len(), len.div_ceil(WORD));
         Self { words, len }
     }
 
-    /// The set of these numbers below `len`.
+    /// Returns the set of these numbers below `len`.
     pub(crate) fn of(len: usize, numbers: impl IntoIterator<Item = u32>) -> Self {
         let mut bits = Self::new(len);
         bits.extend(numbers);
         bits
     }
 
-    /// Numbers are below this.
+    /// Returns the length: all numbers are below it.
     pub(crate) fn len(&self) -> usize {
         self.len
     }

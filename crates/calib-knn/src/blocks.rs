@@ -4,13 +4,14 @@ use calib_core::{TransitionIndex, Transitions};
 
 use crate::{KnnError, candidates::Candidates};
 
-/// Leave-one-block-out: which transitions each member of the ensemble contains.
+/// The leave-one-block-out split: which transitions each member of the ensemble contains.
 ///
 /// The `t` transitions in time order are split into `B` contiguous blocks, block `b` being transitions
 /// `⌊b·t/B⌋ .. ⌊(b+1)·t/B⌋`, so that sizes differ by at most one (the paper). The *rows* of a block are all
 /// rows that its transitions touch. Member `m` contains every transition whose both end rows lie outside
-/// the rows of block `m`. So besides block `m` itself, member `m` lacks the transition just before it and
-/// the one just after it where they share a row with it, that is, unless a segment ends there.
+/// the rows of block `m`. So member `m` lacks block `m`. It also lacks the transition just before the block
+/// and the one just after it, where they share a row with the block. They share no row where a segment
+/// ends.
 ///
 /// ```
 /// use calib_core::{Segments, Transitions};
@@ -31,7 +32,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Split `transitions` into `members` blocks.
+    /// Splits `transitions` into `members` blocks.
     ///
     /// # Errors
     /// Fewer than two members, or fewer transitions than members.
@@ -61,7 +62,7 @@ impl Blocks {
         Ok(Self { transitions: count as u32, own, dropped })
     }
 
-    /// All `transitions` in one member that leaves none out: no ensemble, but a search over everything.
+    /// Returns a single member that contains all `transitions`, for a search over everything.
     pub(crate) fn undivided(transitions: &Transitions) -> Self {
         let count = transitions.len() as u32;
         let own = 0..count;
@@ -69,22 +70,23 @@ impl Blocks {
         Self { transitions: count, own: vec![own], dropped: vec![dropped] }
     }
 
-    /// Number of members, which is also the number of blocks.
+    /// Returns the number of members, which is also the number of blocks.
     pub fn members(&self) -> usize {
         self.own.len()
     }
 
-    /// Number of transitions over all blocks.
+    /// Returns the number of transitions over all blocks.
     pub fn transitions(&self) -> usize {
         self.transitions as usize
     }
 
-    /// The transitions of block `block`.
+    /// Returns the transitions of block `block`.
     pub fn own(&self, block: usize) -> Range<u32> {
         self.own[block].clone()
     }
 
-    /// The transitions that member `member` lacks: its block and the neighbours that share a row with it.
+    /// Returns the transitions that member `member` lacks: its block and the adjacent transitions that
+    /// share a row with it.
     pub fn dropped(&self, member: usize) -> Range<u32> {
         self.dropped[member].clone()
     }
@@ -98,12 +100,12 @@ impl Blocks {
         transition.0 < self.transitions && !self.dropped[member].contains(&transition.0)
     }
 
-    /// Number of transitions of member `member`.
+    /// Returns the number of transitions of member `member`.
     pub fn member_len(&self, member: usize) -> usize {
         self.transitions as usize - self.dropped[member].len()
     }
 
-    /// The `position`-th transition of member `member` in time order.
+    /// Returns the `position`-th transition of member `member` in time order.
     ///
     /// # Panics
     /// If the member has no more than `position` transitions.
@@ -117,18 +119,18 @@ impl Blocks {
         }
     }
 
-    /// The transitions of member `member` in time order.
+    /// Returns the transitions of member `member` in time order.
     pub fn transitions_of(&self, member: usize) -> impl Iterator<Item = TransitionIndex> + use<> {
         let dropped = self.dropped(member);
         (0..dropped.start).chain(dropped.end..self.transitions).map(TransitionIndex)
     }
 
-    /// The block that `transition` lies in.
+    /// Returns the block that contains `transition`.
     pub fn block_of(&self, transition: TransitionIndex) -> usize {
         self.own.partition_point(|block| block.end <= transition.0)
     }
 
-    /// Candidates that member `member` has outside `forbidden`.
+    /// Returns the number of candidates of member `member` outside `forbidden`.
     pub(crate) fn admissible(
         &self,
         member: usize,

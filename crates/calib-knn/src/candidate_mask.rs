@@ -4,16 +4,16 @@ use calib_core::TransitionIndex;
 
 use crate::{Blocks, bits::Bits};
 
-/// Which sources the queries of each member can find: the member's transitions, without those that are left out.
+/// The sources that queries of each member can find: the member's transitions without those in `left_out`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CandidateMask<'a> {
     blocks: &'a Blocks,
-    /// What is left out in each member; members beyond the last leave nothing out.
+    /// The candidates that are left out of each member. Members beyond the last leave nothing out.
     left_out: &'a [Bits],
 }
 
 impl<'a> CandidateMask<'a> {
-    /// The transitions of these blocks without what is left out.
+    /// Combines the transitions of these blocks with what is left out.
     pub(crate) fn new(blocks: &'a Blocks, left_out: &'a [Bits]) -> Self {
         Self { blocks, left_out }
     }
@@ -27,7 +27,8 @@ impl<'a> CandidateMask<'a> {
             && !self.left_out.get(member).is_some_and(|left_out| left_out.contains(transition))
     }
 
-    /// Where the run of transitions that queries of `member` cannot find ends, if `transition` lies in one.
+    /// Returns the end of the run of transitions that queries of `member` cannot find, if `transition` lies in
+    /// one.
     pub(crate) fn beyond(self, member: usize, transition: u32) -> Option<u32> {
         let dropped: &Range<u32> = self.blocks.dropped_ref(member);
         if dropped.contains(&transition) {

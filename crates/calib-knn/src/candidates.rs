@@ -1,16 +1,16 @@
 use std::ops::Range;
 
-/// Which sources can be neighbours.
+/// The sources that can be neighbours.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Candidates<'a> {
-    /// One in this many, in time order, beginning with the first.
+    /// One source in this many, in time order, beginning with the first.
     Every(u32),
-    /// These, in ascending order.
+    /// These transitions, in ascending order.
     Chosen(&'a [u32]),
 }
 
 impl Candidates<'_> {
-    /// How many of the transitions before `end` can be neighbours.
+    /// Returns how many of the transitions before `end` can be neighbours.
     pub(crate) fn before(self, end: u32) -> u32 {
         match self {
             Self::Every(every) => end.div_ceil(every),
@@ -18,7 +18,7 @@ impl Candidates<'_> {
         }
     }
 
-    /// How many transitions of `range` can be neighbours.
+    /// Returns how many transitions of `range` can be neighbours.
     pub(crate) fn count(self, range: &Range<u32>) -> usize {
         if range.is_empty() {
             0
@@ -27,7 +27,7 @@ impl Candidates<'_> {
         }
     }
 
-    /// The most transitions of a range of `length` that can be neighbours.
+    /// Returns the maximum number of candidates in a range of `length` transitions.
     pub(crate) fn most_in(self, length: u64) -> usize {
         match self {
             Self::Every(every) => length.div_ceil(u64::from(every)) as usize,
@@ -49,7 +49,8 @@ impl Candidates<'_> {
         }
     }
 
-    /// The last candidate at or before `transition`, or else the first of all.
+    /// Returns the last candidate at or before `transition`, or the first of all if none precedes
+    /// it.
     pub(crate) fn near(self, transition: u32) -> u32 {
         self.nth(self.before(transition + 1).saturating_sub(1))
     }

@@ -2,28 +2,28 @@ use std::fmt;
 
 use crate::{IndexKind, KdTree};
 
-/// Which search structure was used, and why.
+/// The search structure that was used, and the reason.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IndexChoice {
     /// The structure; never [`IndexKind::Auto`].
     pub kind: IndexKind,
-    /// Why.
+    /// The reason for the choice.
     pub reason: Reason,
 }
 
-/// Why a search structure was used.
+/// The reason why a search structure was used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reason {
-    /// It was asked for.
+    /// The configuration asked for it.
     Asked,
-    /// So few queries that nothing is worth building.
+    /// There are so few queries that building a structure does not pay.
     FewQueries,
-    /// So few columns that a k-d tree is fastest.
+    /// There are so few columns that a k-d tree is fastest.
     FewColumns {
         /// Columns of the states.
         columns: usize,
     },
-    /// The work of a join as a share of that of a scan, judged by a sample of the queries.
+    /// The estimated work of a join as a share of that of a scan, from a sample of the queries.
     Work {
         /// The share.
         share: f64,
@@ -33,8 +33,8 @@ pub enum Reason {
 }
 
 impl IndexChoice {
-    /// The structure and why it was taken, without the measured share of work: that may differ in its last digits from one
-    /// kind of processor to the next, and manifests should not.
+    /// Returns the structure and the reason without the measured share of work. The last digits of the share may depend on
+    /// the processor, and manifests must not.
     pub fn without_share(&self) -> String {
         match (self.kind, self.reason) {
             (IndexKind::Join, Reason::Work { .. }) => {
@@ -64,7 +64,7 @@ impl fmt::Display for IndexChoice {
 }
 
 impl IndexKind {
-    /// The name in studies and on the command line.
+    /// Returns the name that studies and the command line use.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",

@@ -8,14 +8,15 @@ use crate::{
     index::{covariance, leading_axes},
 };
 
-/// Rows from which the axes are estimated.
+/// Maximum number of rows from which the axes are estimated.
 const SAMPLE: usize = 16_384;
-/// Rows between two looks at the monitor.
+/// Rows between two checks for an interruption.
 const CHUNK: usize = 1 << 12;
 
-/// The first `count` principal components of `states`, `[n, count]`: `A(x − μ)`, with mean and axes from at most 16,384
-/// rows that are spread evenly. Computed in f64 in the order of the columns and without fused multiplication, so that every
-/// machine gives the same. Progress counts rows.
+/// Returns the first `count` principal components of `states`, `[n, count]`: `A(x − μ)`.
+///
+/// Mean and axes come from at most 16,384 evenly spread rows. Sums are computed in f64, in column order and without fused
+/// multiplication, so that every machine gives the same result. Progress counts rows.
 ///
 /// # Errors
 /// If there are not more than `count` columns, or the monitor interrupts.

@@ -101,7 +101,7 @@ pub enum IndexKind {
 }
 
 impl ModelConfig {
-    /// Which sources may not be neighbours.
+    /// Returns which sources may not be neighbours.
     pub fn exclusion(&self) -> Exclusion {
         Exclusion {
             self_match: if self.exclude_self { SelfMatch::Excluded } else { SelfMatch::Allowed },
@@ -109,13 +109,13 @@ impl ModelConfig {
         }
     }
 
-    /// What the search leaves out.
+    /// Returns the options that make the search approximate.
     pub fn shortcuts(&self) -> Shortcuts {
         let Self { prototypes, prototype_kind, components, leaf_budget, .. } = *self;
         Shortcuts { prototypes, prototype_kind, components, leaf_budget }
     }
 
-    /// How a neighbour is drawn.
+    /// Returns how a neighbour is drawn.
     ///
     /// # Errors
     /// If softmax has a temperature that is not positive and finite.
@@ -132,10 +132,11 @@ impl ModelConfig {
         }
     }
 
-    /// Check what can be checked before data is read.
+    /// Checks what can be checked before data is read.
     ///
     /// # Errors
-    /// Fewer than two members, no neighbours, no prototypes, a budget without leaves, or a bad temperature.
+    /// Fewer than two members, no neighbours, no prototypes, a leaf budget for a structure without leaves, or a bad
+    /// temperature.
     pub fn check(&self) -> Result<(), KnnError> {
         if self.members < 2 {
             return Err(KnnError::TooFewMembers { members: self.members });

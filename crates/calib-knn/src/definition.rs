@@ -1,4 +1,5 @@
-//! Lists straight from the definition of distance, with no structure: one pass over the states serves many of them.
+//! Neighbour lists straight from the definition of distance, without a search structure. One pass over the states serves
+//! many lists.
 
 use calib_core::{Monitor, TransitionIndex};
 use rayon::prelude::*;
@@ -8,26 +9,26 @@ use crate::{KnnError, KnnModel};
 /// A row of a table: member and transition.
 pub(crate) type Cell = (usize, TransitionIndex);
 
-/// Sources that every cell has seen before any sees the next ones: what is read together, and how often the monitor is
-/// asked.
+/// Number of sources in a strip. Every cell sees a whole strip before any cell sees the next one. The monitor is asked once
+/// per strip.
 const STRIP: usize = 8192;
-/// Sources that a task lays side by side, to see all of its cells with them.
+/// Sources that a task lays side by side and compares with all of its cells.
 const TILE: usize = 32;
 /// Sources whose distances are summed at once.
 const LANES: usize = 8;
-/// Columns after which it is seen whether any of them can still be near.
+/// Columns between two checks whether any source can still be near.
 const COLUMNS: usize = 16;
-/// Memory for the states of cells of one pass.
+/// Memory for the states of the cells of one pass, in bytes.
 const QUERIES: usize = 64 << 20;
-/// Fewest cells of a pass.
+/// Minimum number of cells of a pass.
 const CELLS: usize = 1024;
 
-/// The `k` nearest sources of each cell, nearest first, ties by row: squared distance and transition.
+/// Returns the `k` nearest sources of each cell, nearest first and ties by row: squared distance and transition.
 ///
 /// Every source is measured by the definition, `Σ_c (a_c − b_c)²` in f64 in column order. Terms are not negative, and
-/// rounding keeps the order of sums, so a source whose sum is beyond the `k`-th nearest before all columns are added stays
-/// there, and is left. All cells are served by one pass over the states, if their own states fit in 64 MiB (59 000 cells at
-/// 142 columns, and never fewer than 1024), else by as many passes as it takes. Progress counts sources.
+/// rounding keeps the order of sums. So a source is dropped as soon as its partial sum exceeds the `k`-th nearest distance.
+/// One pass over the states serves all cells if their own states fit in 64 MiB: 59 000 cells at 142 columns, and never
+/// fewer than 1024. Otherwise there are as many passes as necessary. Progress counts sources.
 pub(crate) fn by_definition(
     model: &KnnModel,
     cells: &[Cell],
@@ -61,7 +62,7 @@ struct Search {
     member: usize,
     /// The row of the table.
     row: u32,
-    /// The state whose neighbours are wanted.
+    /// The state whose neighbours are searched.
     state: Vec<f64>,
     forbidden: std::ops::Range<u32>,
     k: usize,
@@ -82,7 +83,7 @@ impl Search {
         }
     }
 
-    /// What is beyond this squared distance cannot enter the list.
+    /// Returns the squared distance beyond which no source can enter the list.
     fn bound(&self) -> f64 {
         if self.nearest.len() < self.k {
             f64::INFINITY
@@ -91,7 +92,7 @@ impl Search {
         }
     }
 
-    /// Sources come in the order of rows, so that of equal distances the first stays before the others.
+    /// Offers a source to the list. Sources come in row order, so that of equal distances the earlier row stays first.
     fn offer(&mut self, model: &KnnModel, squared: f64, transition: u32) {
         let place = self.nearest.partition_point(|&(other, _)| other <= squared);
         if place < self.k
@@ -105,7 +106,7 @@ impl Search {
     }
 }
 
-/// Show these sources to these cells.
+/// Compares each of these cells with each source of the strip.
 fn see_strip(model: &KnnModel, searches: &mut [Search], strip: std::ops::Range<usize>) {
     let columns = model.states().columns();
     let mut tile = vec![[0.0_f64; LANES]; TILE / LANES * columns];
@@ -138,7 +139,7 @@ fn see_strip(model: &KnnModel, searches: &mut [Search], strip: std::ops::Range<u
     }
 }
 
-/// Squared distances of sources that lie side by side, unless all of them turn out to be beyond `bound`.
+/// Returns the squared distances of sources that lie side by side, unless all exceed `bound`.
 #[expect(clippy::inline_always, reason = "it must take the instruction set of its caller")]
 #[inline(always)]
 fn within(state: &[f64], lanes: &[[f64; LANES]], bound: f64) -> Option<[f64; LANES]> {
@@ -166,7 +167,7 @@ mod tests {
     use super::*;
     use crate::{ModelConfig, distance::squared};
 
-    /// Counts what is done, and stops after some of it.
+    /// Counts progress, and interrupts after some of it.
     struct Counting {
         done: AtomicU64,
         stop_at: u64,
@@ -192,7 +193,7 @@ mod tests {
 
     fn model(rows: usize, columns: usize) -> KnnModel {
         let mut rng = Seed::new(4).rng();
-        // Few different values: ties everywhere.
+        // The few different values make ties everywhere.
         let values = (0..rows * columns).map(|_| rng.below(3) as f32).collect();
         let states = States::new(values, rows, columns).expect("finite");
         let transitions = Transitions::new(Segments::from_lengths([60, rows - 60]).expect("two"));

@@ -1,8 +1,8 @@
-//! The one definition of distance, and how far the fast pass may stray from it.
+//! The definition of distance, and an error bound for its fast f32 approximation.
 
-/// Squared Euclidean distance: `Σ_c (a_c − b_c)²` in f64, summed in column order.
+/// Returns the squared Euclidean distance: `Σ_c (a_c − b_c)²` in f64, summed in column order.
 ///
-/// This is the definition that every index must reproduce: neighbours are ordered by it, ties by row.
+/// This is the definition that every index must reproduce. Neighbours are ordered by it, ties by row.
 pub(crate) fn squared(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).fold(0.0, |sum, (&a, &b)| {
         let difference = f64::from(a) - f64::from(b);
@@ -10,7 +10,7 @@ pub(crate) fn squared(a: &[f32], b: &[f32]) -> f64 {
     })
 }
 
-/// [`squared`] of four pairs at once: four sums in order, side by side.
+/// Returns [`squared`] of four pairs at once: four sums side by side, each in column order.
 pub(crate) fn squared_of_four(a: &[f32], b: [&[f32]; 4]) -> [f64; 4] {
     let mut sums = [0.0; 4];
     let [p, q, r, s] = b;
@@ -23,16 +23,16 @@ pub(crate) fn squared_of_four(a: &[f32], b: [&[f32]; 4]) -> [f64; 4] {
     sums
 }
 
-/// The distance that tables store.
+/// Returns the distance that tables store.
 pub(crate) fn stored(squared: f64) -> f32 {
     (squared.sqrt() as f32).min(f32::MAX)
 }
 
-/// Turns a bound on [`squared`] into a bound on its f32 approximation.
+/// An error bound that converts between [`squared`] and its f32 approximation.
 ///
 /// A sum of `d` terms `fl(fl(a − b)²)` in f32, in any order and with or without fused multiplication, is
 /// within a factor `1 ± (d + 3)u/(1 − (d + 3)u)`, `u = 2⁻²⁴`, of the exact sum, apart from underflow of less
-/// than `f32::MIN_POSITIVE` a term (Higham 2002, §3.1). The f64 sum of the definition strays by
+/// than `f32::MIN_POSITIVE` per term (Higham 2002, §3.1). The f64 sum of the definition errs by
 /// `(d + 3)·2⁻⁵³`. Twice the first factor covers both.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Margin {
@@ -41,7 +41,7 @@ pub(crate) struct Margin {
 }
 
 impl Margin {
-    /// The margin for states of `columns` columns.
+    /// Returns the margin for states of `columns` columns.
     pub(crate) fn new(columns: usize) -> Self {
         let columns = columns as f64;
         Self {
@@ -50,7 +50,7 @@ impl Margin {
         }
     }
 
-    /// A bound on [`squared`] from its f32 approximation.
+    /// Returns an upper bound on [`squared`] from its f32 approximation.
     pub(crate) fn upper(self, approximation: f32) -> f64 {
         if approximation == f32::INFINITY {
             return f64::INFINITY;
@@ -58,7 +58,7 @@ impl Margin {
         f64::from(approximation) * (1.0 + self.relative) + self.absolute
     }
 
-    /// A number `t` so that every pair with `squared ≤ bound` has an f32 approximation `≤ t`.
+    /// Returns a number `t` such that every pair with `squared ≤ bound` has an f32 approximation `≤ t`.
     pub(crate) fn threshold(self, bound: f64) -> f32 {
         // `as` rounds to nearest, or to infinity beyond the largest f32.
         ((bound * (1.0 + self.relative) + self.absolute) as f32).next_up()

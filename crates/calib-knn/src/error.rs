@@ -1,15 +1,15 @@
 use calib_core::Cancelled;
 use calib_files::FileError;
 
-/// Why a neighbour model cannot be built, opened or asked.
+/// An error from building, opening or querying a neighbour model.
 #[derive(Debug, thiserror::Error)]
 pub enum KnnError {
-    /// An ensemble needs something to leave out and something to keep.
+    /// There are fewer than two members: one block must be left out and one kept.
     #[error(
         "{members} ensemble members: an ensemble that leaves one block out needs at least 2; set `members` to 2 or more"
     )]
     TooFewMembers {
-        /// Members asked for.
+        /// Number of members that was asked for.
         members: usize,
     },
     /// There are fewer transitions than blocks.
@@ -18,20 +18,20 @@ pub enum KnnError {
          use more data, lower `members`, or sub-sample less"
     )]
     TooFewTransitions {
-        /// Transitions in the data.
+        /// Number of transitions in the data.
         transitions: usize,
-        /// Blocks asked for.
+        /// Number of blocks that was asked for.
         members: usize,
     },
     /// `k` is zero.
     #[error("`neighbors` is 0: a step needs at least 1 neighbour to draw from")]
     NoNeighbors,
-    /// A member without transitions is searched.
+    /// A search in a member without transitions.
     #[error(
         "ensemble member {member} has no transitions to search; use more data, or lower `members`"
     )]
     EmptyMember {
-        /// The member.
+        /// Number of the member.
         member: usize,
     },
     /// `prototypes` is zero.
@@ -39,17 +39,17 @@ pub enum KnnError {
         "`prototypes` is 0: it is the number of sources of which one can be a neighbour; 1 is all of them"
     )]
     NoPrototypes,
-    /// As many components as columns, or more.
+    /// There are as many components as columns, or more.
     #[error(
         "`components` is {components}, expected fewer than the {columns} columns of the states; set it to 0 to search in all of them"
     )]
     Components {
-        /// Components asked for.
+        /// Number of components that was asked for.
         components: usize,
-        /// Columns of the states.
+        /// Number of columns of the states.
         columns: usize,
     },
-    /// A budget of leaves for a structure without leaves.
+    /// There is a leaf budget for a structure without leaves.
     #[error(
         "`leaf_budget` is for the join, and `index` is \"{index}\"; set `index` to \"join\" or \"auto\", or `leaf_budget` to 0"
     )]
@@ -62,44 +62,44 @@ pub enum KnnError {
         "ensemble member {member} has states with only {candidates} possible neighbours, fewer than `neighbors` = {k}; use more data, or lower `neighbors`, `members`, `theiler` or `prototypes`"
     )]
     TooFewCandidates {
-        /// The member.
+        /// Number of the member.
         member: usize,
-        /// Candidates that the exclusion leaves to the worst-off query.
+        /// Smallest number of candidates that the exclusion leaves to any query.
         candidates: usize,
-        /// Neighbours asked for.
+        /// Number of neighbours that was asked for.
         k: usize,
     },
-    /// States and transitions disagree about the number of rows.
+    /// The states and the transitions have different numbers of rows.
     #[error(
         "{states} states do not match transitions over {segments} rows; build both from the same frames"
     )]
     Rows {
-        /// Rows of the states.
+        /// Number of rows of the states.
         states: usize,
-        /// Rows of the segments behind the transitions.
+        /// Number of rows of the segments behind the transitions.
         segments: usize,
     },
-    /// Query states have another width than the model's.
+    /// The query states have another number of columns than the model's states.
     #[error(
         "query states have {got} columns, the model's have {expected}; prepare both in the same way"
     )]
     Columns {
-        /// Columns of the model's states.
+        /// Number of columns of the model's states.
         expected: usize,
-        /// Columns of the query states.
+        /// Number of columns of the query states.
         got: usize,
     },
-    /// The k-d tree was asked for more dimensions than it is compiled for.
+    /// The states have more columns than the k-d tree supports.
     #[error(
         "the k-d tree supports at most {max} columns, got {columns}; choose the index \"auto\" (`model.index`, or --index), or search in fewer (`model.components`, `data.include`)"
     )]
     Dimensions {
-        /// Columns of the states.
+        /// Number of columns of the states.
         columns: usize,
-        /// The most that the tree supports.
+        /// Maximum number of columns that the tree supports.
         max: usize,
     },
-    /// Softmax weights need a positive temperature.
+    /// The temperature of the softmax weights is not positive and finite.
     #[error("`temperature` must be positive and finite, got {got}")]
     Temperature {
         /// The temperature given.
@@ -108,38 +108,38 @@ pub enum KnnError {
     /// A stored table does not fit the model.
     #[error("the table of ensemble member {member} is damaged: {reason}")]
     Table {
-        /// The member.
+        /// Number of the member.
         member: usize,
-        /// Where, what was expected and what was found.
+        /// Where the damage is, what was expected and what was found.
         reason: String,
     },
-    /// No points to search, or more than positions can number.
+    /// There are no points to search, or more than a `u32` position can number.
     #[error("{count} points: expected from 1 to {}", u32::MAX - 1)]
     Points {
-        /// Points that were given.
+        /// Number of points that were given.
         count: usize,
     },
-    /// There is no room for what would be found.
+    /// There is not enough memory for the results.
     #[error("cannot allocate {bytes} bytes for what is found; lower k, or ask for fewer at a time")]
     Memory {
-        /// Of one of the arrays.
+        /// Size of one of the arrays, in bytes.
         bytes: usize,
     },
-    /// There are not as many points to find.
+    /// There are fewer than `k` points to find.
     #[error("each point has only {most} others to find, fewer than k = {k}; lower k")]
     TooFewPoints {
-        /// Neighbours asked for.
+        /// Number of neighbours that was asked for.
         k: usize,
-        /// Points that there are.
+        /// Number of points that can be found.
         most: usize,
     },
-    /// Values are not those of states.
+    /// The values are not valid states.
     #[error(transparent)]
     States(#[from] calib_core::StatesError),
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The observer asked to stop.
+    /// The monitor interrupted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

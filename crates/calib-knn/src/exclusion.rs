@@ -3,11 +3,11 @@ use std::ops::Range;
 use calib_core::{RowIndex, TransitionIndex, Transitions};
 use serde::{Deserialize, Serialize};
 
-/// Which sources may not be neighbours of a recorded row.
+/// The rule for sources that may not be neighbours of a recorded row.
 ///
-/// The query of table row `i` is the next state `s'_i`, recorded at row `r' = next(i)`. Its own row is its
-/// nearest source at distance 0, and in densely sampled logs the rows just before and after come next, so
-/// that the model would mostly replay the log. A source `j` at row `r_j` is forbidden if
+/// The query of table row `i` is the next state `s'_i`, recorded at row `r' = next(i)`. Its nearest source is
+/// its own row, at distance 0. In densely sampled logs the rows just before and after come next. So the model
+/// would mostly replay the log. A source `j` at row `r_j` is forbidden if
 ///
 /// - `self_match` is [`SelfMatch::Excluded`] and `r_j = r'`, or
 /// - `theiler = W > 0` and `|r_j − r'| ≤ W` inside the same segment (Theiler 1986); this includes `r_j = r'`.
@@ -25,10 +25,10 @@ pub struct Exclusion {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SelfMatch {
-    /// It may.
+    /// A row may be its own neighbour.
     #[default]
     Allowed,
-    /// It may not.
+    /// A row may not be its own neighbour.
     Excluded,
 }
 
@@ -40,7 +40,7 @@ impl Exclusion {
         }
     }
 
-    /// The sources that are forbidden to the query at `row`, as a range of transitions in time order.
+    /// Returns the sources that are forbidden to the query at `row`, as a range of transitions in time order.
     pub fn forbidden(&self, transitions: &Transitions, row: RowIndex) -> Range<u32> {
         if self.theiler == 0 && self.self_match == SelfMatch::Allowed {
             return 0..0;
@@ -50,7 +50,7 @@ impl Exclusion {
             return 0..0;
         };
         let segment = segments.as_slice()[position];
-        // The last row of a segment is nobody's source.
+        // The last row of a segment is not a source.
         let last = segment.end - 1;
         let first = row.0.saturating_sub(self.theiler).max(segment.start);
         let end = row.0.saturating_add(self.theiler).saturating_add(1).min(last);

@@ -1,4 +1,4 @@
-//! The mean of what a step would emit.
+//! The expected next state of a step.
 
 use calib_core::{Monitor, States, TransitionIndex};
 use calib_files::ScratchPlace;
@@ -6,19 +6,19 @@ use calib_files::ScratchPlace;
 use crate::{KnnError, KnnModel, Neighbor, Weights};
 
 impl KnnModel {
-    /// The expectation of the next state after each of `queries` in every member: one item a member, in order,
-    /// `[queries, columns]` row by row, made when it is asked for.
+    /// Returns an iterator over the members, in order, that yields the expected next state after each of `queries`:
+    /// `[queries, columns]` row by row. Each item is computed when it is requested.
     ///
-    /// ŝ' = Σⱼ pⱼ s'ⱼ over the k nearest sources of the query in the member, which are found by exact search in the
-    /// model's metric, by one for all members; p are the probabilities with which a step would draw them, and s'ⱼ are their
-    /// next states in `recorded`, the states of the model's data as they were recorded. Of all predictions that a draw
-    /// allows it has the smallest squared error (derived).
+    /// ŝ' = Σⱼ pⱼ s'ⱼ over the k nearest sources of the query in the member. One exact search in the model's metric finds
+    /// them for all members. p are the probabilities with which a step would draw them. s'ⱼ are their next states in
+    /// `recorded`, the states of the model's data as they were recorded. Of all predictions that a draw allows, this one
+    /// has the smallest squared error (derived).
     ///
     /// # Errors
     /// As [`nearest_sources`](Self::nearest_sources).
     ///
     /// # Panics
-    /// If `recorded` has other rows than the model's states.
+    /// If `recorded` has another number of rows than the model's states.
     pub fn expected_next<'a>(
         &'a self,
         queries: &States,
@@ -32,7 +32,8 @@ impl KnnModel {
         Ok(members.into_iter().map(move |lists| self.mean_after(&lists, recorded, weights)))
     }
 
-    /// The mean of the states in `recorded` that follow each of these lists, `[lists, columns]` row by row.
+    /// Returns the weighted mean of the states in `recorded` that follow the neighbours of each list, `[lists, columns]`
+    /// row by row.
     fn mean_after(&self, lists: &[Vec<Neighbor>], recorded: &States, weights: Weights) -> Vec<f64> {
         let columns = recorded.columns();
         let mut expected = vec![0.0; lists.len() * columns];
@@ -60,7 +61,7 @@ mod tests {
 
     #[test]
     fn it_is_the_mean_over_the_draws_of_the_nearest_sources() {
-        // Twelve rows at 0, 1, 2, …; what was recorded beside them is their square.
+        // Twelve rows at 0, 1, 2, …; the recorded values are their squares.
         let metric = States::new((0..12_u8).map(f32::from).collect(), 12, 1).expect("finite");
         let recorded = (0..12_u8).map(|row| f32::from(row).powi(2)).collect();
         let recorded = States::new(recorded, 12, 1).expect("finite");
@@ -79,13 +80,13 @@ mod tests {
             assert_eq!(all.len(), 2, "one of each member");
             Ok::<_, KnnError>(all.swap_remove(0))
         };
-        // Distances 0.25, 0.75, 1.25 to 8, 9, 7; their next states are 81, 100, 64.
+        // The distances are 0.25, 0.75 and 1.25 to rows 8, 9 and 7. Their next states are 81, 100 and 64.
         let linear = expected(&query, Weights::Linear).expect("it runs");
         let p = [0.25, 0.75, 1.25].map(|d| (1.0 - d / 2.25) / 2.0);
         assert!((linear[0] - (p[0] * 81.0 + p[1] * 100.0 + p[2] * 64.0)).abs() < 1e-5);
         let uniform = expected(&query, Weights::Uniform).expect("it runs");
         assert!((uniform[0] - 245.0 / 3.0).abs() < 1e-9);
-        // Beyond the data it is what followed its end: 121, 100 and 81.
+        // Beyond the data the neighbours are the last rows, which are followed by 121, 100 and 81.
         assert!((uniform[1] - 302.0 / 3.0).abs() < 1e-9);
         let wide = States::new(vec![0.0, 1.0], 1, 2).expect("finite");
         assert!(expected(&wide, Weights::Linear).is_err());

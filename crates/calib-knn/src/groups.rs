@@ -5,25 +5,26 @@ use rayon::prelude::*;
 
 use crate::{KnnError, MemberLists, Sources, candidate_mask::CandidateMask, lists::Candidate};
 
-/// Sources between two looks at the monitor.
+/// Sources between two checks for an interruption.
 const CHUNK: usize = 1 << 14;
 
-/// Different source states, each with the transitions that start from it.
+/// The distinct source states, each with the transitions that start from it.
 ///
-/// A plant at a standstill repeats a state for hours. Searching different states only keeps bucket trees
-/// balanced and the search from visiting thousands of equal candidates.
+/// A plant at a standstill repeats a state for hours. Searching only distinct states keeps bucket trees
+/// balanced, and a search does not visit thousands of equal candidates.
 #[derive(Debug)]
 pub(crate) struct Groups {
-    /// Transitions group by group, ascending in each; groups are in the order of their first transition.
+    /// Transitions group by group, ascending in each. Groups are in the order of their first transition.
     transitions: Vec<u32>,
     /// Start of each group in `transitions`, and the end of the last.
     starts: Vec<u32>,
-    /// A row of each state: that of its first transition. Kept here so that a search reads it beside the start.
+    /// One row of each state: that of its first transition. It is stored here so that a search reads it
+    /// together with the start.
     rows: Vec<u32>,
 }
 
 impl Groups {
-    /// Group the sources by equal coordinates; `-0` equals `0`. Progress counts sources.
+    /// Groups the sources by equal coordinates; `-0` equals `0`. Progress counts sources.
     ///
     /// # Errors
     /// If the monitor interrupts.
@@ -48,7 +49,7 @@ impl Groups {
         });
         monitor.check()?;
         hashed.par_sort_unstable();
-        // The group of a transition is named by its first member. Equal hashes almost always mean equal states.
+        // The first member of a group identifies it. Equal hashes almost always mean equal states.
         let mut named: Vec<(u32, u32)> = Vec::with_capacity(hashed.len());
         for run in hashed.chunk_by(|a, b| a.0 == b.0) {
             let mut firsts: Vec<u32> = Vec::new();
@@ -73,7 +74,7 @@ impl Groups {
         Ok(Self::with_rows(transitions, starts, rows))
     }
 
-    /// Each transition by itself, where nothing is gained from knowing equal states.
+    /// Returns one group per transition, for searches that do not benefit from grouping equal states.
     pub(crate) fn singletons(sources: &Sources<'_>) -> Self {
         let count = sources.candidates_len() as u32;
         let candidates = sources.candidates;
@@ -87,7 +88,7 @@ impl Groups {
         Self { transitions, starts, rows }
     }
 
-    /// The same groups in another order, so that those that are searched together lie together.
+    /// Returns the same groups in another order, so that groups that are searched together are adjacent.
     pub(crate) fn in_order(&self, order: &[u32]) -> Self {
         let mut sorted = Self {
             transitions: Vec::with_capacity(self.transitions.len()),
@@ -102,29 +103,30 @@ impl Groups {
         sorted
     }
 
-    /// The same groups in the order of their first transitions, in which a scan reads states one after another.
+    /// Returns the same groups in the order of their first transitions, so that a scan reads states
+    /// sequentially.
     pub(crate) fn in_time(&self) -> Self {
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
         order.par_sort_unstable_by_key(|&group| self.transitions(group as usize)[0]);
         self.in_order(&order)
     }
 
-    /// Number of different states.
+    /// Returns the number of distinct states.
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// The transitions that start from state `group`, ascending.
+    /// Returns the transitions that start from state `group`, ascending.
     pub(crate) fn transitions(&self, group: usize) -> &[u32] {
         &self.transitions[self.starts[group] as usize..self.starts[group + 1] as usize]
     }
 
-    /// A row of state `group`.
+    /// Returns a row of state `group`.
     pub(crate) fn row(&self, group: usize) -> usize {
         self.rows[group] as usize
     }
 
-    /// Offer the transitions of `group`, all at distance `squared`, outside `forbidden`.
+    /// Offers the transitions of `group` outside `forbidden`, all at squared distance `squared`.
     pub(crate) fn offer(
         &self,
         group: usize,
@@ -160,17 +162,17 @@ impl Groups {
     }
 }
 
-/// A hash of a state; equal coordinates have equal ones, and `-0` equals `0`.
+/// Returns a hash of a state. Equal coordinates have equal hashes; `-0` equals `0`.
 pub(crate) fn hash(state: &[f32]) -> u64 {
     state.iter().fold(0_u64, |hash, &value| {
-        // Multiply and rotate; any function of the values would do.
+        // Multiply and rotate. Any function of the values is correct.
         (hash ^ u64::from((value + 0.0).to_bits()))
             .wrapping_mul(0x9e37_79b9_7f4a_7c15)
             .rotate_left(29)
     })
 }
 
-/// Ascending transitions that a member's query can find; runs of others are jumped over.
+/// Iterates over the transitions that a member's query can find, ascending. It skips runs of the others.
 struct Admissible<'a> {
     transitions: &'a [u32],
     forbidden: &'a Range<u32>,
@@ -179,7 +181,7 @@ struct Admissible<'a> {
 }
 
 impl Admissible<'_> {
-    /// Where the run of transitions that cannot be found ends, if `transition` lies in one.
+    /// Returns the end of the run of transitions that cannot be found, if `transition` lies in one.
     fn beyond(&self, transition: u32) -> Option<u32> {
         if self.forbidden.contains(&transition) {
             return Some(self.forbidden.end);
@@ -231,7 +233,7 @@ mod tests {
         assert_eq!(all, [&[0, 2][..], &[1, 4, 5], &[3]]);
     }
 
-    /// The transitions of a member's list.
+    /// Returns the transitions in a member's list.
     fn found(lists: &MemberLists, member: usize) -> Vec<u32> {
         lists.of(member).map(|(transition, _)| transition.0).collect()
     }

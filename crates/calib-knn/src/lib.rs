@@ -1,16 +1,16 @@
-//! Leave-one-block-out k-nearest-neighbour calibration models: blocks, exact search, tables.
+//! Leave-one-block-out k-nearest-neighbour calibration models.
 //!
 //! - [`Blocks`]: which transitions each member of the ensemble contains.
 //! - [`Exclusion`]: which sources may not be neighbours of a recorded row.
-//! - [`NeighborIndex`], [`KdTree`], [`Join`], [`Scan`]: exact search; every structure finds the same lists.
-//! - [`build_tables`], [`NeighborTable`]: for each member and transition `i` the `k` nearest source states to
-//!   the next state `s'_i`.
-//! - [`Workplace`], [`Parts`], [`MemoryNeed`]: large builds on disk, interrupted ones continued, memory predicted.
-//! - [`write_table`], [`open_table`]: `neighbors.npy` and `distances.npy`, mapped and checked.
-//! - [`KnnModel`], [`Member`], [`Weights`]: one step draws a neighbour; exact search for other states, and what it is
-//!   expected to lead to.
-//! - [`Points`]: the same search over points that are no log.
-//! - [`verify`]: tables against brute force. [`Shortcuts`] make a search faster and its tables approximate; [`recall`] says by how much.
+//! - [`NeighborIndex`], [`KdTree`], [`Join`], [`Scan`]: exact search. Every structure finds the same lists.
+//! - [`build_tables`], [`NeighborTable`]: the `k` nearest source states to the next state `s'_i`, for each member and transition `i`.
+//! - [`Workplace`], [`Parts`], [`MemoryNeed`]: large builds on disk, resumption of interrupted builds, and memory prediction.
+//! - [`write_table`], [`open_table`]: the files `neighbors.npy` and `distances.npy`, which are mapped and checked.
+//! - [`KnnModel`], [`Member`], [`Weights`]: the model. A step draws a neighbour. Other states are searched exactly, and have expected
+//!   next states.
+//! - [`Points`]: the same search over points without time.
+//! - [`verify`]: compares tables with brute force. [`Shortcuts`] make a search faster and its tables approximate; [`recall`] measures
+//!   the loss.
 //!
 //! ```
 //! use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};

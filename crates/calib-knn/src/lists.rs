@@ -9,7 +9,7 @@ use crate::candidate_mask::CandidateMask;
 pub(crate) struct Candidate {
     /// Squared distance by the definition.
     pub(crate) squared: f64,
-    /// The transition whose source it is.
+    /// The transition that starts from the source.
     pub(crate) transition: u32,
 }
 
@@ -28,11 +28,11 @@ impl Candidate {
 #[derive(Clone, Debug)]
 pub(crate) struct MemberLists {
     k: usize,
-    /// `k` candidates for each member, in order; short lists end in [`Candidate::NONE`].
+    /// `k` candidates for each member, in order. Short lists end in [`Candidate::NONE`].
     candidates: Vec<Candidate>,
-    /// Members whose list is wanted.
+    /// The members whose lists are requested.
     wanted: Vec<usize>,
-    /// The largest `k`-th squared distance over the wanted members.
+    /// The largest `k`-th squared distance over the requested members.
     radius: f64,
 }
 
@@ -46,31 +46,33 @@ impl MemberLists {
         }
     }
 
-    /// Forget all candidates and want the lists of these members.
+    /// Removes all candidates and requests the lists of these members.
     pub(crate) fn reset(&mut self, wanted: impl Iterator<Item = usize>) {
         self.wanted.clear();
         self.wanted.extend(wanted);
         self.clear();
     }
 
-    /// Forget all candidates; the lists of the same members are wanted.
+    /// Removes all candidates and keeps the requested members.
     pub(crate) fn clear(&mut self) {
         self.candidates.fill(Candidate::NONE);
         self.update_radius();
     }
 
-    /// The neighbours of all members, some of them several times.
+    /// Returns the neighbours of all members, with repetitions.
     pub(crate) fn all(&self) -> impl Iterator<Item = TransitionIndex> + '_ {
         let found = self.candidates.iter().filter(|candidate| candidate.transition != u32::MAX);
         found.map(|candidate| TransitionIndex(candidate.transition))
     }
 
-    /// No candidate beyond this squared distance can enter any wanted list; one at it may.
+    /// Returns the squared distance beyond which no candidate can enter a requested list. A candidate
+    /// at it may enter.
     pub(crate) fn radius(&self) -> f64 {
         self.radius
     }
 
-    /// Offer a candidate to every wanted member that can find it. Each candidate is offered once.
+    /// Offers a candidate to every requested member that can find it. Each candidate must be offered
+    /// once.
     pub(crate) fn offer(&mut self, candidate: Candidate, findable: CandidateMask<'_>) {
         if candidate.squared > self.radius {
             return;
@@ -104,17 +106,17 @@ impl MemberLists {
             .fold(f64::NEG_INFINITY, f64::max);
     }
 
-    /// Length of a full list.
+    /// Returns the length of a full list.
     pub(crate) fn k(&self) -> usize {
         self.k
     }
 
-    /// The members whose lists were wanted.
+    /// Returns the members whose lists are requested.
     pub(crate) fn members(&self) -> &[usize] {
         &self.wanted
     }
 
-    /// The neighbours found for `member`, nearest first: transition and squared distance.
+    /// Returns the neighbours found for `member`, nearest first: transition and squared distance.
     pub(crate) fn of(&self, member: usize) -> impl Iterator<Item = (TransitionIndex, f64)> + '_ {
         self.candidates[member * self.k..][..self.k]
             .iter()

@@ -1,45 +1,52 @@
 use crate::{IndexKind, ModelConfig, PART_QUERIES, index};
 
-/// The memory that building a model takes, in bytes, predicted from its size alone.
+/// The memory for building a model, in bytes, predicted from its size alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemoryNeed {
-    /// The states, `4 n d`.
+    /// The states, `4 n d` bytes.
     pub states: u64,
-    /// Everything else, if it is in memory.
+    /// All other arrays, if they are in memory.
     pub working: u64,
     /// The part of [`working`](Self::working) that cannot be put in files.
     pub least: u64,
 }
 
-/// What a program takes beside its data.
+/// The program without its data.
 const PROGRAM: u64 = 64 << 20;
-/// Parts of a search that are in memory at once, at most.
+/// Maximum number of parts of a search in memory at once.
 const PARTS: u64 = 5;
-/// Queries that a thread searches at once, at most.
+/// Maximum number of queries that a thread searches at once.
 const QUERIES: u64 = 2048;
-/// What a query takes beside its lists: states that it has met, as many as there are before it forgets some.
+/// Bytes per query besides its lists: the states that it collects before it discards some.
 const MET: u64 = 6 << 10;
-/// The same for each neighbour.
+/// The same per neighbour.
 const MET_A_NEIGHBOR: u64 = 32;
-/// States that a thread lays out at once, queries and sources of a scan.
+/// States that a thread lays out at once: queries and sources of a scan.
 const LAID_OUT: u64 = 1536;
 
 impl MemoryNeed {
-    /// The need of a model of `rows` states of `columns` columns and about as many transitions, built by `threads` threads.
+    /// Predicts the memory for a model of `rows` states with `columns` columns, and about as many transitions, that `threads` threads
+    /// build.
     ///
     /// With `n` rows of `d` columns, `k` neighbours, `B` members, `T` threads and images of `w` f32 coordinates in the join (32, or for
     /// fewer columns the next multiple of 16), working memory is
     ///
     /// `n (12 + max(8 w + 32, 4 w + 84 + 8 k (B + 1))) + 40 k B min(n, 65536) + T (2048 (16 k B + 32 k + 6144) + 6144 d) + 8 d² + 64 MiB`
     ///
-    /// that is timestamps and transitions (12), and the larger of: images before and after sorting, with groups, order and boxes;
-    /// or images, order of queries, the tables, and a copy of one of them while it is looked through for closed classes (48, where a log
-    /// hardly returns); what was found of up to five parts, which are searched, wait, are put in
-    /// their places and written; up to 2048 queries that each thread searches at once, with their lists, the states that they have met, and
-    /// the states that a scan lays out; and a covariance. Images and tables can be in files; then `52 n` of the first term is left, most of
-    /// it for finding equal states, and all of the others. Searching in `c` principal components adds `4 c n`, and choosing prototypes by
-    /// `k_centre` takes `236 n` before the images. A scan has no images. The arrays of the k-d tree cannot be in files, so `"auto"`
-    /// takes none if they should be; where it is asked for, `(8 d + 44) n` are left. Derived, and checked against measurements.
+    /// The terms are:
+    ///
+    /// - timestamps and transitions (12);
+    /// - the larger of two: images before and after sorting, with groups, order and boxes; or images, the order of queries, the tables, and
+    ///   a copy of one table during the search for closed classes (48, if the log hardly revisits its states);
+    /// - the results of up to five parts, which are searched, wait, are stored and are written;
+    /// - up to 2048 queries that each thread searches at once, with their lists, the states that they have collected, and the states that a
+    ///   scan lays out;
+    /// - a covariance.
+    ///
+    /// Images and tables can be in files. Then `52 n` of the first term remains, mostly for grouping equal states, and all other terms
+    /// remain. Searching in `c` principal components adds `4 c n`. Choosing prototypes by `k_centre` takes `236 n` before the images. A
+    /// scan has no images. The arrays of the k-d tree cannot be in files, so `"auto"` avoids it when they should be. If the k-d tree is
+    /// requested, `(8 d + 44) n` remains. The formula is derived, and checked against measurements.
     pub fn predict(rows: usize, columns: usize, config: &ModelConfig, threads: usize) -> Self {
         let n = rows as u64;
         let d = columns as u64;
@@ -51,7 +58,7 @@ impl MemoryNeed {
             }
         };
         let tree = if config.index == IndexKind::KdTree { 8 * searched as u64 + 44 } else { 0 };
-        // More neighbours than there are rows are refused, whatever they would take.
+        // A `k` above the number of rows is refused, whatever memory it would take.
         let neighbors = n.min(config.neighbors as u64);
         let members = n.min(config.members as u64);
         let tables = 8_u64.saturating_mul(neighbors).saturating_mul(members);
@@ -72,7 +79,7 @@ impl MemoryNeed {
         }
     }
 
-    /// The peak if everything is in memory.
+    /// Returns the peak memory if all arrays are in memory.
     pub fn peak(&self) -> u64 {
         self.states.saturating_add(self.working)
     }

@@ -28,7 +28,7 @@ pub struct Neighbor {
     pub distance: f32,
 }
 
-/// The ensemble of neighbour models: one table for each member.
+/// The ensemble of neighbour models, with one table per member.
 #[derive(Clone, Debug)]
 pub struct KnnModel {
     states: States,
@@ -39,21 +39,21 @@ pub struct KnnModel {
     exclusion: Exclusion,
 }
 
-/// What building a model found out.
+/// Information about how a model was built.
 #[derive(Clone, Debug)]
 pub struct Built {
-    /// The search structure, and why it was taken.
+    /// The search structure, and why it was chosen.
     pub choice: IndexChoice,
-    /// What walks of each member would be trapped in, and what was done.
+    /// For each member: the traps, and how they were removed.
     pub recurrence: Vec<Recurrence>,
-    /// Where walks of each member end.
+    /// For each member: where rollouts end.
     pub ends: Vec<Ends>,
 }
 
 impl KnnModel {
-    /// Build the model: split into blocks, search, tabulate.
+    /// Builds the model: splits into blocks, searches, and stores the tables.
     ///
-    /// `states` are what distances are measured in: the normalised states, or their representation.
+    /// Distances are measured in `states`: the normalised states, or their representation.
     ///
     /// # Errors
     /// As [`build_in`](Self::build_in).
@@ -67,7 +67,7 @@ impl KnnModel {
             .map(|(model, _)| model)
     }
 
-    /// As [`build`](Self::build), in `workplace`; says also what was found out.
+    /// Builds the model as [`build`](Self::build), in `workplace`. Also returns how it was built.
     ///
     /// # Errors
     /// As [`Blocks::new`] and [`build_tables`](crate::build_tables), or if a file cannot be written.
@@ -122,13 +122,13 @@ impl KnnModel {
         Ok((Self { states, transitions, blocks, tables, left_out, exclusion }, built))
     }
 
-    /// Check, from what is known before anything is searched, that a model can be built of states with `columns` columns.
-    /// Where these are not known yet, what depends on them is not checked.
+    /// Checks, before any search, that a model can be built of states with `columns` columns. If `columns` is unknown, the checks
+    /// that depend on it are skipped.
     ///
     /// # Errors
     /// As [`ModelConfig::check`](crate::ModelConfig::check) and [`Blocks::new`]; if there are not fewer components than columns, the
-    /// k-d tree is asked for more columns than it supports, or some query has too few candidates. Where prototypes are
-    /// chosen to cover the states, their number is what can be expected.
+    /// k-d tree is asked for more columns than it supports, or some query has too few candidates. The number of prototypes that
+    /// cover the states is estimated.
     pub fn check(
         columns: Option<usize>,
         transitions: &Transitions,
@@ -148,7 +148,7 @@ impl KnnModel {
         check_candidates(transitions, &blocks, candidates, config.neighbors, config.exclusion())
     }
 
-    /// Write `members/0/neighbors.npy`, `members/0/distances.npy`, `members/0/left_out.npy` and so on in `directory`.
+    /// Writes `members/0/neighbors.npy`, `members/0/distances.npy`, `members/0/left_out.npy` and so on in `directory`.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -161,7 +161,7 @@ impl KnnModel {
         Ok(())
     }
 
-    /// Open the members that [`write_members`](Self::write_members) wrote; tables are mapped and checked.
+    /// Opens the members that [`write_members`](Self::write_members) wrote. Tables are mapped and checked.
     ///
     /// # Errors
     /// If the blocks cannot be made, or a table is missing, damaged or of another model.
@@ -176,8 +176,7 @@ impl KnnModel {
         Self::open_some(directory, states, transitions, members, exclusion, &all)
     }
 
-    /// As [`open`](Self::open), of the members `opened` alone, one at least: the others need not be there, and have empty
-    /// tables.
+    /// Opens only the members in `opened`, as [`open`](Self::open). The others may be missing, and have empty tables.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -222,52 +221,52 @@ impl KnnModel {
         Ok(Self { states, transitions, blocks, tables, left_out, exclusion })
     }
 
-    /// The states that distances are measured in.
+    /// Returns the states that distances are measured in.
     pub fn states(&self) -> &States {
         &self.states
     }
 
-    /// The transitions of the data.
+    /// Returns the transitions of the data.
     pub fn transitions(&self) -> &Transitions {
         &self.transitions
     }
 
-    /// Which member contains which transition.
+    /// Returns the blocks: which member contains which transition.
     pub fn blocks(&self) -> &Blocks {
         &self.blocks
     }
 
-    /// Number of members.
+    /// Returns the number of members.
     pub fn members(&self) -> usize {
         self.tables.len()
     }
 
-    /// Neighbours of each transition.
+    /// Returns the number of neighbours of each transition.
     pub fn k(&self) -> usize {
         self.tables[0].k()
     }
 
-    /// Which sources may not be neighbours.
+    /// Returns which sources may not be neighbours.
     pub fn exclusion(&self) -> Exclusion {
         self.exclusion
     }
 
-    /// The table of member `member`.
+    /// Returns the table of member `member`.
     pub fn table(&self, member: usize) -> &NeighborTable {
         &self.tables[member]
     }
 
-    /// What queries of member `member` do not find, so that no rollout is trapped.
+    /// Returns the candidates that queries of member `member` do not find, so that no rollout is trapped.
     pub fn left_out(&self, member: usize) -> &LeftOut {
         &self.left_out[member]
     }
 
-    /// What is left out for all queries of each member.
+    /// Returns the candidates that are left out for all queries of each member.
     pub(crate) fn left_out_for_all(&self) -> Vec<Bits> {
         self.left_out.iter().map(|excluded| excluded.for_all().clone()).collect()
     }
 
-    /// Member `member`.
+    /// Returns member `member`.
     ///
     /// # Panics
     /// If there are not more than `member` members.
@@ -302,22 +301,22 @@ pub struct Member<'a> {
 }
 
 impl<'a> Member<'a> {
-    /// The model that this is a member of.
+    /// Returns the model that contains this member.
     pub fn model(&self) -> &'a KnnModel {
         self.model
     }
 
-    /// The position of the member in the model.
+    /// Returns the position of the member in the model.
     pub fn number(&self) -> usize {
         self.number
     }
 
-    /// Number of transitions of the member.
+    /// Returns the number of transitions of the member.
     pub fn len(&self) -> usize {
         self.model.blocks.member_len(self.number)
     }
 
-    /// Whether the member has no transitions; never true of a model that was built.
+    /// Whether the member has no transitions. Never true for a model that was built.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -327,7 +326,7 @@ impl<'a> Member<'a> {
         self.model.blocks.contains(self.number, transition)
     }
 
-    /// The `position`-th transition of the member in time order.
+    /// Returns the `position`-th transition of the member in time order.
     ///
     /// # Panics
     /// If the member has no more than `position` transitions.
@@ -335,9 +334,9 @@ impl<'a> Member<'a> {
         self.model.blocks.nth(self.number, position)
     }
 
-    /// The neighbours of the next state of `transition`, nearest first, and the distances to them.
+    /// Returns the neighbours of the next state of `transition`, nearest first, and their distances.
     ///
-    /// Transitions that are not in the member have `u32::MAX` and `+∞` here.
+    /// A transition outside the member has `u32::MAX` and `+∞` here.
     ///
     /// # Panics
     /// If the data has no more than `transition` transitions.
@@ -346,7 +345,7 @@ impl<'a> Member<'a> {
         (&self.neighbors[start..start + self.k], &self.distances[start..start + self.k])
     }
 
-    /// One step: draw a neighbour of the next state of `transition`. Reads one row of the table.
+    /// Draws a neighbour of the next state of `transition`: one step. Reads one row of the table.
     ///
     /// # Panics
     /// If `transition` is not in the member. Neighbours always are.

@@ -1,4 +1,4 @@
-//! The nearest sources of other states than those of the tables.
+//! Exact search for the nearest sources of states that the tables do not contain.
 
 use std::ops::Range;
 
@@ -12,15 +12,15 @@ use crate::{
 };
 
 impl KnnModel {
-    /// The `k` nearest sources in every member of each of `states`, which come from elsewhere, by exact search:
-    /// `[member][query]`. What a member leaves out is not found.
+    /// Returns the `k` nearest sources in every member for each of `states`, which were not recorded with the sources: `[member][query]`.
+    /// The search is exact. It does not find candidates that the member leaves out.
     ///
-    /// One search serves all members. Its large arrays are in `place`. Lists are shorter than `k` only if the member is.
-    /// Progress counts passes over the sources, then queries.
+    /// One search serves all members. Its large arrays are in `place`. Lists are shorter than `k` only if the member is. Progress counts
+    /// passes over the sources, then queries.
     ///
     /// # Errors
-    /// If `k` is zero, the states have another number of columns than the model's, a member has no transitions, there is no
-    /// place for the arrays, or the monitor interrupts.
+    /// If `k` is zero, the states have another number of columns than the model's, a member has no transitions, there is no place for the
+    /// arrays, or the monitor interrupts.
     pub fn nearest_sources(
         &self,
         states: &States,
@@ -34,10 +34,10 @@ impl KnnModel {
         search(self, &sources, &queries, 0..self.members(), k, place, monitor)
     }
 
-    /// The memory that such a search for `k` sources takes with `threads` threads, at most.
+    /// Returns the maximum memory of such a search for `k` sources with `threads` threads.
     ///
-    /// It does not follow from how the tables were found: other states are searched for among all sources, in all
-    /// columns of the metric, with the structure that suits them.
+    /// It does not depend on how the tables were built. Other states are searched among all sources, in all columns of the metric, with the
+    /// structure that suits them.
     pub fn search_need(&self, k: usize, threads: usize) -> MemoryNeed {
         let config =
             ModelConfig { members: self.members(), neighbors: k, ..ModelConfig::default() };
@@ -46,10 +46,10 @@ impl KnnModel {
 }
 
 impl Member<'_> {
-    /// The `k` nearest sources in the member of each of the recorded `rows`, by exact search whose large arrays are in `place`.
+    /// Returns the `k` nearest sources in the member for each of the recorded `rows`, by exact search with large arrays in `place`.
     ///
-    /// The exclusion of the model applies, as it does in the tables, and what the member leaves out is not found. Lists are shorter than `k`, or empty, only where
-    /// fewer sources are admissible. Progress is that of [`KnnModel::nearest_sources`].
+    /// The exclusion of the model applies, as in the tables. The search does not find candidates that the member leaves out. Lists are
+    /// shorter than `k`, or empty, only where fewer sources are admissible. Progress is that of [`KnnModel::nearest_sources`].
     ///
     /// # Errors
     /// If `k` is zero, the member has no transitions, there is no place for the arrays, or the monitor interrupts.
@@ -70,14 +70,14 @@ impl Member<'_> {
         self.search(&sources, &queries, k, place, monitor)
     }
 
-    /// The `k` nearest sources in the member of each of `states`, which come from elsewhere, by exact search in memory. What the member
-    /// leaves out is not found.
+    /// Returns the `k` nearest sources in the member for each of `states`, which were not recorded with the sources, by exact search in
+    /// memory. The search does not find candidates that the member leaves out.
     ///
     /// Lists are shorter than `k` only if the member is, and never empty.
     ///
     /// # Errors
-    /// If `k` is zero, the states have another number of columns than the model's, the member has no transitions, there is no memory
-    /// for the lists, or the monitor interrupts.
+    /// If `k` is zero, the states have another number of columns than the model's, the member has no transitions, there is no memory for
+    /// the lists, or the monitor interrupts.
     pub fn nearest_sources(
         &self,
         states: &States,
@@ -104,7 +104,7 @@ impl Member<'_> {
     }
 }
 
-/// Lists of these members, `[member][query]`.
+/// Returns the lists of these members, `[member][query]`.
 fn search(
     model: &KnnModel,
     sources: &Sources<'_>,

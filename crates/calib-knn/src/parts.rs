@@ -11,23 +11,23 @@ use calib_files::{
 
 use crate::index::NeighborLists;
 
-/// Digits of a fingerprint.
+/// Length of a fingerprint in digits.
 const DIGITS: usize = 64;
 
-/// Version of the search: part of the key of parts, and it belongs into the key of every model with approximate tables.
+/// Version of the search. It belongs in the key of parts, and in the key of every model with approximate tables.
 ///
-/// Raise it with every change after which a search can find other lists from the same inputs (a repaired search, other
-/// prototypes, another meaning of a leaf budget). A build that was stopped before the change then does not go on from
-/// what was found before, and approximate tables that were completed count as those of another model. Exact tables are
-/// what every version finds: if those that were completed are wrong, raise the format of the model's manifest as well.
+/// Increase it with every change after which a search can find other lists from the same inputs: a corrected search,
+/// other prototypes, another meaning of a leaf budget. A build that was interrupted before the change then does not
+/// resume from its old parts. Complete approximate tables count as those of another model. Exact tables are the same in
+/// every version. If complete ones are wrong, increase the format of the model's manifest as well.
 pub const SEARCH_VERSION: u32 = 2;
 
-/// Where a build keeps what it has found so far, so that one that is killed can go on.
+/// The partial results of a build, so that an interrupted build can resume.
 ///
-/// The queries are searched in an order that follows from the states and the search structure. Each file holds the lists
-/// of [`PART_QUERIES`] consecutive ones: the key of the parts, the fingerprint of what follows,
-/// neighbours `u32 [query, member, k]` and distances `f32 [query, member, k]`, little-endian.
-/// A file counts only if its key is that of the present build.
+/// The queries are searched in an order that follows from the states and the search structure. Each file contains the
+/// lists of [`PART_QUERIES`] consecutive queries: the key of the parts, the fingerprint of the rest, neighbours
+/// `u32 [query, member, k]` and distances `f32 [query, member, k]`, little-endian. A file is used only if its key is
+/// that of the present build.
 #[derive(Clone, Debug)]
 pub struct Parts {
     directory: PathBuf,
@@ -35,17 +35,17 @@ pub struct Parts {
     queries: usize,
 }
 
-/// Queries of a part.
+/// Number of queries in a part.
 pub const PART_QUERIES: usize = 1 << 16;
 
 impl Parts {
-    /// Parts in `directory`, which is theirs alone, of the model that follows from `inputs`: a fingerprint of states,
-    /// segments and settings.
+    /// Creates the store of parts in `directory`, which is reserved for them. `inputs` is a fingerprint of states,
+    /// segments and settings, from which the model follows.
     pub fn new(directory: PathBuf, inputs: &str) -> Self {
         Self { directory, inputs: inputs.to_owned(), queries: PART_QUERIES }
     }
 
-    /// Parts of another size than [`PART_QUERIES`], for tests.
+    /// Sets another part size than [`PART_QUERIES`], for tests.
     #[must_use]
     pub fn of_queries(self, queries: usize) -> Self {
         Self { queries: queries.max(1), ..self }
@@ -55,7 +55,7 @@ impl Parts {
         self.queries
     }
 
-    /// Forget all parts.
+    /// Removes all parts.
     ///
     /// # Errors
     /// If the directory exists and cannot be removed.
@@ -63,12 +63,12 @@ impl Parts {
         remove_known(&self.directory, &mut |path| is_part(path) || is_temporary(path))
     }
 
-    /// The parts of a search in this order; those of other searches are removed.
+    /// Opens the parts of a search in this order, and removes those of other searches.
     pub(crate) fn open(&self, order: &[u32], members: usize, k: usize) -> Result<Open, FileError> {
         self.open_of(SEARCH_VERSION, order, members, k)
     }
 
-    /// As [`open`](Self::open), of a search of this version.
+    /// Opens the parts as [`open`](Self::open), for a search of the given version.
     fn open_of(
         &self,
         search: u32,
@@ -97,7 +97,7 @@ impl Parts {
     }
 }
 
-/// Whether a file is called as a part is; others are somebody's.
+/// Whether a file has the name of a part. Files with other names are not touched.
 fn is_part(path: &Path) -> bool {
     let number = path.file_name().and_then(|name| name.to_str()?.strip_suffix(".part"));
     number.is_some_and(|number| {
@@ -125,7 +125,7 @@ impl Open {
         read.is_some() && key == self.key.as_str().as_bytes()
     }
 
-    /// Part `number` of `queries` queries, if it was written by this search and is whole.
+    /// Reads part `number` of `queries` queries, if this search wrote it and it is intact.
     pub(crate) fn read(&self, number: usize, queries: usize) -> Option<NeighborLists> {
         let bytes = read_regular(&self.path(number)).ok()?;
         let (key, rest) = bytes.split_at_checked(DIGITS)?;
@@ -159,7 +159,7 @@ impl Open {
     }
 }
 
-/// Numbers from bytes that need not be aligned.
+/// Reads numbers from bytes that need not be aligned.
 fn numbers<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
     let mut numbers = vec![T::zeroed(); bytes.len() / size_of::<T>()];
     bytemuck::cast_slice_mut(&mut numbers).copy_from_slice(bytes);

@@ -1,4 +1,4 @@
-//! The same exact search over points that are no log: no time, no members, nothing left out.
+//! The exact search over points that are not a log: without time, members or exclusions.
 
 use calib_core::{Monitor, RowIndex, Segments, States, Transitions};
 use calib_files::ScratchPlace;
@@ -12,25 +12,26 @@ use crate::{
 /// Points to search, `f32 [n, d]`.
 #[derive(Clone, Debug)]
 pub struct Points {
-    /// The points, and after them a copy of the last, which nothing finds: a source needs a row that follows it.
+    /// The points, followed by a copy of the last. No search finds the copy: it is there because every source needs a following
+    /// row.
     states: States,
     transitions: Transitions,
     blocks: Blocks,
 }
 
-/// The nearest points of some queries, `[queries, k]` row by row, nearest first, ties by position.
+/// The nearest points of some queries: `[queries, k]` row by row, nearest first, ties by position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointNeighbors {
-    /// Their positions.
+    /// Positions of the neighbours.
     pub neighbors: Vec<u32>,
-    /// Euclidean distances to them.
+    /// Euclidean distances to the neighbours.
     pub distances: Vec<f32>,
-    /// Neighbours of each query.
+    /// Number of neighbours per query.
     pub k: usize,
 }
 
 impl Points {
-    /// Points from their values, row by row.
+    /// Creates points from their values, row by row.
     ///
     /// # Errors
     /// If there is no point, the values are not a multiple of `columns`, or one of them is not finite.
@@ -48,22 +49,22 @@ impl Points {
         Ok(Self { states, transitions, blocks })
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.transitions.len()
     }
 
-    /// Whether there are no points; never true.
+    /// Whether there are no points. Never true.
     pub fn is_empty(&self) -> bool {
         self.transitions.is_empty()
     }
 
-    /// Values of a point.
+    /// Returns the number of values per point.
     pub fn columns(&self) -> usize {
         self.states.columns()
     }
 
-    /// The memory that a search of `queries` of them takes with `threads` threads, in bytes, at most, with what it returns.
+    /// Returns the maximum memory of a search of `queries` queries with `threads` threads, in bytes, including the results.
     pub fn search_need(&self, queries: usize, k: usize, threads: usize) -> u64 {
         let config = ModelConfig { members: 1, neighbors: k, ..ModelConfig::default() };
         let rows = self.len().max(queries);
@@ -72,9 +73,9 @@ impl Points {
         need.working.saturating_add(returned)
     }
 
-    /// The `k` nearest points of every point, by exact search.
+    /// Returns the `k` nearest points of every point, by exact search.
     ///
-    /// Results do not depend on `kind`, nor on the number of threads. Progress counts passes over the points, then queries.
+    /// The results do not depend on `kind` or on the number of threads. Progress counts passes over the points, then queries.
     ///
     /// # Errors
     /// If there are not `k` points to find, the k-d tree is asked for more columns than it supports, or the monitor interrupts.
@@ -93,7 +94,7 @@ impl Points {
         self.search(&sources, &queries, (k, most), kind, monitor)
     }
 
-    /// The `k` nearest points of each of `states`, by exact search.
+    /// Returns the `k` nearest points of each of `states`, by exact search.
     ///
     /// # Errors
     /// As [`Points::join`]; also if the states have another number of columns.
@@ -160,7 +161,7 @@ mod tests {
 
     use super::*;
 
-    /// Positions in the order of squared distance in `f64`, ties by position.
+    /// Returns positions in the order of the squared distance in `f64`, ties by position.
     fn brute(points: &[[f32; 3]], query: [f32; 3], skip: Option<usize>, k: usize) -> Vec<u32> {
         let squared = |point: &[f32; 3]| -> f64 {
             point.iter().zip(query).map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum()
@@ -195,7 +196,7 @@ mod tests {
         }
     }
 
-    /// The join of the points 0, 1 and 3.
+    /// Joins the points 0, 1 and 3.
     fn join_three(k: usize, self_match: SelfMatch) -> Result<PointNeighbors, KnnError> {
         let points = Points::new(vec![0.0, 1.0, 3.0], 1).expect("three points");
         points.join(k, self_match, IndexKind::Auto, &Silent)

@@ -1,4 +1,4 @@
-//! Prototypes that cover the states: local k-centre selection.
+//! The choice of prototypes that cover the states: local k-centre selection.
 
 use calib_core::Monitor;
 use rayon::prelude::*;
@@ -8,21 +8,22 @@ use crate::{
     index::leaves,
 };
 
-/// Principal components in which clusters are made and covered.
+/// Number of principal components in which clusters are made and covered.
 const COMPONENTS: usize = 16;
-/// Memory that choosing takes a row: components, points and sorted points, with groups and their order.
+/// Memory per row while prototypes are chosen, in bytes: components, points and sorted points, with groups and their order.
 pub(crate) const CHOOSING: u64 = 3 * 4 * COMPONENTS as u64 + 44;
-/// Most states of the pieces that clusters are made of.
+/// Maximum number of states in the pieces that form clusters.
 const PIECE: usize = 128;
-/// Fewest prototypes of a cluster, where it is large enough.
+/// Minimum number of prototypes per cluster, if it is large enough.
 const CENTRES: usize = 4;
 
-/// The transitions from about one different state in `every`, ascending, so that every other state has one of them near.
+/// Returns the transitions from about one distinct state in `every`, ascending, so that every other state has one of them
+/// near.
 ///
-/// The different states are split along their principal components into clusters of at least 128 near ones. In each the one
-/// nearest to its mean is taken, then again and again the one that is farthest from all taken (Gonzalez 1985, whose
-/// covering radius is at most twice the best one's). All transitions from a state that is taken are kept: copies cost nothing
-/// to search, and members that lack a block have those in the others. Progress counts sources.
+/// The distinct states are split along their principal components into clusters of at least 128 nearby states. In each
+/// cluster the state nearest to the mean is chosen first. Then the state farthest from all chosen ones is added repeatedly
+/// (Gonzalez 1985, whose covering radius is at most twice the best one's). All transitions from a chosen state are kept.
+/// Copies cost nothing to search, and members that lack a block have the copies in the other blocks. Progress counts sources.
 ///
 /// # Errors
 /// If the monitor interrupts.
@@ -70,7 +71,8 @@ pub(crate) fn covering(
     Ok(kept)
 }
 
-/// `count` of these points: the one nearest to the mean, then the farthest from those taken; the first of equal ones.
+/// Returns `count` of these points: the one nearest to the mean, then repeatedly the one farthest from those chosen. Of equal
+/// points the first is chosen.
 fn farthest_first<'a>(
     cluster: &[u32],
     width: usize,
@@ -84,7 +86,7 @@ fn farthest_first<'a>(
         }
     }
     let mean: Vec<f32> = mean.into_iter().map(|value| value as f32).collect();
-    // Negative, so that the nearest to the mean is the farthest from nothing.
+    // The negative sign makes the point nearest to the mean the first choice.
     let mut distances: Vec<f64> = cluster.iter().map(|&one| -squared(point(one), &mean)).collect();
     let mut taken = Vec::with_capacity(count);
     for number in 0..count.min(cluster.len()) {
@@ -97,7 +99,7 @@ fn farthest_first<'a>(
             let from = squared(point(one), point(cluster[farthest]));
             *distance = if number == 0 { from } else { distance.min(from) };
         }
-        // A point is taken once, also where others lie in the same place.
+        // A point is chosen once, even if others have the same position.
         for (distance, one) in distances.iter_mut().zip(cluster) {
             if taken.contains(one) {
                 *distance = f64::NEG_INFINITY;
@@ -116,7 +118,7 @@ mod tests {
         let points = [[0.0_f32], [1.0], [2.0], [9.0], [10.0], [2.0]];
         let all = [0, 1, 2, 3, 4, 5];
         let point = |one: u32| &points[one as usize][..];
-        // The mean is 4; 2 is nearest, then 10, then 0, then those one away.
+        // The mean is 4. Nearest is 2, then the farthest is 10, then 0, then those at distance one.
         assert_eq!(farthest_first(&all, 1, 3, point), [2, 4, 0]);
         assert_eq!(farthest_first(&all, 1, 6, point), [2, 4, 0, 1, 3, 5]);
     }

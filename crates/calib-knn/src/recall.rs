@@ -23,15 +23,15 @@ pub struct Recall {
     pub copies_missed: usize,
 }
 
-/// What is known of a recall that came without an interval.
+/// Returns the interval of a stored recall that has none: the whole range.
 fn anywhere() -> [f64; 2] {
     [0.0, 1.0]
 }
 
-/// Compare `sample` random rows of every member with brute force in f64 over all sources of the member.
+/// Compares `sample` random rows of every member with brute force in f64 over all sources of the member.
 ///
-/// The states are read once for all rows together. Distances in the tables are taken as they are: whether they are right is
-/// what [`faults`](crate::faults) says. Progress counts sources.
+/// The states are read once for all rows together. The distances in the tables are not checked; [`faults`](crate::faults)
+/// does that. Progress counts sources.
 ///
 /// # Errors
 /// If the monitor interrupts.
@@ -71,7 +71,7 @@ pub fn recall(
     })
 }
 
-/// Wilson's 95 % interval (1927) for a share of `trials`; approximate, as every interval of its kind.
+/// Returns Wilson's 95 % interval (1927) for a share of `trials`. It is approximate, like every such interval.
 fn wilson(share: f64, trials: usize) -> [f64; 2] {
     if trials == 0 {
         return anywhere();
@@ -110,7 +110,8 @@ mod tests {
 
     #[test]
     fn copies_that_are_missed_are_told() {
-        // Every state is there five times in turn; one row in six can be a neighbour, so that most miss their copies.
+        // Every state occurs five times in succession. One row in six can be a neighbour, so that most rows miss their
+        // copies.
         let values = (0..1200_u16).map(|row| f32::from(row / 5)).collect();
         let states = States::new(values, 1200, 1).expect("finite");
         let transitions = Transitions::new(Segments::from_lengths([1200]).expect("one"));

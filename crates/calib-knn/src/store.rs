@@ -5,7 +5,7 @@ use calib_files::{FileError, map_npy, write_npy};
 
 use crate::{Blocks, KnnError, LeftOut, NeighborTable, bits::Bits};
 
-/// Write `table` as `neighbors.npy` (`u32 [t, k]`) and `distances.npy` (`f32 [t, k]`) in `directory`.
+/// Writes `table` as `neighbors.npy` (`u32 [t, k]`) and `distances.npy` (`f32 [t, k]`) in `directory`.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -16,13 +16,13 @@ pub fn write_table(directory: &Path, table: &NeighborTable) -> Result<(), FileEr
     write_npy(&directory.join("distances.npy"), table.distances(), rows, k)
 }
 
-/// Map the table of member `member` from `directory` and check every value.
+/// Maps the table of member `member` from `directory` and checks every value.
 ///
-/// After this no value of the table can lead outside the member: rows of the member name transitions of the
-/// member at finite distances in ascending order, all other rows hold the filler.
+/// After this, no value of the table can lead outside the member. Rows of the member contain transitions of the member at finite
+/// distances in ascending order. All other rows contain the filler.
 ///
 /// # Errors
-/// If a file cannot be read, has another shape, or holds a value that the model cannot have.
+/// If a file cannot be read, has another shape, or contains a value that the model cannot have.
 pub fn open_table(
     directory: &Path,
     blocks: &Blocks,
@@ -53,11 +53,12 @@ pub fn open_table(
     Ok(NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k))
 }
 
-/// In the first column of `left_out.npy`: for every row of the table.
+/// Marks an exclusion for every row of the table, in the first column of `left_out.npy`.
 const EVERY_ROW: u32 = u32::MAX;
 
-/// Write what a member leaves out as `left_out.npy` (`u32 [n, 3]`) in `directory`: row of the table (`u32::MAX` for every row), first
-/// transition that it does not hold, and one past the last; in order of the rows, every row last.
+/// Writes the exclusions of a member as `left_out.npy` (`u32 [n, 3]`) in `directory`. The columns are the row of the table
+/// (`u32::MAX` for every row), the first transition that the row must not contain, and one past the last. Entries are in row order;
+/// those for every row come last.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -69,7 +70,7 @@ pub(crate) fn write_left_out(directory: &Path, left_out: &LeftOut) -> Result<(),
     write_npy(&directory.join("left_out.npy"), &cells, cells.len() / 3, 3)
 }
 
-/// Read what member `member` leaves out from `directory`, and check that no row of its table holds any of it.
+/// Reads the exclusions of member `member` from `directory`, and checks that its table contains none of them.
 ///
 /// # Errors
 /// If the file cannot be read, has another shape, or does not fit the table.
@@ -113,7 +114,7 @@ pub(crate) fn open_left_out(
     Ok(left_out)
 }
 
-/// No row of the table may hold what is left out.
+/// Checks that no row of the table contains a transition that is left out.
 fn check_left_out(left_out: &LeftOut, table: &NeighborTable) -> Result<(), String> {
     for (row, neighbors) in (0_u32..).zip(table.neighbors().chunks_exact(table.k())) {
         if let Some(bad) = neighbors.iter().find(|&&to| left_out.bars(row, to)) {

@@ -18,11 +18,11 @@ use crate::{
 
 type Shared<T> = Arc<dyn AsRef<[T]> + Send + Sync>;
 
-/// The neighbour table of one member, owned or mapped, cheap to clone.
+/// The neighbour table of one member, owned or mapped, and cheap to clone.
 ///
-/// Row `i` belongs to transition `i` of the data. It holds the `k` transitions of the member whose source
-/// states are nearest to the next state `s'_i`, nearest first (ties by row), and the distances to them.
-/// Rows of transitions that are not in the member hold `u32::MAX` and `+∞`.
+/// Row `i` belongs to transition `i` of the data. It contains the `k` transitions of the member whose source states are
+/// nearest to the next state `s'_i`, nearest first (ties by row), and their distances. Rows of transitions outside the
+/// member contain `u32::MAX` and `+∞`.
 #[derive(Clone)]
 pub struct NeighborTable {
     neighbors: Shared<u32>,
@@ -31,7 +31,7 @@ pub struct NeighborTable {
 }
 
 impl NeighborTable {
-    /// A table from its arrays, each `[t, k]` row by row.
+    /// Creates a table from its arrays, each `[t, k]` row by row.
     pub(crate) fn from_shared(neighbors: Shared<u32>, distances: Shared<f32>, k: usize) -> Self {
         Self { neighbors, distances, k }
     }
@@ -40,12 +40,12 @@ impl NeighborTable {
         Self { neighbors: Arc::new(Vec::new()), distances: Arc::new(Vec::new()), k }
     }
 
-    /// Number of neighbours `k`.
+    /// Returns the number of neighbours `k`.
     pub fn k(&self) -> usize {
         self.k
     }
 
-    /// Number of rows `t`, one a transition of the data.
+    /// Returns the number of rows `t`, one per transition of the data.
     pub fn len(&self) -> usize {
         self.neighbors().len() / self.k
     }
@@ -55,12 +55,12 @@ impl NeighborTable {
         self.len() == 0
     }
 
-    /// Neighbour transitions, `u32 [t, k]` row by row. Take this once outside a hot loop.
+    /// Returns the neighbour transitions, `u32 [t, k]` row by row. In a hot loop, call this once before the loop.
     pub fn neighbors(&self) -> &[u32] {
         (*self.neighbors).as_ref()
     }
 
-    /// Distances, `f32 [t, k]` row by row, in the units of the states.
+    /// Returns the distances, `f32 [t, k]` row by row, in the units of the states.
     pub fn distances(&self) -> &[f32] {
         (*self.distances).as_ref()
     }
@@ -75,23 +75,23 @@ impl fmt::Debug for NeighborTable {
     }
 }
 
-/// Where a build works.
+/// The storage that a build uses.
 #[derive(Clone, Debug, Default)]
 pub struct Workplace {
-    /// Where its large arrays are: images and tables.
+    /// The place of its large arrays: images and tables.
     pub scratch: ScratchPlace,
-    /// Where it keeps what it has found, so that it can be continued. `None` keeps nothing.
+    /// The partial results, so that an interrupted build can resume. `None` stores nothing.
     pub parts: Option<Parts>,
 }
 
-/// Build the tables of all members in one search, in memory.
+/// Builds the tables of all members in one search, in memory.
 ///
 /// Progress counts passes over the sources, then transitions. The tables do not depend on `kind` or on the number of
 /// threads.
 ///
 /// # Errors
-/// `k` is zero or exceeds the candidates of some query, the parts disagree about the number of rows, the
-/// k-d tree is asked for more columns than it supports, or the monitor interrupts.
+/// `k` is zero or exceeds the candidates of some query, the parts disagree about the number of rows, the k-d tree is
+/// asked for more columns than it supports, or the monitor interrupts.
 pub fn build_tables(
     states: &States,
     transitions: &Transitions,
@@ -107,7 +107,8 @@ pub fn build_tables(
     Ok(finished(tables, k))
 }
 
-/// As [`build_tables`], in `workplace`: the tables, which can still be changed, and the structure that found them.
+/// Finds the tables as [`build_tables`], in `workplace`. Returns the tables, which can still be changed, and the
+/// structure that found them.
 pub(crate) fn find_tables<'a>(
     sources: &Sources<'a>,
     k: usize,
@@ -125,7 +126,7 @@ pub(crate) fn find_tables<'a>(
     Ok((tables, planned))
 }
 
-/// Tables of `k` neighbours that do not change any more.
+/// Returns the final tables of `k` neighbours.
 pub(crate) fn finished(tables: Vec<Filling>, k: usize) -> Vec<NeighborTable> {
     tables
         .into_iter()
@@ -135,7 +136,7 @@ pub(crate) fn finished(tables: Vec<Filling>, k: usize) -> Vec<NeighborTable> {
         .collect()
 }
 
-/// Search part by part. A second thread puts what was found in its place and keeps it, while the next part is searched.
+/// Searches part by part. A second thread stores the results of one part while the next part is searched.
 fn fill(
     planned: &Planned<'_>,
     queries: &Queries<'_>,
@@ -146,7 +147,7 @@ fn fill(
     let members = queries.members();
     let order = &planned.order[..];
     let part = workplace.parts.as_ref().map_or(PART_QUERIES, Parts::queries);
-    // What fits in one part is found again sooner than it is written.
+    // A search that fits in one part is not stored, because searching again is faster than writing.
     let kept = workplace.parts.as_ref().filter(|_| order.len() > part);
     let kept = kept.map(|parts| parts.open(order, members, k)).transpose()?;
     monitor.begin("neighbour tables", order.len() as u64);
@@ -163,7 +164,7 @@ fn fill(
                 tables.iter_mut().enumerate().for_each(|(member, table)| {
                     put(table, member, order, &found);
                 });
-                // The last one too: it is needed until the model is complete.
+                // The last part is stored too. It is needed until the model is complete.
                 if let (Some(kept), Origin::Search) = (kept, origin) {
                     kept.write(number, &found)?;
                 }
@@ -184,7 +185,7 @@ fn fill(
                     (found, Origin::Search)
                 };
                 if send.send((number, found, origin)).is_err() {
-                    // The other thread has failed, and tells why.
+                    // The other thread has failed, and reports why.
                     break;
                 }
             }
@@ -198,7 +199,7 @@ fn fill(
     Ok(tables)
 }
 
-/// Where the lists of a part come from.
+/// The origin of the lists of a part.
 enum Origin {
     Search,
     File,
@@ -208,7 +209,7 @@ fn new_table(cells: usize, place: &ScratchPlace) -> Result<Filling, KnnError> {
     Ok((Scratch::zeroed(cells, place)?, Scratch::zeroed(cells, place)?))
 }
 
-/// Put the lists of the queries `order` in their rows.
+/// Stores the lists of the queries `order` in their rows.
 fn put(table: &mut Filling, member: usize, order: &[u32], found: &NeighborLists) {
     let neighbors = &mut table.0[..];
     let distances = &mut table.1[..];
@@ -220,10 +221,10 @@ fn put(table: &mut Filling, member: usize, order: &[u32], found: &NeighborLists)
     }
 }
 
-/// Every query must have `k` admissible candidates in each of its members.
+/// Checks that every query has `k` admissible candidates in each of its members.
 ///
-/// A member whose candidates are enough for a query that the exclusion forbids as many as it can needs no more than that;
-/// else all queries are looked at, in parallel.
+/// A member passes at once if it has `k` candidates beyond the largest possible exclusion of a query. Otherwise all
+/// queries are checked, in parallel.
 pub(crate) fn check_candidates(
     transitions: &Transitions,
     blocks: &Blocks,

@@ -1,4 +1,4 @@
-//! What must hold of every list, also of approximate ones.
+//! Checks that must hold for every list, also for approximate ones.
 
 use calib_core::{Seed, TransitionIndex};
 use rayon::prelude::*;
@@ -11,28 +11,28 @@ use crate::{
     verify::sampled,
 };
 
-/// Why a row of a table cannot be what a search found, however approximate.
+/// An error in a row of a table that no search can cause, not even an approximate one.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Fault {
-    /// A neighbour that is no transition of the member.
+    /// A neighbour is not a transition of the member.
     #[error("neighbour {neighbor} is not in the member")]
     NotInMember {
         /// The neighbour.
         neighbor: u32,
     },
-    /// A neighbour that the exclusion forbids.
+    /// The exclusion forbids a neighbour.
     #[error("neighbour {neighbor} is forbidden by `exclude_self` or `theiler`")]
     Forbidden {
         /// The neighbour.
         neighbor: u32,
     },
-    /// A neighbour that is left out, so that no rollout is trapped.
+    /// A neighbour is left out, so that no rollout is trapped.
     #[error("neighbour {neighbor} is left out, so that no rollout is trapped there")]
     LeftOut {
         /// The neighbour.
         neighbor: u32,
     },
-    /// A neighbour that is no prototype.
+    /// A neighbour is not a prototype.
     #[error("neighbour {neighbor} is not one of the prototypes, which are every {prototypes}-th")]
     NoPrototype {
         /// The neighbour.
@@ -40,7 +40,7 @@ pub enum Fault {
         /// One source in this many can be a neighbour.
         prototypes: u32,
     },
-    /// A distance that is not that of the states.
+    /// A distance differs from that of the states.
     #[error("neighbour {neighbor} is said to be {stored} away, and is {measured}")]
     Distance {
         /// The neighbour.
@@ -50,24 +50,23 @@ pub enum Fault {
         /// The distance by the definition.
         measured: f32,
     },
-    /// Two neighbours in the wrong order, or one that is there twice.
+    /// Two neighbours are in the wrong order, or one occurs twice.
     #[error("neighbour {neighbor} is not nearer than {next}, which follows it")]
     Order {
         /// The neighbour.
         neighbor: u32,
-        /// The one after it.
+        /// The neighbour that follows.
         next: u32,
     },
 }
 
-/// The faults of `sample` random rows of every member, or of all if there are no more: the first of each row, as
+/// Returns the faults of `sample` random rows of every member, or of all rows if there are no more: the first fault of each row, as
 /// (member, transition, fault).
 ///
-/// Neighbours must be in the member, allowed by the exclusion, not left out, and prototypes if only these can be neighbours (those that
-/// are chosen to cover the states are known only while tables are built, and not checked); distances must be those of the
-/// states by the definition; and lists in their order, ties by row. All of it holds of exact and of approximate tables.
-/// Which true neighbours are missing is for [`recall`](crate::recall) to say. The rows are the same as those of
-/// [`verify`](crate::verify) with this seed.
+/// Neighbours must be in the member, allowed by the exclusion, not left out, and prototypes if only these can be neighbours. Prototypes
+/// that cover the states are known only while tables are built, and are not checked. Distances must be those of the states by the
+/// definition. Lists must be in order, ties by row. All of this holds for exact and for approximate tables. [`recall`](crate::recall)
+/// measures which true neighbours are missing. The rows are the same as those of [`verify`](crate::verify) with this seed.
 pub fn faults(
     model: &KnnModel,
     shortcuts: Shortcuts,
@@ -142,7 +141,7 @@ mod tests {
         KnnModel::build(states, transitions, &config, &Silent).expect("built")
     }
 
-    /// The faults of a model in whose table of member 0 these cells of one row are changed.
+    /// Returns the faults of a model after `change` has modified one row in the table of member 0.
     fn after(change: impl Fn(&mut [u32], &mut [f32], &KnnModel)) -> Vec<Fault> {
         let model = model();
         let directory = tempfile::tempdir().expect("a directory");

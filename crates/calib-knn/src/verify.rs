@@ -6,12 +6,12 @@ use crate::{
     distance::stored,
 };
 
-/// How a model's tables compare with a search by brute force.
+/// The comparison of a model's tables with a brute-force search.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Verification {
-    /// Table rows that were searched again.
+    /// Number of table rows that were searched again.
     pub rows: usize,
-    /// Rows whose neighbours and distances are identical.
+    /// Number of rows whose neighbours and distances are identical.
     pub identical: usize,
     /// The rows that differ, as (member, transition), in order.
     pub different: Vec<(usize, TransitionIndex)>,
@@ -24,7 +24,7 @@ impl Verification {
     }
 }
 
-/// Search `sample` random rows of every member again by brute force in f64, and compare.
+/// Searches `sample` random rows of every member again by brute force in f64, and compares.
 ///
 /// The states are read once for all rows together. If a member has no more than `sample` rows, all are searched. Progress
 /// counts sources.
@@ -53,7 +53,7 @@ pub fn verify(
     Ok(Verification { rows, identical: rows - different.len(), different })
 }
 
-/// `sample` random rows of every member, or all of them if there are no more.
+/// Returns `sample` random rows of every member, or all rows if there are no more.
 pub(crate) fn sampled(model: &KnnModel, sample: usize, seed: Seed) -> Vec<Cell> {
     let mut cells = Vec::new();
     for number in 0..model.members() {

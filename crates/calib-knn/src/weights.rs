@@ -1,6 +1,6 @@
 use calib_core::Rng;
 
-/// How a step chooses among its `k` neighbours at distances `d_1 ≤ … ≤ d_k`.
+/// The probabilities with which a step draws one of its `k` neighbours, at distances `d_1 ≤ … ≤ d_k`.
 ///
 /// | name | probability of neighbour `j` | source |
 /// |---|---|---|
@@ -11,31 +11,31 @@ use calib_core::Rng;
 /// | `Rank` | `∝ 1/j` | Lall & Sharma 1996, with `k = √n` |
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Weights {
-    /// Falls linearly with the share of the distance.
+    /// The weight falls linearly with the share of the distance.
     #[default]
     Linear,
-    /// All the same.
+    /// All weights are equal.
     Uniform,
     /// Boltzmann weights.
     Softmax {
         /// `T`, in units of distance; positive.
         temperature: f64,
     },
-    /// Inverse distance.
+    /// The weight is the inverse distance.
     Inverse,
-    /// Inverse place among the neighbours, whatever the distances are.
+    /// The weight is the inverse rank among the neighbours, independent of the distances.
     Rank,
 }
 
 impl Weights {
-    /// The probabilities of neighbours at `distances`, which sum to 1.
+    /// Returns the probabilities of neighbours at `distances`, which sum to 1.
     pub fn probabilities(self, distances: &[f32]) -> Vec<f64> {
         let raw: Vec<f64> = self.unnormalised(distances).collect();
         let total: f64 = raw.iter().sum();
         raw.into_iter().map(|weight| weight / total).collect()
     }
 
-    /// Draw a position in `distances`, one uniform number a draw.
+    /// Draws a position in `distances`, with one uniform random number per draw.
     ///
     /// # Panics
     /// If `distances` is empty.
@@ -53,11 +53,11 @@ impl Weights {
                 left -= weight;
             }
         }
-        // Rounding can use up the last bit of the total; then the last possible neighbour is meant.
+        // Rounding can exceed the total. Then the last neighbour with a positive weight is drawn.
         last
     }
 
-    /// Which of the neighbours at `distances` a step can draw at all.
+    /// Returns which of the neighbours at `distances` a step can draw.
     pub(crate) fn possible(self, distances: &[f32]) -> impl Iterator<Item = bool> + '_ {
         self.unnormalised(distances).map(|weight| weight > 0.0)
     }
@@ -80,7 +80,7 @@ impl Weights {
                     (-(distance - f64::from(nearest)) / temperature).exp()
                 }
                 Self::Inverse if nearest == 0.0 => f64::from(u8::from(distance == 0.0)),
-                // Relative to the nearest, so that tiny distances cannot overflow.
+                // The weights are relative to the nearest, so that tiny distances cannot overflow.
                 Self::Inverse => f64::from(nearest) / distance,
                 Self::Rank => 1.0 / (place + 1) as f64,
             }
@@ -134,7 +134,7 @@ mod tests {
     fn edge_cases_are_uniform_or_certain() {
         for weights in ALL {
             close(&weights.probabilities(&[7.0]), &[1.0]);
-            // By rank the first comes first, however far the others are.
+            // `Rank` depends only on the order, so it is not uniform here.
             if weights == Weights::Rank {
                 continue;
             }

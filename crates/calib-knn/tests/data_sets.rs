@@ -1,11 +1,12 @@
-//! Every search structure on every kind of data that plants produce: random rows agree with brute force in f64.
+//! Tests every search structure on every kind of data that plants produce: random rows agree with brute force
+//! in f64.
 
 use calib_core::{Period, Rng, Seed, Segments, Silent, States, Transitions};
 use calib_files::ScratchPlace;
 use calib_knn::{IndexKind, KnnModel, ModelConfig, Workplace, verify};
 use calib_plant::{Fate, Plant, PlantOptions};
 
-/// Rows of most sets.
+/// Number of rows of most data sets.
 const ROWS: usize = 1800;
 
 fn filled(columns: usize, mut value: impl FnMut(usize, usize) -> f32) -> States {
@@ -17,7 +18,7 @@ fn rng(name: &str) -> Rng {
     Seed::new(4).child(name).rng()
 }
 
-/// The live channels of the simulated plant, scaled; missing values are held.
+/// Returns the live channels of the simulated plant, scaled. Missing values repeat the last one.
 fn plant() -> States {
     let period = Period::from_secs(60.0).expect("positive");
     let options = PlantOptions { channels: 480, period, days: 3.0, ..PlantOptions::default() };
@@ -45,7 +46,7 @@ fn plant() -> States {
     filled(142, |row, column| columns[column][row])
 }
 
-/// A walk of some factors, seen by many sensors.
+/// Returns a random walk of some factors that many sensors measure.
 fn walk(columns: usize, noise: f64) -> States {
     let mut rng = rng("walk");
     let loadings: Vec<f64> = (0..4 * columns).map(|_| rng.normal()).collect();
@@ -69,7 +70,7 @@ fn changed(states: &States, mut change: impl FnMut(usize, &mut [f32], &[f32])) -
     States::new(values, states.rows(), states.columns()).expect("finite")
 }
 
-/// Some rows of every member.
+/// Compares some rows of every member with brute force.
 fn check(name: &str, states: &States, lengths: &[usize], configs: &[ModelConfig]) {
     check_rows(25, name, states, lengths, configs);
 }
@@ -137,7 +138,7 @@ fn dimensions_that_never_change() {
 #[test]
 fn periods_in_which_the_plant_stands_still() {
     let stuck = changed(&walk(30, 0.02), |row, state, all| {
-        // Two standstills, one of them across a block, and a sensor that freezes now and then.
+        // Two standstills, one of them across a block boundary, and a sensor that freezes now and then.
         let from = if (300..700).contains(&row) { 300 } else { row };
         let from = if (1000..1600).contains(&row) { 300 } else { from };
         state.copy_from_slice(&all[from * 30..][..30]);
@@ -163,7 +164,7 @@ fn outliers_near_and_far() {
 #[test]
 fn a_few_spikes_are_kept_apart() {
     for columns in [12, 60] {
-        // Alone and in runs, also as last rows of segments, which are queries but no sources.
+        // Spikes occur alone and in runs, also as last rows of segments, which are queries but not sources.
         let spiky = changed(&walk(columns, 0.02), |row, state, _| {
             let spike = match row {
                 300 | 1799 => 1e9,
@@ -179,7 +180,7 @@ fn a_few_spikes_are_kept_apart() {
 
 #[test]
 fn more_far_states_than_are_kept_apart() {
-    // A tenth of the time the plant is elsewhere, in its own directions.
+    // For a tenth of the time the plant is in another region, with its own directions of variation.
     let elsewhere = walk(60, 0.02);
     let shifted = changed(&walk(60, 0.001), |row, state, _| {
         if row % 200 < 20 {
@@ -239,7 +240,7 @@ fn nearly_as_many_neighbours_as_a_member_has() {
 
 #[test]
 fn an_embedding_like_a_laplacian_one() {
-    // Bounded smooth functions of few coordinates, some of them dead.
+    // Bounded smooth functions of few coordinates, some of them constant.
     let factors = walk(3, 0.0);
     let mut rng = rng("embedding");
     let waves: Vec<f32> = (0..4 * 64).map(|_| rng.normal() as f32).collect();

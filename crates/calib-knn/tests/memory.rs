@@ -1,4 +1,4 @@
-//! The predicted memory against what processes of their own take.
+//! Compares the predicted memory with that of separate processes.
 
 #![cfg(target_os = "linux")]
 #![expect(clippy::print_stdout, reason = "a process of its own tells the test what it took")]
@@ -17,15 +17,15 @@ use calib_files::ScratchPlace;
 use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig, Parts, PrototypeKind, Workplace};
 
 const ROWS: usize = 80_000;
-/// What tells a process of these tests which case it builds, and of how many times the rows.
+/// The environment variable that selects the case for a child process, and the multiple of the rows.
 const CASE: &str = "CALIB_KNN_MEMORY_CASE";
 
-/// The defaults, with this search structure and so many neighbours.
+/// Returns the defaults with this search structure and number of neighbours.
 fn with(index: IndexKind, neighbors: usize) -> ModelConfig {
     ModelConfig { index, neighbors, ..ModelConfig::default() }
 }
 
-/// A case for a process of its own: columns, threads, what is built and whether in files.
+/// Returns the cases for child processes: columns, threads, configuration, and whether arrays are in files.
 fn cases() -> Vec<(usize, usize, ModelConfig, bool)> {
     let covering = ModelConfig {
         prototypes: 8,
@@ -46,14 +46,15 @@ fn cases() -> Vec<(usize, usize, ModelConfig, bool)> {
     ]
 }
 
-/// A figure of this process's memory, in bytes.
+/// Returns a memory figure of this process, in bytes.
 fn memory(name: &str) -> u64 {
     let status = fs::read_to_string("/proc/self/status").expect("Linux says");
     let line = status.lines().find_map(|line| line.strip_prefix(name)).expect("a figure");
     1024 * line.trim_matches([':', ' ', '\t', 'k', 'B']).parse::<u64>().expect("a number")
 }
 
-/// The most memory while `work` is done: of all, or, looked at often, of what is not of files.
+/// Returns the peak memory while `work` runs: of all pages, or, by frequent sampling, of pages that do not belong to
+/// files.
 fn most(files_too: bool, work: impl FnOnce()) -> u64 {
     let done = AtomicBool::new(false);
     let anonymous = AtomicU64::new(0);
@@ -71,10 +72,10 @@ fn most(files_too: bool, work: impl FnOnce()) -> u64 {
     if files_too { memory("VmHWM") } else { anonymous.into_inner() }
 }
 
-/// Build a case and say what it took.
+/// Builds a case and prints the memory that it took.
 fn child(number: usize, times: usize) {
     let (columns, threads, config, on_disk) = cases().swap_remove(number);
-    // A scan takes the square of the rows.
+    // The time of a scan is quadratic in the number of rows.
     let rows = if config.index == IndexKind::Scan { ROWS / 8 } else { times * ROWS };
     let mut rng = Seed::new(1).rng();
     let mut values = Vec::with_capacity(rows * columns);
@@ -109,7 +110,7 @@ fn child(number: usize, times: usize) {
     println!("took {took} {predicted} bytes");
 }
 
-/// What a process takes that builds this case of so many times the rows, and what is predicted.
+/// Returns the memory of a process that builds this case with a multiple of the rows, and the prediction.
 fn built(number: usize, times: usize) -> (u64, u64) {
     let output = Command::new(std::env::current_exe().expect("this test"))
         .args(["--exact", "a_build_takes_no_more_than_is_predicted", "--nocapture"])
@@ -135,14 +136,15 @@ fn a_build_takes_no_more_than_is_predicted() {
         let (took, predicted) = built(number, 1);
         println!("{case:?}: {took} of {predicted} bytes");
         assert!(took <= predicted, "{case:?}: took {took} bytes, predicted {predicted}");
-        // What does not grow with the rows is most of what is predicted for so few, so it is taken off where rows count.
+        // For so few rows, most of the prediction does not depend on the rows. So this part is subtracted where the
+        // growth with rows is tested.
         let &(columns, _, config, on_disk) = case;
         if columns == 40 && !on_disk {
             let (more, much) = built(number, 4);
             let grows = more - took;
             let predicted = much - predicted;
             println!("    three times the rows: {grows} of {predicted} bytes");
-            // What an allocator keeps differs by some megabytes from run to run.
+            // The allocator's reserve differs by some megabytes between runs.
             let most = predicted + predicted / 20;
             assert!(grows <= most, "{config:?}: {grows} bytes more, predicted {predicted}");
             assert!(grows > predicted / 2, "{config:?}: only {grows} bytes more of {predicted}");

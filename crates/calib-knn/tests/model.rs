@@ -1,4 +1,4 @@
-//! The model as its users see it: members, external queries, files, verification.
+//! Tests the public interface of a model: members, external queries, files, verification.
 
 use std::collections::BTreeSet;
 
@@ -28,7 +28,7 @@ fn model(config: &ModelConfig) -> KnnModel {
     KnnModel::build(states, transitions, config, &Silent).expect("built")
 }
 
-/// The `count` sources of a member that are nearest to `query`, by the definition.
+/// Returns the `count` sources of a member that are nearest to `query`, by the definition.
 fn nearest_by_definition(member: Member<'_>, query: &[f32], count: usize) -> Vec<(f64, u32)> {
     let model = member.model();
     let mut all: Vec<(f64, u32)> = (0..member.len())
@@ -73,7 +73,7 @@ fn the_tables_verify_and_damage_does_not() {
     let rows: usize = (0..5).map(|m| model.member(m).len()).sum();
     assert_eq!((all.rows, all.identical), (rows, rows));
 
-    // The same tables do not verify against other states.
+    // The same tables fail verification against other states.
     let directory = tempfile::tempdir().expect("a directory");
     model.write_members(directory.path()).expect("written");
     let (states, transitions) = walk(&[150, 1, 90, 200], 5, 8);
@@ -113,7 +113,8 @@ fn external_states_find_their_nearest_sources() {
     let model = model(&ModelConfig::default());
     let (queries, _) = walk(&[700], 5, 99);
     let member = model.member(2);
-    // 700 queries take the built index, 5 the scan: the answers are the definition's either way.
+    // 700 queries use a built index and 5 use the scan. Both must give the answers of the
+    // definition.
     let many = member.nearest_sources(&queries, 3, &Silent).expect("same columns");
     let few = States::new(queries.as_slice()[..25].to_vec(), 5, 5).expect("valid");
     assert_eq!(member.nearest_sources(&few, 3, &Silent).expect("same columns"), many[..5]);
@@ -152,7 +153,7 @@ fn states_far_outside_the_data_find_their_nearest_sources_too() {
     let model = model(&ModelConfig::default());
     let member = model.member(0);
     let mut rng = Seed::new(5).rng();
-    // 400 queries: the join, whose images are f32 and overflow at the larger of these scales.
+    // 400 queries use the join, whose f32 images overflow at the larger of these scales.
     let values: Vec<f32> = (0..400 * 5)
         .map(|i| (rng.normal() * [1.0, 1e6, 1e17, 1e30, 1e37][i / 5 % 5]) as f32)
         .collect();
@@ -169,7 +170,7 @@ fn states_far_outside_the_data_find_their_nearest_sources_too() {
 #[test]
 fn all_members_are_searched_at_once_as_each_is() {
     let model = model(&ModelConfig::default());
-    // The scan, and the join; in memory, and on disk.
+    // The scan and the join, each in memory and on disk.
     let directory = tempfile::tempdir().expect("a directory");
     let on_disk = ScratchPlace::Disk(directory.path().to_owned());
     for (count, place) in [(10, ScratchPlace::Memory), (700, ScratchPlace::Memory), (700, on_disk)]
@@ -204,7 +205,7 @@ fn a_search_for_other_states_takes_the_same_however_the_tables_were_found() {
     assert!(own.working < need.working, "a scan has no images, and these states are not scanned");
 }
 
-/// A user who asked to stop long ago.
+/// A monitor that always interrupts.
 struct Stopped;
 
 impl calib_core::Monitor for Stopped {
@@ -229,7 +230,7 @@ fn searches_and_comparisons_end_when_they_are_told_to() {
 
 #[test]
 fn an_empty_member_is_told_as_such() {
-    // Two transitions that share a row: the member that leaves one out lacks the other too.
+    // Two transitions share a row: the member that leaves one out also lacks the other.
     let states = States::new(vec![0.0, 1.0, 2.0], 3, 1).expect("valid");
     let transitions = Transitions::new(Segments::from_lengths([3]).expect("valid"));
     let directory = tempfile::tempdir().expect("a directory");

@@ -1,4 +1,5 @@
-//! Builds that are interrupted and continued, in memory and on disk, give the bytes of undisturbed ones.
+//! Tests that builds that are interrupted and continued, in memory and on disk, give the same bytes as
+//! undisturbed ones.
 
 use std::{
     path::{Path, PathBuf},
@@ -25,7 +26,8 @@ fn data(columns: usize) -> (States, Transitions) {
     (states, Transitions::new(Segments::from_lengths([1200, ROWS - 1200]).expect("valid")))
 }
 
-/// Interrupts once the search, not what comes before it, has come this far.
+/// A monitor that interrupts once the search has reached this progress. It ignores the steps before the
+/// search.
 struct StopsAt {
     queries: u64,
     searching: AtomicU64,
@@ -73,7 +75,7 @@ fn bytes(model: &KnnModel) -> Vec<(Vec<u32>, Vec<u32>)> {
         .collect()
 }
 
-/// In memory, with parts of 300 queries in a folder.
+/// Returns a workplace in memory, with parts of 300 queries in a folder.
 fn in_parts(folder: &Path) -> Workplace {
     let parts = Parts::new(folder.to_owned(), "data").of_queries(300);
     Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) }
@@ -95,7 +97,7 @@ fn a_build_that_is_interrupted_again_and_again_goes_on() {
         let mut round = 0;
         let built = loop {
             round += 1;
-            // Now in memory, now on disk, and never far: each round adds a part or two.
+            // Alternates between memory and disk. Each round adds only a part or two.
             let scratch = if round % 2 == 0 { ScratchPlace::Memory } else { on_disk.clone() };
             let workplace = Workplace { scratch, parts: Some(parts.clone()) };
             let stops = StopsAt::new(300 * interrupted + 350);
@@ -120,10 +122,10 @@ fn what_was_kept_is_not_searched_again() {
     assert_eq!(kept, 10, "all of them, until the model is complete");
     let again = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
     assert_eq!(bytes(&again), bytes(&first));
-    // Another structure searches in another order: its parts are its own.
+    // Another structure searches in another order, so its parts are separate.
     let other = build(IndexKind::Scan, 12, &workplace, &Silent).expect("built");
     assert_eq!(bytes(&other), bytes(&first));
-    // Damage is searched again.
+    // A damaged part is searched again.
     for entry in std::fs::read_dir(directory.path().join("partial")).expect("readable") {
         let path = entry.expect("an entry").path();
         let mut content = std::fs::read(&path).expect("readable");
@@ -134,7 +136,8 @@ fn what_was_kept_is_not_searched_again() {
     assert_eq!(bytes(&repaired), bytes(&first));
 }
 
-/// A part's key and the fingerprint of what follows, 64 digits each, come before its neighbours and distances.
+/// Bytes before the neighbours and distances of a part: its key and the fingerprint of the rest, 64 digits
+/// each.
 const HEAD: usize = 128;
 
 #[test]
@@ -144,8 +147,8 @@ fn what_was_kept_is_what_the_tables_hold() {
     let workplace = in_parts(&partial);
     let stopped = build(IndexKind::Join, 12, &workplace, &StopsAt::new(1500));
     assert!(matches!(stopped, Err(KnnError::Cancelled(_))));
-    // A part that was never searched like this, but is whole by its fingerprint: if it is put into the tables,
-    // they show it; if its queries are searched again, they do not.
+    // A forged part whose fingerprint is valid. If the build uses it, the tables show it. If the build
+    // searches its queries again, they do not.
     let path = partial.join("00000000.part");
     let mut content = std::fs::read(&path).expect("the first part was kept");
     let distances = HEAD + (content.len() - HEAD) / 2;
@@ -169,7 +172,7 @@ fn what_was_kept_is_what_the_tables_hold() {
             assert!(from_part == 7777.5 || from_part.to_bits() == searched.to_bits());
         }
     }
-    // 300 queries, each in two of three members but for those beside a block, with three neighbours.
+    // 300 queries, each in two of three members except those beside a block, with three neighbours.
     assert!((1750..=1800).contains(&marked), "{marked} cells come from the part");
 }
 
@@ -186,7 +189,8 @@ fn a_disk_without_room_is_an_error_and_no_panic() {
     assert!(matches!(error, KnnError::File(_)), "{error}");
 }
 
-/// Puts a directory where a part is to be written, once the search begins, and counts the queries.
+/// A monitor that creates a directory at the path of the next part once the search begins, and counts the
+/// queries.
 struct Obstacle {
     path: PathBuf,
     queries: AtomicU64,
@@ -214,7 +218,8 @@ fn a_part_that_cannot_be_written_ends_the_build() {
     let error = build(IndexKind::Join, 12, &workplace, &obstacle).expect_err("no room");
     assert!(matches!(error, KnnError::File(_)), "{error}");
     assert!(error.to_string().contains("00000001.part"), "{error}");
-    // The second part fails; one may wait and one be searched meanwhile, and then the search ends.
+    // Writing the second part fails. Meanwhile one part may wait and one be searched, and then the search
+    // ends.
     let searched = obstacle.queries.into_inner();
     assert!((600..=1800).contains(&searched), "{searched} queries of 2998");
     assert!(partial.join("00000000.part").is_file(), "what was kept before stays");

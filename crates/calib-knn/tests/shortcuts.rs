@@ -1,4 +1,4 @@
-//! Approximate tables: what they leave out, and what is said about them.
+//! Tests approximate tables: what they leave out, and what is reported about them.
 
 use calib_core::{Seed, Segments, Silent, States, Transitions};
 use calib_knn::{IndexKind, KnnError, KnnModel, ModelConfig, PrototypeKind, recall};
@@ -64,7 +64,7 @@ fn a_budget_of_leaves_trades_recall_for_time() {
             assert_eq!(model.table(2).neighbors(), exact.table(2).neighbors());
         }
     }
-    // The budget is the join's, whatever would be taken otherwise.
+    // Only the join supports a leaf budget.
     let few = ModelConfig { leaf_budget: 1, index: IndexKind::Scan, ..ModelConfig::default() };
     assert!(few.check().is_err());
 }
@@ -103,7 +103,7 @@ fn prototypes_are_the_only_neighbours() {
     assert!(error.to_string().contains("possible neighbours"), "{error}");
 }
 
-/// Everything but the k-d tree's limit of columns.
+/// All search structures. The data must have few enough columns for the k-d tree.
 const ALL: [IndexKind; 4] = [IndexKind::Join, IndexKind::Scan, IndexKind::KdTree, IndexKind::Auto];
 
 fn same_by_all(config: ModelConfig) -> KnnModel {
@@ -134,7 +134,7 @@ fn covering_prototypes_are_few_and_miss_nothing_rare() {
     let found = recall(&model, 60, Seed::new(2), &Silent).expect("not interrupted");
     assert!(found.recall < 0.9 && found.distance_ratio > 1.0, "{found:?}");
 
-    // Something that happened twice, on days that are no multiples of seven.
+    // An event that occurred twice, on days that are not multiples of seven.
     let (states, transitions) = data();
     let mut values = states.as_slice().to_vec();
     for row in [1002, 3001] {

@@ -1,4 +1,4 @@
-//! One suite over every search structure: tables against brute force in f64.
+//! Tests every search structure: tables against brute force in f64.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -9,7 +9,8 @@ use proptest::prelude::*;
 const KINDS: [IndexKind; 4] =
     [IndexKind::KdTree, IndexKind::Join, IndexKind::Scan, IndexKind::Auto];
 
-/// The list of each transition: squared distances and transitions; none outside the member.
+/// The list of each transition: squared distances and transitions. `None` for transitions outside the
+/// member.
 type Lists = Vec<Option<Vec<(f64, u32)>>>;
 
 #[derive(Clone, Debug)]
@@ -32,7 +33,7 @@ impl Case {
         Transitions::new(Segments::from_lengths(self.lengths.iter().copied()).expect("valid"))
     }
 
-    /// The lists of `member` by the definition, written without the crate's own search code.
+    /// Returns the lists of `member` by the definition, without the crate's own search code.
     fn expected(&self, member: usize) -> Result<Lists, usize> {
         let states = self.states();
         let all = self.transitions();
@@ -135,7 +136,8 @@ fn compare(
     Ok(())
 }
 
-/// Values that make trouble: continuous, coarsely quantised, copies of few rows, tiny steps on an offset.
+/// Generates difficult values: continuous, coarsely quantised, copies of few rows, and tiny steps on an
+/// offset.
 fn values(rows: usize, columns: usize) -> impl Strategy<Value = Vec<f32>> {
     let count = rows * columns;
     let quantised = proptest::collection::vec((0_u8..3).prop_map(f32::from), count);
@@ -172,7 +174,7 @@ fn values(rows: usize, columns: usize) -> impl Strategy<Value = Vec<f32>> {
             values
         },
     );
-    // Rows of very different sizes side by side: a sensor that breaks at the end of an episode.
+    // Rows of very different magnitude are adjacent: a sensor that breaks at the end of an episode.
     let mixed = (
         proptest::collection::vec(-1.0_f32..1.0, count),
         proptest::collection::vec(prop_oneof![3 => Just(0), 1 => -40_i32..38], rows),
@@ -278,9 +280,9 @@ fn threads_do_not_change_a_byte() {
     }
 }
 
-/// Counts progress, and interrupts beyond some of it.
+/// A monitor that counts progress, and interrupts beyond a limit.
 struct Counting {
-    /// Whether building the index counts, and not the search alone.
+    /// Whether building the index counts, or only the search.
     all: bool,
     counts: AtomicBool,
     progress: AtomicU64,

@@ -1,17 +1,18 @@
-//! States of known structure.
+//! Generated states of known structure.
 
 use std::f64::consts::TAU;
 
 use calib_core::{Rng, Seed, States};
 
-/// Values that fill their cube.
+/// Returns values that are uniform in the unit cube.
 pub(crate) fn uniform(rows: usize, columns: usize) -> States {
     let mut rng = Seed::new(1).rng();
     let values = (0..rows * columns).map(|_| rng.unit() as f32).collect();
     States::new(values, rows, columns).expect("valid")
 }
 
-/// Ten slow factors, one with the period of a day, and a mode that shifts every sensor.
+/// Returns states of ten slow factors, one with a daily period, and a mode that shifts every
+/// sensor.
 pub(crate) fn plant(rows: usize, columns: usize) -> States {
     const FACTORS: usize = 10;
     let mut rng = Seed::new(3).rng();
@@ -34,7 +35,8 @@ pub(crate) fn plant(rows: usize, columns: usize) -> States {
     States::new(values, rows, columns).expect("valid")
 }
 
-/// Moves the factors to `row`: the first has the period of a day, the others wander slowly.
+/// Moves the factors to `row`. The first has the period of a day; the others change slowly and at
+/// random.
 fn move_on(factors: &mut [f64], row: usize, rng: &mut Rng) {
     for (number, factor) in factors.iter_mut().enumerate().skip(1) {
         let memory = 1.0 - 0.01 / number as f64;

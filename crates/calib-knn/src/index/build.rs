@@ -4,12 +4,12 @@ use calib_files::ScratchPlace;
 use super::{Join, KdTree, NeighborIndex, Queries, Scan, Sources};
 use crate::{IndexChoice, IndexKind, KnnError, choice::Reason};
 
-/// Up to this many columns the k-d tree is the faster of the two; see [`Sources::index`].
+/// Up to this many columns the k-d tree is faster than the join; see [`Sources::index`].
 const FEW_COLUMNS: usize = 2;
-/// If the k-d tree gives more states a query than this beside the first that it is asked for, as where a member lacks a block (five and
-/// a little times the neighbours), the join is the faster of the two.
+/// Limit on the extra states that the k-d tree returns per query, beyond those that it is first asked for. Above it, the join is
+/// faster. Where a member lacks a block, the tree returns a little over five times the neighbours.
 const MOST_GIVEN: usize = 128;
-/// Fewer queries than this are not worth building anything for.
+/// Below this many queries, building an index does not pay.
 const FEW_QUERIES: usize = 256;
 
 /// A search structure that is ready for some queries.
@@ -17,7 +17,7 @@ const FEW_QUERIES: usize = 256;
 pub struct Planned<'a> {
     /// The structure.
     pub index: Box<dyn NeighborIndex + 'a>,
-    /// The queries in the order in which it searches them.
+    /// The queries, in the order in which the structure searches them.
     pub order: Vec<u32>,
     /// Which structure it is, and why.
     pub choice: IndexChoice,
@@ -36,12 +36,12 @@ impl<'a> Planned<'a> {
 }
 
 impl<'a> Sources<'a> {
-    /// A search structure of this kind over these sources, with its large arrays in `place`.
+    /// Returns a search structure of this kind over these sources, with its large arrays in `place`.
     ///
-    /// [`IndexKind::Auto`] takes the scan for few queries, else the k-d tree up to 2 columns, unless its arrays should be in
-    /// files or it would give too many states that a query must not find, else the join,
-    /// unless that turns out on a sample of the queries to be more work than the scan. Processor seconds for the
-    /// tables of 100 000 rows (`k` = 3, five members; `cargo bench -p calib-knn --bench choice` measures them anew):
+    /// [`IndexKind::Auto`] takes the scan for few queries. Otherwise it takes the k-d tree up to 2 columns, unless its arrays should be
+    /// in files, or it would return too many states that a query must not find. Otherwise it takes the join, unless a sample of the
+    /// queries shows that the join is more work than the scan. Processor seconds for the tables of 100 000 rows (`k` = 3, five members;
+    /// `cargo bench -p calib-knn --bench choice` measures them):
     ///
     /// | columns | uniform: tree, join | simulated plant: tree, join |
     /// |---|---|---|
@@ -52,13 +52,12 @@ impl<'a> Sources<'a> {
     /// | 6 | 1.03, 0.45 | 0.17, 0.17 |
     /// | 8 | 2.58, 0.69 | 0.20, 0.18 |
     ///
-    /// With a Theiler window of 3600 rows, 20 000 rows of two columns of the plant take the tree 1.01, the join 0.14.
+    /// With a Theiler window of 3600 rows, 20 000 rows of two columns of the plant take 1.01 with the tree and 0.14 with the join.
     ///
     /// Progress counts passes over the sources.
     ///
     /// # Errors
-    /// If the k-d tree is asked for more columns than it supports, there is no place for the arrays, or the
-    /// monitor interrupts.
+    /// If the k-d tree is asked for more columns than it supports, there is no place for the arrays, or the monitor interrupts.
     pub fn index(
         &self,
         kind: IndexKind,
@@ -71,7 +70,7 @@ impl<'a> Sources<'a> {
         let tree =
             |tree: KdTree<'a>, reason| Planned::new(tree, queries, IndexKind::KdTree, reason);
         let budget = self.leaf_budget;
-        // A budget is the join's, so that the tables do not depend on what else could be taken.
+        // Only the join has a leaf budget. A budget therefore fixes the structure, so that the tables do not depend on the choice.
         let kind = if budget > 0 { IndexKind::Join } else { kind };
         match kind {
             IndexKind::KdTree => Ok(tree(KdTree::new(*self, monitor)?, Reason::Asked)),
@@ -118,7 +117,8 @@ mod tests {
     use super::*;
     use crate::{Blocks, Exclusion, index::NeighborLists};
 
-    /// What is chosen for the next states, and what it finds: what a scan of each transition finds.
+    /// Returns the structure that is chosen for the next states, and what it finds. Checks the result against a scan of every
+    /// transition.
     fn chosen(
         states: &States,
         exclusion: Exclusion,
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn a_tree_is_not_chosen_where_the_nearest_states_are_forbidden() {
-        // A slow walk: the nearest states are those just before and after.
+        // In a slow random walk, the nearest states are those just before and after.
         let mut rng = Seed::new(1).rng();
         let mut value = 0.0;
         let rows = 4000;
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_scan_gets_the_different_states() {
-        // Nothing can be ruled out but that half of the rows are one standstill.
+        // Half of the rows are one standstill. No other source can be ruled out.
         let rows = 2000;
         let columns = 64;
         let mut rng = Seed::new(2).rng();

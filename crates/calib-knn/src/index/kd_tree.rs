@@ -7,19 +7,18 @@ use rayon::prelude::*;
 use super::{NeighborIndex, NeighborLists, Queries, Sources, in_blocks};
 use crate::{KnnError, MemberLists, distance::squared, groups::Groups};
 
-/// Queries of a block, between two looks at the monitor.
+/// Queries per block, between two checks for an interruption.
 const QUERIES: usize = 256;
-/// Queries by which is judged how many states the tree gives.
+/// Maximum number of queries from which the number of returned states is estimated.
 const SAMPLE: usize = 256;
 
-/// A k-d tree (the kiddo crate) over the different source states, for few columns.
+/// A k-d tree (the kiddo crate) over the distinct source states, for few columns.
 ///
-/// The tree is asked for the `n` nearest states; everything that it left out is at least as far as the last
-/// one that it gave. If every list of the query is filled from states that are strictly nearer than that, the
-/// lists are exact, else `n` grows. Distances are computed again by the definition.
+/// The tree returns the `n` nearest states. Every other state is at least as far as the last one returned. If strictly nearer states
+/// fill every list of the query, the lists are exact; otherwise `n` grows. Distances are computed again by the definition.
 ///
-/// It cannot pass over states that the query must not find, those of a Theiler window or of a block that is left out, and gives
-/// them all where they are the nearest.
+/// The tree cannot skip states that the query must not find, such as those of a Theiler window or of a block that is left out. It
+/// returns all of them where they are the nearest.
 #[derive(Debug)]
 pub struct KdTree<'a> {
     sources: Sources<'a>,
@@ -28,10 +27,10 @@ pub struct KdTree<'a> {
 }
 
 impl<'a> KdTree<'a> {
-    /// The most columns that the tree supports.
+    /// Maximum number of columns that the tree supports.
     pub const MAX_COLUMNS: usize = 8;
 
-    /// Build the tree. Progress counts each source twice.
+    /// Builds the tree. Progress counts each source twice.
     ///
     /// # Errors
     /// If the states have more than [`MAX_COLUMNS`](Self::MAX_COLUMNS) columns, or the monitor interrupts.
@@ -56,7 +55,7 @@ impl<'a> KdTree<'a> {
         Ok(Self { sources, groups, tree })
     }
 
-    /// The lists of a query, and how many states the tree gave for them. It is given up once there are more than `most`.
+    /// Returns the lists of a query, and how many states the tree returned for them. Stops early once there are more than `most`.
     fn fill(
         &self,
         queries: &Queries<'_>,
@@ -79,7 +78,7 @@ impl<'a> KdTree<'a> {
                 let squared = squared(state, self.sources.states.row(source));
                 self.groups.offer(group as usize, squared, &forbidden, &mut lists, findable);
             }
-            // The tree computes in f64 without cancellation: far less than this relative error.
+            // The tree computes in f64 without cancellation. Its relative error is far smaller than this.
             let beyond = found.last().map_or(f64::INFINITY, |&(last, _)| last * (1.0 - 1e-12));
             if found.len() == self.groups.len() || lists.radius() < beyond || given > most {
                 return (lists, given);
@@ -88,8 +87,8 @@ impl<'a> KdTree<'a> {
         }
     }
 
-    /// How many states the tree gives a query, judged by a few of them that are spread evenly; it is not looked into by how much they
-    /// are more than `most`.
+    /// Estimates how many states the tree returns per query, from an evenly spread sample of the queries. For one query it counts
+    /// little further than `most`.
     pub(super) fn given(&self, queries: &Queries<'_>, k: usize, most: usize) -> f64 {
         let stride = queries.len().div_ceil(SAMPLE).max(1);
         let sample: Vec<usize> = (0..queries.len()).step_by(stride).collect();
@@ -121,11 +120,11 @@ impl NeighborIndex for KdTree<'_> {
 
 /// A tree of any compiled dimension.
 trait Tree: Send + Sync + std::fmt::Debug {
-    /// The `count` nearest groups with their squared distances, nearest first.
+    /// Returns the `count` nearest groups with their squared distances, nearest first.
     fn nearest(&self, state: &[f32], count: usize) -> Vec<(f64, u32)>;
 }
 
-/// A tree of `K` dimensions; states without columns are points on a line.
+/// A tree of `K` dimensions. States without columns are points on a line.
 #[derive(Debug)]
 struct Fixed<const K: usize>(ImmutableKdTree<f32, K>);
 

@@ -1,4 +1,4 @@
-//! The little linear algebra behind embeddings and principal components.
+//! The linear algebra behind embeddings and principal components.
 
 use calib_core::Seed;
 use rayon::prelude::*;
@@ -6,10 +6,10 @@ use rayon::prelude::*;
 /// Rounds of subspace iteration. The axes need not have converged.
 const ROUNDS: usize = 12;
 
-/// Rows of the covariance that a task computes.
+/// Rows of the covariance that one task computes.
 const BAND: usize = 16;
 
-/// Mean of some states, in f64.
+/// Returns the mean of some states, in f64.
 pub(crate) fn mean(sample: &[&[f32]], columns: usize) -> Vec<f64> {
     let mut mean = vec![0.0; columns];
     for state in sample {
@@ -23,14 +23,14 @@ pub(crate) fn mean(sample: &[&[f32]], columns: usize) -> Vec<f64> {
     mean
 }
 
-/// Mean and covariance `[columns, columns]` of some states, in f64.
+/// Returns the mean and covariance `[columns, columns]` of some states, in f64.
 ///
-/// Takes `8 columns²` bytes, and for each thread `8 · 17 · columns`.
+/// Takes `8 columns²` bytes, and `8 · 17 · columns` bytes per thread.
 pub(crate) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f64>) {
     let count = sample.len().max(1) as f64;
     let mean = mean(sample, columns);
-    // Each task has some of the rows, from the diagonal on, and adds the states in order: what comes out does not depend on the
-    // number of threads.
+    // Each task computes some of the rows, from the diagonal on, and adds the states in order. So the result does not depend on
+    // the number of threads.
     let mut total = vec![0.0; columns * columns];
     total.par_chunks_mut(BAND * columns.max(1)).enumerate().for_each(|(band, total)| {
         let first = band * BAND;
@@ -64,8 +64,8 @@ pub(crate) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f6
     (mean, total)
 }
 
-/// About the `count` eigenvectors of the largest eigenvalues, exactly orthonormal up to rounding, as
-/// `[columns, count]`: subspace iteration from a fixed start.
+/// Approximates the `count` eigenvectors of the largest eigenvalues, as `[columns, count]`, by subspace iteration from a fixed
+/// start. They are orthonormal up to rounding.
 pub(crate) fn leading_axes(
     covariance: &[f64],
     columns: usize,
@@ -73,7 +73,7 @@ pub(crate) fn leading_axes(
     seed: Seed,
 ) -> Vec<f64> {
     let mut rng = seed.rng();
-    // The axes as rows, which is the convenient order here.
+    // The axes are stored as rows, which is the convenient order here.
     let mut axes: Vec<Vec<f64>> =
         (0..count).map(|_| (0..columns).map(|_| rng.normal()).collect()).collect();
     orthonormalise(&mut axes, &mut rng);
@@ -109,8 +109,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Gram–Schmidt, each axis twice against all before it ("twice is enough", Giraud et al. 2005).
-/// An axis that vanishes is replaced by a random one.
+/// Orthonormalises the axes by Gram–Schmidt, each axis twice against all before it ("twice is enough", Giraud et al. 2005).
+/// Replaces an axis that vanishes by a random one.
 fn orthonormalise(axes: &mut [Vec<f64>], rng: &mut calib_core::Rng) {
     for current in 0..axes.len() {
         let (before, rest) = axes.split_at_mut(current);
@@ -129,7 +129,7 @@ fn orthonormalise(axes: &mut [Vec<f64>], rng: &mut calib_core::Rng) {
                 }
             }
             let length = dot(axis, axis).sqrt();
-            // Where little is left, one more round takes out what rounding brought back.
+            // Where little is left, one more round removes what rounding brought back.
             if length > 0.5 {
                 scale(axis, 1.0 / length);
                 break;
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn axes_are_orthonormal_and_lead() {
-        // Covariance diag(1, 1/4, 1/9, …) in rotated coordinates is found again as its leading axes.
+        // The axes of the covariance diag(1, 1/4, 1/9, …) in rotated coordinates are found as its leading axes.
         let columns = 20;
         let mut covariance = vec![0.0; columns * columns];
         for i in 0..columns {

@@ -1,4 +1,4 @@
-//! Exact search, one contract and several structures.
+//! Exact search: one interface and several structures.
 
 mod build;
 mod join;
@@ -26,21 +26,21 @@ use crate::{KnnError, MemberLists};
 
 /// An exact search structure over the sources of a model.
 ///
-/// For every query and every member that the query belongs to, `search` finds the `k` nearest sources among
-/// the member's transitions outside the query's forbidden range. The order is defined by the squared
-/// distance `Σ_c (a_c − b_c)²` in f64 in column order, ties by row. So all structures give the same lists,
-/// whatever the number of threads. Where fewer than `k` sources are admissible the list is shorter.
+/// For every query and every member that the query belongs to, `search` finds the `k` nearest sources among the member's
+/// transitions outside the query's forbidden range. The order is defined by the squared distance `Σ_c (a_c − b_c)²` in f64 in
+/// column order, ties by row. So all structures give the same lists, for any number of threads. Where fewer than `k` sources are
+/// admissible, the list is shorter.
 pub trait NeighborIndex: Sync {
-    /// All queries, in the order in which they are best searched.
+    /// Returns all queries, in the order in which they are best searched.
     fn order(&self, queries: &Queries<'_>) -> Vec<u32> {
         (0..queries.len() as u32).collect()
     }
 
-    /// Find the lists of the queries `order`, a part of [`order`](Self::order), in their places in `found`.
-    /// Progress is counted in queries.
+    /// Finds the lists of the queries `order`, a part of [`order`](Self::order), and stores them at the same positions in
+    /// `found`. Progress counts queries.
     ///
     /// # Errors
-    /// [`KnnError::Cancelled`] if the monitor says so; some lists are then missing.
+    /// [`KnnError::Cancelled`] if the monitor interrupts; some lists are then missing.
     fn search(
         &self,
         queries: &Queries<'_>,
@@ -50,8 +50,8 @@ pub trait NeighborIndex: Sync {
     ) -> Result<(), KnnError>;
 }
 
-/// Search `order` in blocks of `size` queries, in parallel, and put the lists of each in their places. `search` tells the monitor
-/// of its progress; what it finds after the monitor has interrupted is not used.
+/// Searches `order` in parallel in blocks of `size` queries, and stores the lists of each block at its positions. `search`
+/// reports progress to the monitor. Results that are found after an interruption are not used.
 fn in_blocks(
     order: &[u32],
     size: usize,
@@ -71,7 +71,7 @@ fn in_blocks(
     Ok(monitor.check()?)
 }
 
-/// Do the same with every instruction set that this processor has.
+/// Runs `op` with every instruction set of this processor.
 #[cfg(test)]
 pub(crate) fn at_every_level<Op: pulp::WithSimd + Copy>(op: Op) -> Vec<Op::Output> {
     let mut outputs = vec![op.with_simd(pulp::Scalar)];

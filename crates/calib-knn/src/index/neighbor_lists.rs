@@ -2,9 +2,9 @@ use rayon::prelude::*;
 
 use crate::{KnnError, MemberLists, distance::stored};
 
-/// What was found for some queries: `[query, member, k]` neighbours and their distances.
+/// The search results for some queries: `[query, member, k]` neighbours and their distances.
 ///
-/// Lists that were not wanted, and the ends of short ones, hold `u32::MAX` and `+∞`.
+/// Lists that were not requested, and the ends of short ones, contain `u32::MAX` and `+∞`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NeighborLists {
     members: usize,
@@ -13,10 +13,10 @@ pub struct NeighborLists {
     distances: Vec<f32>,
 }
 
-/// So many times the same number.
+/// Returns a vector of `cells` copies of `value`.
 ///
 /// # Errors
-/// [`KnnError::Memory`] if there is no room for so many.
+/// [`KnnError::Memory`] if there is not enough memory.
 pub(crate) fn filled<T: Copy>(cells: usize, value: T) -> Result<Vec<T>, KnnError> {
     let mut all = Vec::new();
     let bytes = cells.saturating_mul(size_of::<T>());
@@ -26,7 +26,7 @@ pub(crate) fn filled<T: Copy>(cells: usize, value: T) -> Result<Vec<T>, KnnError
 }
 
 impl NeighborLists {
-    /// Nothing yet, for `queries` queries.
+    /// Creates empty lists for `queries` queries.
     pub fn new(queries: usize, members: usize, k: usize) -> Self {
         let cells = queries * members * k;
         let neighbors = vec![u32::MAX; cells];
@@ -34,10 +34,10 @@ impl NeighborLists {
         Self { members, k, neighbors, distances }
     }
 
-    /// As [`new`](Self::new).
+    /// Creates empty lists, as [`new`](Self::new).
     ///
     /// # Errors
-    /// [`KnnError::Memory`] if there is no room for so many.
+    /// [`KnnError::Memory`] if there is not enough memory.
     pub(crate) fn with_room(queries: usize, members: usize, k: usize) -> Result<Self, KnnError> {
         let cells = queries.saturating_mul(members).saturating_mul(k);
         Ok(Self {
@@ -48,7 +48,7 @@ impl NeighborLists {
         })
     }
 
-    /// What these cells say, if there are as many as `queries` queries have.
+    /// Creates lists from these cells, if there are as many as `queries` queries need.
     pub(crate) fn from_cells(
         queries: usize,
         members: usize,
@@ -65,7 +65,7 @@ impl NeighborLists {
         })
     }
 
-    /// Number of queries.
+    /// Returns the number of queries.
     pub fn len(&self) -> usize {
         self.neighbors.len() / self.stride()
     }
@@ -75,23 +75,23 @@ impl NeighborLists {
         self.neighbors.is_empty()
     }
 
-    /// Length of a full list.
+    /// Returns the length of a full list.
     pub fn k(&self) -> usize {
         self.k
     }
 
-    /// All neighbours, then all distances.
+    /// Returns all neighbours and all distances.
     pub(crate) fn cells(&self) -> (&[u32], &[f32]) {
         (&self.neighbors, &self.distances)
     }
 
-    /// The list of one member for the query in place `query`.
+    /// Returns the list of one member for the query at position `query`.
     pub fn list(&self, query: usize, member: usize) -> (&[u32], &[f32]) {
         let start = query * self.stride() + member * self.k;
         (&self.neighbors[start..start + self.k], &self.distances[start..start + self.k])
     }
 
-    /// Put other squared distances in place of those that were searched by, and each list in their order, ties by row.
+    /// Replaces the squared distances that were used for the search, and sorts each list by the new ones, ties by row.
     pub(crate) fn measure_again(&mut self, squared: impl Fn(usize, u32) -> f64 + Sync) {
         let stride = self.stride();
         let k = self.k.max(1);
@@ -118,12 +118,12 @@ impl NeighborLists {
         });
     }
 
-    /// Cells of one query; at least one, so that slices can be cut.
+    /// Returns the number of cells of one query; at least one, so that slices can be cut.
     fn stride(&self) -> usize {
         (self.members * self.k).max(1)
     }
 
-    /// Consecutive pieces of `lengths` queries, which can be filled in parallel.
+    /// Splits the lists into consecutive pieces of `lengths` queries, which can be filled in parallel.
     pub(crate) fn pieces(
         &mut self,
         lengths: impl Iterator<Item = usize>,
@@ -154,7 +154,7 @@ pub(crate) struct Piece<'a> {
 }
 
 impl Piece<'_> {
-    /// Store the lists of the query in place `query` of the piece.
+    /// Stores the lists of the query at position `query` of the piece.
     pub(crate) fn store(&mut self, query: usize, lists: &MemberLists) {
         for &member in lists.members() {
             let start = query * self.stride + member * self.k;

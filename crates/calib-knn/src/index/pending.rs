@@ -16,33 +16,33 @@ use crate::{
     lists::Candidate,
 };
 
-/// Groups that a query meets before it looks which of them still count.
+/// Number of candidate groups that a query collects before it discards those that no longer count.
 const MOST_MET: usize = 512;
 
-/// What is known about one query while candidates are met in any order.
+/// The state of one query's search, which can receive candidates in any order.
 ///
-/// Candidates are judged by f32 sums; the lists hold upper bounds of the distances meanwhile. At the end those
-/// that can be in a list, by the margin of the rounding, are computed by the definition.
+/// Candidates are compared by f32 sums. Until the end, the lists hold upper bounds of the distances. At the end, the
+/// candidates that can still be in a list, by the margin of the rounding, are measured by the definition.
 #[derive(Debug)]
 pub(super) struct Pending<'a> {
     state: &'a [f32],
     forbidden: Range<u32>,
     findable: CandidateMask<'a>,
-    /// Lists of upper bounds of squared distances: their radius bounds the final one.
+    /// Lists of upper bounds of squared distances. Their radius bounds the final one.
     lists: MemberLists,
     /// Another upper bound, from neighbours in time.
     cap: f64,
-    /// States beyond this squared distance, as f32 sums, need not be looked at.
+    /// States beyond this squared distance, as an f32 sum, need not be looked at.
     threshold: f32,
     /// Groups that could be near enough, with their squared distances as f32 sums.
     met: Vec<(f32, u32)>,
-    /// So many of them are met before those that cannot be in a list any more are forgotten.
+    /// Number of collected groups at which those that cannot be in a list any more are discarded.
     most: usize,
-    /// States that were looked at.
+    /// Number of states that were looked at.
     looked: u64,
 }
 
-/// Where candidates come from.
+/// The candidates' states, and how they are compared.
 #[derive(Clone, Copy)]
 pub(super) struct Pool<'a> {
     pub(super) sources: &'a Sources<'a>,
@@ -58,7 +58,7 @@ impl<'a> Pool<'a> {
 }
 
 impl<'a> Pending<'a> {
-    /// A query that has met its neighbours in time.
+    /// Starts the search of a query. Its neighbours in time give the first bound.
     #[inline(always)]
     pub(super) fn new<S: Simd>(
         simd: S,
@@ -89,28 +89,29 @@ impl<'a> Pending<'a> {
     }
 
     fn narrow(&mut self, margin: Margin) {
-        // No member wants a query of negative radius.
+        // A negative threshold means that no member needs this query.
         self.threshold = self.radius().map_or(-1.0, |radius| margin.threshold(radius));
     }
 
-    /// The state that is searched for.
+    /// Returns the query's state.
     pub(super) fn state(&self) -> &'a [f32] {
         self.state
     }
 
-    /// A bound on the squared distance of everything that can still enter a list; none if nothing can.
+    /// Returns a bound on the squared distance of every source that can still enter a list, or `None` if no source
+    /// can.
     pub(super) fn radius(&self) -> Option<f64> {
         let radius = self.cap.min(self.lists.radius());
         (radius >= 0.0).then_some(radius)
     }
 
-    /// Do not count on neighbours in time to be met, as a search that ends early may not meet them.
+    /// Drops the bound from neighbours in time, because a search that ends early may not visit them.
     pub(super) fn forget_neighbours_in_time(&mut self, margin: Margin) {
         self.cap = f64::INFINITY;
         self.narrow(margin);
     }
 
-    /// Whether every list has as many candidates as it can hold.
+    /// Whether every list is full.
     pub(super) fn is_full(&self) -> bool {
         self.lists.radius() < f64::INFINITY
     }
@@ -119,7 +120,7 @@ impl<'a> Pending<'a> {
         self.looked
     }
 
-    /// Meet the sources of a group. Returns whether the radius has become smaller.
+    /// Offers the sources of a group. Returns whether the radius has become smaller.
     #[inline(always)]
     pub(super) fn meet<S: Simd>(&mut self, simd: S, pool: Pool<'_>, group: u32) -> bool {
         let transitions = pool.groups.transitions(group as usize);
@@ -145,8 +146,8 @@ impl<'a> Pending<'a> {
         nearer
     }
 
-    /// Forget what cannot be in a list: what is too far by now, and, where hosts of sources are equally near as in a
-    /// long standstill, what the definition puts behind others that were met.
+    /// Discards groups that cannot be in a list. Some are too far by now. Others are as near as very many sources,
+    /// as in a long standstill, but the definition ranks them behind groups that were already collected.
     #[cold]
     fn forget(&mut self, pool: Pool<'_>) {
         self.met.retain(|&(distance, _)| distance <= self.threshold);
@@ -165,7 +166,7 @@ impl<'a> Pending<'a> {
         self.most = MOST_MET.max(2 * self.met.len());
     }
 
-    /// Fill `lists` by the definition from what was met.
+    /// Fills `lists` by the definition from the collected groups.
     fn judge(&self, pool: Pool<'_>, lists: &mut MemberLists) {
         lists.clear();
         for four in self.met.chunks(4) {
@@ -177,7 +178,7 @@ impl<'a> Pending<'a> {
         }
     }
 
-    /// The lists by the definition, from the groups that can be in them.
+    /// Returns the lists by the definition, from the groups that can be in them.
     pub(super) fn finish(mut self, pool: Pool<'_>) -> MemberLists {
         self.met.retain(|&(distance, _)| distance <= self.threshold);
         let mut lists = std::mem::replace(&mut self.lists, MemberLists::new(0, 0));
@@ -186,7 +187,7 @@ impl<'a> Pending<'a> {
     }
 }
 
-/// Squared distance of two states as an f32 sum.
+/// Returns the squared distance of two states as an f32 sum.
 #[inline(always)]
 fn state_distance<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
     let (a, a_tail) = S::as_simd_f32s(a);
@@ -222,7 +223,7 @@ mod tests {
     #[test]
     fn a_standstill_is_not_remembered_row_by_row() {
         let rows = 20 * MOST_MET;
-        // Two states in turn, equally far from the query's.
+        // Two states alternate, equally far from the query's.
         let values =
             (0..rows).flat_map(|row| if row == 7 { [0.5, 0.0] } else { [1.0, (row % 2) as f32] });
         let states = States::new(values.collect(), rows, 2).expect("finite");

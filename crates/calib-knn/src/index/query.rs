@@ -7,21 +7,21 @@ use crate::{
     candidates::Candidates, distance::squared,
 };
 
-/// What is searched: the source state of every transition.
+/// The searched set: the source state of every transition.
 #[derive(Clone, Copy, Debug)]
 pub struct Sources<'a> {
     pub(crate) states: &'a States,
     pub(crate) transitions: &'a Transitions,
     pub(crate) blocks: &'a Blocks,
     pub(crate) candidates: Candidates<'a>,
-    /// Most leaves that a join visits; 0 for as many as it takes.
+    /// Maximum number of leaves that a join visits; 0 for no limit.
     pub(crate) leaf_budget: usize,
-    /// What the distances of tables are measured in, if not in these states.
+    /// The states that table distances are measured in, if they differ from the searched states.
     pub(crate) measured: Option<&'a States>,
 }
 
 impl<'a> Sources<'a> {
-    /// The sources of `transitions` in `states`.
+    /// Creates the sources of `transitions` in `states`.
     ///
     /// # Errors
     /// If there is not a state for each row of the transitions' segments.
@@ -44,18 +44,18 @@ impl<'a> Sources<'a> {
         })
     }
 
-    /// The same sources, of which only these transitions, ascending, can be neighbours: those with one action, say.
+    /// Restricts the possible neighbours to these transitions, ascending: those with one action, for example.
     #[must_use]
     pub fn among(self, chosen: &'a [u32]) -> Self {
         Self { candidates: Candidates::Chosen(chosen), ..self }
     }
 
-    /// Number of sources that can be neighbours.
+    /// Returns the number of sources that can be neighbours.
     pub(crate) fn candidates_len(&self) -> usize {
         self.candidates.before(self.len() as u32) as usize
     }
 
-    /// Number of sources, one a transition.
+    /// Returns the number of sources, one per transition.
     pub fn len(&self) -> usize {
         self.transitions.len()
     }
@@ -65,28 +65,28 @@ impl<'a> Sources<'a> {
         self.transitions.is_empty()
     }
 
-    /// Number of columns of a state.
+    /// Returns the number of columns of a state.
     pub fn columns(&self) -> usize {
         self.states.columns()
     }
 
-    /// The source state of `transition`.
+    /// Returns the source state of `transition`.
     pub(crate) fn state(&self, transition: u32) -> &'a [f32] {
         self.states.row(self.transitions.sources()[transition as usize] as usize)
     }
 
-    /// The transitions.
+    /// Returns the transitions.
     pub fn transitions(&self) -> &'a Transitions {
         self.transitions
     }
 
-    /// Which member contains which transition.
+    /// Returns the blocks: which member contains which transition.
     pub fn blocks(&self) -> &'a Blocks {
         self.blocks
     }
 }
 
-/// What is searched for: states, the members whose lists are wanted, and the sources that are forbidden.
+/// The queries of a search: states, the members whose lists are requested, and the forbidden sources.
 #[derive(Clone, Copy, Debug)]
 pub struct Queries<'a> {
     states: &'a States,
@@ -98,21 +98,21 @@ pub struct Queries<'a> {
 
 #[derive(Clone, Copy, Debug)]
 enum Kind<'a> {
-    /// Query `i` is the next state of transition `i`, wanted by every member that contains it.
+    /// Query `i` is the next state of transition `i`, for every member that contains it.
     NextStates,
-    /// Recorded rows, wanted by one member.
+    /// Recorded rows, for one member.
     Rows(&'a [RowIndex], usize),
-    /// States from elsewhere, wanted by one member or by all.
+    /// States that were not recorded with the sources, for one member or for all.
     External(Option<usize>),
 }
 
 impl<'a> Queries<'a> {
-    /// The next state of every transition, for the tables of all members.
+    /// Creates a query for the next state of every transition, for the tables of all members.
     pub fn next_states(sources: &Sources<'a>, exclusion: Exclusion) -> Self {
         Self::with_kind(sources, Kind::NextStates, exclusion)
     }
 
-    /// Recorded `rows`, for one member.
+    /// Creates queries for recorded `rows`, for one member.
     pub fn rows(
         sources: &Sources<'a>,
         rows: &'a [RowIndex],
@@ -126,7 +126,7 @@ impl<'a> Queries<'a> {
         Self { states: sources.states, sources: *sources, kind, exclusion, left_out: &[] }
     }
 
-    /// States that were not recorded with the sources, for one member, or for all. Nothing is forbidden.
+    /// Creates queries for states that were not recorded with the sources, for one member or for all. Nothing is forbidden.
     ///
     /// # Errors
     /// If the states have another number of columns than the sources.
@@ -142,18 +142,18 @@ impl<'a> Queries<'a> {
         Ok(Self { states, ..Self::with_kind(sources, kind, Exclusion::default()) })
     }
 
-    /// The same queries, which must not find what each member leaves out.
+    /// Returns the same queries, which must not find the candidates in `left_out` of each member.
     #[must_use]
     pub(crate) fn without(self, left_out: &'a [Bits]) -> Self {
         Self { left_out, ..self }
     }
 
-    /// The sources that the queries of each member can find, but for those that are forbidden to a query.
+    /// Returns the sources that the queries of each member can find, apart from those that are forbidden to a single query.
     pub(crate) fn findable(&self) -> CandidateMask<'a> {
         CandidateMask::new(self.sources.blocks, self.left_out)
     }
 
-    /// Number of queries.
+    /// Returns the number of queries.
     pub fn len(&self) -> usize {
         match self.kind {
             Kind::NextStates => self.sources.len(),
@@ -171,17 +171,17 @@ impl<'a> Queries<'a> {
         self.len() == 0
     }
 
-    /// The row of query `query` in [`states`](Self::states).
+    /// Returns the row of query `query` in [`states`](Self::states).
     pub(crate) fn row(&self, query: usize) -> usize {
         self.recorded(query).map_or(query, RowIndex::get)
     }
 
-    /// The states that the queries are rows of.
+    /// Returns the states that contain the queries as rows.
     pub(crate) fn states(&self) -> &'a States {
         self.states
     }
 
-    /// Put the distances that tables hold in place of those that `found`, what was found for the queries `order`, was searched by.
+    /// Replaces the distances in `found`, the results of the queries `order`, by those that tables store.
     pub(crate) fn measure(&self, order: &[u32], found: &mut NeighborLists) {
         if let Some(states) = self.sources.measured {
             let sources = self.sources.transitions.sources();
@@ -192,12 +192,12 @@ impl<'a> Queries<'a> {
         }
     }
 
-    /// Whether something is left out, so that lists are searched again that were found before.
+    /// Whether candidates are left out. Then lists that were found before are searched again.
     pub(crate) fn are_asked_again(&self) -> bool {
         !self.left_out.is_empty()
     }
 
-    /// The sources that query `query` must not find.
+    /// Returns the sources that query `query` must not find.
     pub(crate) fn forbidden(&self, query: usize) -> Range<u32> {
         match self.recorded(query) {
             Some(row) => self.exclusion.forbidden(self.sources.transitions, row),
@@ -205,7 +205,7 @@ impl<'a> Queries<'a> {
         }
     }
 
-    /// The recorded row that query `query` is.
+    /// Returns the recorded row of query `query`, if it has one.
     fn recorded(&self, query: usize) -> Option<RowIndex> {
         match self.kind {
             Kind::NextStates => Some(self.sources.transitions.next(TransitionIndex::new(query))),
@@ -214,14 +214,14 @@ impl<'a> Queries<'a> {
         }
     }
 
-    /// The transition that starts from the query's row, if it can be a neighbour.
+    /// Returns the transition that starts from the query's row, if it can be a neighbour.
     pub(crate) fn own_source(&self, query: usize) -> Option<u32> {
         let own = self.sources.transitions.starting_at(self.recorded(query)?);
         let own = own.map(|TransitionIndex(transition)| transition);
         own.filter(|&transition| self.sources.candidates.contains(transition))
     }
 
-    /// The transition that starts from the query's row, or else the one that ends there.
+    /// Returns the transition that starts from the query's row, or the one that ends there.
     pub(crate) fn own_transition(&self, query: usize) -> Option<u32> {
         let row = self.recorded(query)?;
         let transitions = self.sources.transitions;
@@ -229,7 +229,7 @@ impl<'a> Queries<'a> {
         own.map(|TransitionIndex(transition)| transition)
     }
 
-    /// Up to `2 * count` of the sources outside the forbidden range whose transitions are nearest in time.
+    /// Returns up to `2 * count` sources outside the forbidden range whose transitions are nearest in time.
     pub(crate) fn near_in_time(
         &self,
         query: usize,
@@ -254,7 +254,7 @@ impl<'a> Queries<'a> {
         before.chain(after).map(move |number| candidates.nth(number))
     }
 
-    /// The members whose lists query `query` wants.
+    /// Returns the members whose lists query `query` requests.
     pub(crate) fn wanted(&self, query: usize) -> impl Iterator<Item = usize> + use<'a> {
         let blocks = self.sources.blocks;
         let (members, query) = match self.kind {

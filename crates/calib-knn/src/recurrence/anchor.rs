@@ -4,22 +4,23 @@ use calib_files::ScratchPlace;
 use super::{graph::Graph, reaching::add_reaching};
 use crate::{KnnError, bits::Bits};
 
-/// Transitions from which the large component is looked for, at most.
+/// Maximum number of transitions that are probed in search of a large component.
 const PROBES: u32 = 16;
 
-/// A transition by which the graph of a member is taken apart: what leads to it is mostly found by a few sweeps through the
-/// table, and closed classes that it does not lie in are among what does not.
+/// A transition that splits the graph of a member. A few sweeps through the table find most of the transitions that lead to it. Every
+/// closed class that does not contain it lies among the others.
 #[derive(Clone, Debug)]
 pub(super) struct Anchor {
     pub(super) node: u32,
-    /// What leads to it.
+    /// The transitions that lead to the anchor.
     pub(super) reaching: Bits,
-    /// Transitions that lead to it and that it leads to: the size of its strongly connected component.
+    /// Size of its strongly connected component: the transitions that lead to it and can be reached from it.
     pub(super) component: usize,
 }
 
 impl Anchor {
-    /// One in a component of `enough` transitions, or else the best of some that are spread over the member.
+    /// Finds an anchor in a component of at least `enough` transitions, or else the probe with the largest component. Probes are
+    /// spread over the member.
     pub(super) fn find(
         graph: &Graph<'_>,
         enough: usize,
@@ -27,11 +28,11 @@ impl Anchor {
         monitor: &dyn Monitor,
     ) -> Result<Self, KnnError> {
         let mut best: Option<Self> = None;
-        // 1/2, 1/4, 3/4, 1/8, … (van der Corput's sequence): more and more evenly spread.
+        // 1/2, 1/4, 3/4, 1/8, … (van der Corput's sequence) cover the member more and more evenly.
         let shares = (1..=PROBES).map(|n| f64::from(n.reverse_bits()) / 2_f64.powi(32));
         for share in shares {
             monitor.check()?;
-            // Something leads to a neighbour.
+            // A neighbour has at least one transition that leads to it.
             let node = graph.row(graph.at(share))[0];
             let anchor = Self::new(graph, node, place, monitor)?;
             if best.as_ref().is_none_or(|best| best.component < anchor.component) {
@@ -44,7 +45,8 @@ impl Anchor {
         Ok(best.unwrap_or_else(|| unreachable!("there is a first probe")))
     }
 
-    /// The same anchor in a graph that has changed, if its component still has `enough` transitions.
+    /// Returns the same anchor in a graph that has changed, if its component still has `enough` transitions. Otherwise finds another
+    /// one.
     pub(super) fn in_graph(
         self,
         graph: &Graph<'_>,
@@ -53,8 +55,8 @@ impl Anchor {
         monitor: &dyn Monitor,
     ) -> Result<Self, KnnError> {
         if self.component >= enough {
-            // From the start: where tables hold other distances than are searched by, what comes in for a neighbour can be nearer, and
-            // another one is never drawn any more.
+            // Computed from the start: the old result may be invalid. Where tables store other distances than the search uses, a new
+            // neighbour can be nearer, and another one is then never drawn.
             let anchor = Self::new(graph, self.node, place, monitor)?;
             if anchor.component >= enough {
                 return Ok(anchor);

@@ -14,20 +14,20 @@ use crate::{KnnError, bits::Bits};
 /// Closed classes of a graph.
 #[derive(Debug)]
 pub(super) struct Classes {
-    /// Number of transitions of each, the largest first.
+    /// Number of transitions of each class, the largest first.
     pub(super) sizes: Vec<usize>,
-    /// The transitions of those that are traps, if any is, or else of all: where walks end.
+    /// The transitions where rollouts end: those of all traps, or of all classes if there is no trap.
     pub(super) ends: Bits,
 }
 
 impl Classes {
-    /// How many have fewer than `enough` transitions.
+    /// Returns the number of classes with fewer than `enough` transitions.
     pub(super) fn traps(&self, enough: usize) -> usize {
         self.sizes.iter().filter(|&&size| size < enough).count()
     }
 }
 
-/// The closed classes of a graph; those of `enough` transitions are no traps.
+/// Returns the closed classes of a graph. Those of at least `enough` transitions are not traps.
 pub(super) fn closed(
     graph: &Graph<'_>,
     anchor: &Anchor,
@@ -41,7 +41,8 @@ pub(super) fn closed(
     let mut settled = anchor.reaching.clone();
     let nodes = graph.all().without(&settled);
     settle(&nodes, &mut settled, &mut listing, place, monitor).map_err(Halt::into_error)?;
-    // Every walk can come to a closed class. What the anchor leads to is one, unless it holds another one.
+    // Every rollout can reach a closed class. The transitions that can be reached from the anchor form
+    // one, unless they contain another.
     let reached = graph.reached(anchor.node, monitor)?;
     if reached.common(&listing.traps) + reached.common(&listing.others) == 0 {
         listing.add(reached.count(), reached.iter());
@@ -49,7 +50,7 @@ pub(super) fn closed(
     Ok(listing.into_classes())
 }
 
-/// A graph that nothing is left out of.
+/// A graph without exclusions, which collects its closed classes.
 struct Listing<'a> {
     graph: &'a Graph<'a>,
     enough: usize,
@@ -129,7 +130,7 @@ mod tests {
 
         #[test]
         fn they_are_the_components_that_nothing_leads_out_of(shape in shape(), share in 0_usize..12) {
-            // From no trap at all to nothing but traps.
+            // From no trap at all to only traps.
             check(&shape, shape.nodes().len() * share / 10)?;
         }
     }

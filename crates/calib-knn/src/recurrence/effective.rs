@@ -13,40 +13,41 @@ use crate::{
     distance::{squared, stored},
 };
 
-/// Transitions before one whose lists are found with its own.
+/// Number of preceding transitions whose lists are searched together with a row's own.
 const BESIDE: u32 = 15;
 
-/// Which traps are left out.
+/// The rule for which traps are left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
-    /// All, unless more than so many candidates are lost: not counting those that stand still, whose state comes once more.
+    /// All traps, unless more than `bound` candidates are lost. Candidates at a standstill do not count, because the same state
+    /// follows.
     All {
-        /// The most that may be lost.
+        /// Maximum number of candidates that may be lost.
         bound: usize,
     },
-    /// Those of which every transition stands still, so that nothing is lost.
+    /// Only traps in which every transition is at a standstill, so that nothing is lost.
     Still,
 }
 
-/// The graph of a member as it becomes while closed classes are left out: rows that hold what is left out are searched again, when they
-/// are come by.
+/// The graph of a member while closed classes are left out. Rows that contain a candidate that is left out are searched again when the
+/// search reaches them.
 pub(super) struct Effective<'a> {
     graph: &'a Graph<'a>,
     search: MemberSearch<'a>,
     rule: Rule,
-    /// Transitions of the smallest class that is no trap.
+    /// Number of transitions of the smallest class that is not a trap.
     enough: usize,
-    /// What is left out of each member; of this one by now.
+    /// The candidates that are left out of each member. Those of this member grow during the search.
     left_out: Vec<Bits>,
-    /// What is left out for one row besides.
+    /// Additional exclusions of single rows.
     exits: &'a Exits,
     lists: Lists,
-    /// Candidates that are lost.
+    /// Number of candidates that are lost.
     lost: usize,
 }
 
 impl<'a> Effective<'a> {
-    /// The graph without what is left out so far.
+    /// Creates the graph without the candidates that are left out so far.
     pub(super) fn new(
         graph: &'a Graph<'a>,
         search: MemberSearch<'a>,
@@ -61,7 +62,7 @@ impl<'a> Effective<'a> {
         Self { graph, search, rule, enough, left_out, exits, lists, lost }
     }
 
-    /// What is left out of the member at last.
+    /// Returns the candidates that are left out of the member.
     pub(super) fn into_left_out(mut self) -> Bits {
         std::mem::take(&mut self.left_out[self.search.member])
     }
@@ -70,7 +71,7 @@ impl<'a> Effective<'a> {
         &self.left_out[self.search.member]
     }
 
-    /// The nearest sources of what `node` leads to that are not left out, with the distances that tables hold.
+    /// Returns the nearest sources of the next state of `node`, without those in `left_out`, and the distances that tables store.
     fn searched_again(&mut self, node: u32) -> Result<Vec<(f32, u32)>, Halt> {
         let search = self.search;
         let row = search.next(node);
@@ -80,7 +81,7 @@ impl<'a> Effective<'a> {
             let left_out = search.of_member(left_out_of(node, self.gone(), self.exits));
             apart.first(&search, &[row], k, &left_out)?.to_vec()
         } else {
-            // Traps grow against time: what leads to this row will be asked for next.
+            // Traps grow backwards in time, so the rows just before this one will probably be requested next.
             let before = (node.saturating_sub(BESIDE)..node).rev();
             let before = before.filter(|&node| self.graph.has(node)).map(|node| search.next(node));
             let rows: Vec<RowIndex> = std::iter::once(row).chain(before).collect();

@@ -13,10 +13,10 @@ use super::{
 };
 use crate::bits::Bits;
 
-/// Rows that lead out of a trap, with the runs of transitions that they must not lead to.
+/// The exits: rows that lead out of a trap, each with the runs of transitions that they must not lead to.
 pub(super) type Exits = BTreeMap<u32, Vec<Range<u32>>>;
 
-/// What is left out of a member for row `node`.
+/// Returns the candidates that are left out for row `node` of a member.
 pub(super) fn left_out_of(node: u32, left_out: &Bits, exits: &Exits) -> Bits {
     let mut all = left_out.clone();
     for run in exits.get(&node).into_iter().flatten() {
@@ -25,23 +25,23 @@ pub(super) fn left_out_of(node: u32, left_out: &Bits, exits: &Exits) -> Bits {
     all
 }
 
-/// The graph of a member as it becomes while traps are given exits.
+/// The graph of a member while traps are given exits.
 pub(super) struct Leading<'a> {
     pub(super) graph: &'a Graph<'a>,
     pub(super) search: MemberSearch<'a>,
-    /// Transitions of the smallest class that is no trap.
+    /// Number of transitions of the smallest class that is not a trap.
     pub(super) enough: usize,
     pub(super) left_out: &'a Bits,
     pub(super) exits: Exits,
-    /// The rows of exits as they are now: neighbours and distances.
+    /// The current rows of the exits: neighbours and distances.
     pub(super) rows: HashMap<u32, (Vec<u32>, Vec<f32>)>,
-    /// How often a trap may yet be given an exit.
+    /// How many more times a trap may be given an exit.
     pub(super) most: usize,
 }
 
 impl Leading<'_> {
-    /// Of the dead ends of a trap the one that is nearest to anything outside, or of all its transitions if what was recorded after
-    /// each of them can be found.
+    /// Returns the row of a trap that becomes its exit: the dead end that is nearest to any candidate outside. If the trap has no
+    /// dead end, all its transitions are considered.
     fn exit_of(&self, trap: &[u32]) -> Result<u32, Halt> {
         let ends = trap.iter().copied().filter(|&node| !self.search.goes_on(node, self.left_out));
         let mut among: Vec<u32> = ends.collect();
@@ -60,7 +60,7 @@ impl Leading<'_> {
         best.map(|(_, node)| node).ok_or(Halt::Lost)
     }
 
-    /// Which of these rows is nearest to anything that is not left out, and how far that is.
+    /// Returns the row with the nearest candidate that is not left out, and that distance.
     fn nearest(&self, nodes: &[u32], left_out: Bits) -> Result<Option<(f32, u32)>, Halt> {
         let rows: Vec<RowIndex> = nodes.iter().map(|&node| self.search.next(node)).collect();
         let left_out = self.search.of_member(left_out);
@@ -73,7 +73,7 @@ impl Leading<'_> {
         Ok(best)
     }
 
-    /// Search for the neighbours of an exit.
+    /// Searches the neighbours of an exit.
     fn search_row(&mut self, node: u32) -> Result<(), Halt> {
         let left_out = self.search.of_member(left_out_of(node, self.left_out, &self.exits));
         let row = [self.search.next(node)];
@@ -91,7 +91,7 @@ impl Leading<'_> {
     }
 }
 
-/// The nearer of two rows, ties by row.
+/// Returns the nearer of two rows, ties by row.
 fn nearer(a: Option<(f32, u32)>, b: Option<(f32, u32)>) -> Option<(f32, u32)> {
     match (a, b) {
         (Some(a), Some(b)) => Some(if b < a { b } else { a }),
@@ -115,7 +115,7 @@ impl ShrinkingGraph for Leading<'_> {
         self.left_out.contains(node)
     }
 
-    /// An exit leads to nothing in the trap from now on, nor to what it was led out of before.
+    /// Turns one row into an exit. From now on it leads to no transition of this trap, nor to those that it was already led out of.
     fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt> {
         if class.len() >= self.enough {
             return Ok(Verdict::Keep);

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::{KnnError, Weights, bits::Bits};
 
-/// Sweeps through a set after which what is still missing is looked for in another way.
+/// Maximum number of sweeps through a set. Then another method finds the rest.
 const SWEEPS: usize = 64;
 const WORD: usize = u64::BITS as usize;
 
@@ -16,7 +16,7 @@ pub(super) enum Sweep {
 }
 
 impl Sweep {
-    /// What comes at this position of so many.
+    /// Returns the index at this position of a sweep over `count` indices.
     fn of(self, position: usize, count: usize) -> usize {
         match self {
             Self::Forwards => position,
@@ -25,14 +25,14 @@ impl Sweep {
     }
 }
 
-/// The graph of a member: from each of its transitions to those that a step can draw from there.
+/// The graph of a member, with its transitions as nodes.
 ///
 /// An edge leads from transition `i` to each neighbour in row `i` of the table that the weights of a step draw with a
 /// probability above 0. (Linear weights never draw one neighbour of many that are all at distance 0.)
 pub(crate) struct Graph<'a> {
     neighbors: &'a [u32],
     distances: &'a [f32],
-    /// Neighbours of a row.
+    /// Number of neighbours per row.
     pub(super) k: usize,
     dropped: Range<u32>,
     pub(super) weights: Weights,
@@ -41,7 +41,7 @@ pub(crate) struct Graph<'a> {
 }
 
 impl<'a> Graph<'a> {
-    /// The graph of the member that lacks the transitions `dropped`.
+    /// Creates the graph of the member that lacks the transitions `dropped`.
     pub(crate) fn new(
         neighbors: &'a [u32],
         distances: &'a [f32],
@@ -69,17 +69,17 @@ impl<'a> Graph<'a> {
         Self { neighbors, distances, k, dropped, weights, doubtful }
     }
 
-    /// Number of transitions of the data.
+    /// Returns the number of transitions of the data.
     pub(crate) fn len(&self) -> usize {
         self.neighbors.len() / self.k
     }
 
-    /// Number of transitions of the member.
+    /// Returns the number of transitions of the member.
     pub(crate) fn nodes(&self) -> usize {
         self.len() - self.dropped.len()
     }
 
-    /// All transitions of the member.
+    /// Returns all transitions of the member.
     pub(crate) fn all(&self) -> Bits {
         let len = self.len() as u32;
         Bits::of(self.len(), (0..self.dropped.start).chain(self.dropped.end..len))
@@ -89,7 +89,7 @@ impl<'a> Graph<'a> {
         (node as usize) < self.len() && !self.dropped.contains(&node)
     }
 
-    /// The transition of the member at this share of it.
+    /// Returns the transition at a relative position in the member, from 0 to 1.
     pub(crate) fn at(&self, share: f64) -> u32 {
         let position = (share * self.nodes() as f64) as u32;
         if position < self.dropped.start { position } else { position + self.dropped.len() as u32 }
@@ -99,7 +99,7 @@ impl<'a> Graph<'a> {
         &self.neighbors[node as usize * self.k..][..self.k]
     }
 
-    /// Put what `node` leads to into `edges`.
+    /// Writes the successors of `node` into `edges`.
     pub(crate) fn edges(&self, node: u32, edges: &mut Vec<u32>) {
         edges.clear();
         let row = self.row(node);
@@ -112,7 +112,7 @@ impl<'a> Graph<'a> {
         }
     }
 
-    /// Add to `known`, in one sweep through the table, transitions that lead to one of `known`; whether there was any.
+    /// Adds transitions that lead to one in `known`, in one sweep through the table. Returns whether it added any.
     pub(super) fn sweep(
         &self,
         direction: Sweep,
@@ -149,12 +149,12 @@ impl<'a> Graph<'a> {
         }
     }
 
-    /// Every transition that can be reached from `node`, itself included.
+    /// Returns every transition that can be reached from `node`, including `node`.
     pub(crate) fn reached(&self, node: u32, monitor: &dyn Monitor) -> Result<Bits, KnnError> {
         let mut known = Bits::of(self.len(), [node]);
         let mut followed = Bits::new(self.len());
         let mut edges = Vec::with_capacity(self.k);
-        // Forwards, as most edges lead, then once more for each time that a walk must go back.
+        // The first sweep goes forwards, as most edges do. Each time that a path goes back needs one more sweep.
         for _ in 0..SWEEPS {
             monitor.check()?;
             let mut found = false;
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn a_path_that_no_sweep_follows_is_followed_to_its_end() {
-        // 0 → 999 → 1 → 998 → …: against the order half of the time.
+        // 0 → 999 → 1 → 998 → …: half of the edges lead against the order.
         let shape = Shape::new(&chain(1000), Order::Zigzag, 0..0, |_| false);
         assert_eq!(reached(&shape, 0).len(), 1000);
         assert_eq!(reached(&shape, 500), [500]);

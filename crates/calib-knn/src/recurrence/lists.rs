@@ -8,36 +8,36 @@ use super::{
 };
 use crate::{Exclusion, bits::Bits, groups::hash};
 
-/// Most neighbours that are found for one row in advance.
+/// Maximum number of neighbours that are found for one row in advance.
 const DEEPEST: usize = 1 << 12;
-/// Most neighbours that are kept.
+/// Maximum number of neighbours that are stored.
 const KEPT: usize = 1 << 21;
 
-/// The nearest sources of some rows, found in advance of those that are about to be left out.
+/// A cache of nearest sources. It stores more than `k` per row, because some are about to be left out.
 ///
-/// Where nothing is forbidden to a query, rows with equal states share a list: a long standstill, whose first rows are left out a
-/// few at a time, is searched again only when a list is used up, and lists grow.
+/// If no source is forbidden to a query, rows with equal states share a list. A long standstill loses its first rows a few at a time. It
+/// is searched again only when a list is used up, and the lists grow each time.
 #[derive(Default)]
 pub(super) struct Lists {
     of_rows: HashMap<u32, List>,
     /// Rows by a hash of their state.
     rows: HashMap<u64, Vec<u32>>,
-    /// Neighbours in all lists.
+    /// Number of neighbours in all lists.
     kept: usize,
 }
 
 #[derive(Default)]
 struct List {
-    /// Transitions and the distances that were searched by, nearest first.
+    /// Transitions and their distances in the searched states, nearest first.
     nearest: Vec<(u32, f32)>,
-    /// So many were asked for.
+    /// Number of neighbours that were requested.
     depth: usize,
-    /// Whether there are no others.
+    /// Whether the list contains every source that can be found.
     complete: bool,
 }
 
 impl List {
-    /// Whether the first `k` are known, without what is left out.
+    /// Removes `gone` from the list, and returns whether the first `k` are still known.
     fn has(&mut self, k: usize, gone: &Bits) -> bool {
         self.nearest.retain(|&(to, _)| !gone.contains(to));
         self.nearest.len() >= k || self.complete
@@ -45,8 +45,8 @@ impl List {
 }
 
 impl Lists {
-    /// The `k` nearest sources of what `rows` begins with that are not left out; fewer if there are not as many. The other rows are those
-    /// that are likely to be asked for next: searched together they take little longer.
+    /// Returns the `k` nearest sources of the first of `rows` that are not left out, or fewer if there are not as many. The other rows
+    /// will probably be requested next. Searching them together takes little longer.
     pub(super) fn first(
         &mut self,
         search: &MemberSearch<'_>,
@@ -63,7 +63,7 @@ impl Lists {
         Ok(&nearest[..k.min(nearest.len())])
     }
 
-    /// Search for a longer list of row `key`, and for the first ones of the rows beside it.
+    /// Searches for a longer list for row `key`, and for first lists for the rows in `beside`.
     fn search(
         &mut self,
         search: &MemberSearch<'_>,
@@ -95,7 +95,7 @@ impl Lists {
         Ok(())
     }
 
-    /// The row whose list `row` has: the first that was asked for with the same state, unless something is forbidden to it alone.
+    /// Returns the row whose list `row` uses: the first requested row with the same state, unless an exclusion makes the lists different.
     fn key(&mut self, search: &MemberSearch<'_>, row: RowIndex) -> u32 {
         if search.exclusion != Exclusion::default() {
             return row.0;

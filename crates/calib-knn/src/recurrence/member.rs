@@ -15,28 +15,29 @@ use super::{
 };
 use crate::{KnnError, LeftOut, PART_QUERIES, bits::Bits};
 
-/// A member hardly returns to where it was if no loop that is looked at holds one of this many candidates (our choice).
+/// A member hardly revisits its states if no probed component contains one in this many candidates (our choice).
 const LOOP: usize = 100;
-/// Times that traps are given exits, at most and at least: where it takes more, the log never returns to where it was. In between it is
-/// a share of the candidates that a ramp, of which each exit adds `k` to a trap, exceeds before the trap is a tenth of it. (Our choice;
-/// twelve days of tests of a plant, 9,400 transitions that hardly meet, take about 100.)
+/// Maximum and minimum number of times that traps are given exits. A log that needs more never revisits its states. In between, the
+/// limit is a share of the candidates. On a ramp each exit adds `k` to a trap, and the limit is reached before the trap is a tenth of
+/// the ramp. (Our choice; twelve days of tests of a plant, 9,400 transitions that hardly meet, take about 100.)
 const EXITS: [usize; 2] = [1000, 16];
 const RAMP: usize = 16;
-/// Times that what remains is looked at for traps again. Once is enough, unless distances are not those that are searched by.
+/// Maximum number of rounds in which the rest is checked for traps again. One is enough, unless table distances differ from those of
+/// the search.
 const ROUNDS: usize = 10;
-/// Closed classes of a member, and how they were found.
+/// The closed classes of a member, and the anchor that found them.
 pub(super) struct Survey {
     anchor: Anchor,
     pub(super) classes: Classes,
 }
 
-/// One member whose walks should not be trapped.
+/// A member whose traps should be removed.
 pub(super) struct Member<'a> {
     tables: TableSearch<'a>,
     search: MemberSearch<'a>,
-    /// Its transitions that can be neighbours.
+    /// Number of its transitions that can be neighbours.
     pub(super) candidates: usize,
-    /// Transitions of the smallest closed class that is no trap.
+    /// Number of transitions of the smallest closed class that is not a trap.
     pub(super) enough: usize,
 }
 
@@ -65,7 +66,7 @@ impl<'a> Member<'a> {
         closed(graph, anchor, self.enough, self.tables.place, self.tables.monitor)
     }
 
-    /// Leave traps out of the table, or lead walks out of them. Where neither helps, the table stays as it was found.
+    /// Removes the traps of the table, or gives them exits. If neither works, the table stays as it was found.
     pub(super) fn remove_traps(
         &self,
         table: &mut Filling,
@@ -86,7 +87,7 @@ impl<'a> Member<'a> {
         }
     }
 
-    /// What is known of a table that stays as it was found.
+    /// Describes a table that stays as it was found.
     pub(super) fn as_found(&self, survey: &Survey) -> MemberResult {
         let classes = ClosedClasses::of(&survey.classes, self.enough);
         let before = classes.clone();
@@ -111,7 +112,7 @@ impl<'a> Member<'a> {
         let mut left_out = Bits::new(table.0.len() / self.tables.k);
         let mut exits = Exits::new();
         for _ in 0..ROUNDS {
-            // Where hardly anything returns, one trap opens the next one for ever.
+            // If the log hardly revisits its states, each removed trap creates the next one without end.
             let all = if anchor.component * LOOP < self.candidates {
                 Err(Halt::Lost)
             } else {
@@ -154,9 +155,9 @@ impl<'a> Member<'a> {
         Ok((anchor, classes))
     }
 
-    /// All transitions of which it is not known whether they lead to a class that stays, and those of which it is.
+    /// Returns the transitions that may not lead to a permanent class, and those that certainly do.
     fn unsettled(&self, graph: &Graph<'_>, left_out: &Bits, anchor: &Anchor) -> (Bits, Bits) {
-        // A transition of a large component is in no trap, whatever is left out, so that all that leads there stays.
+        // A transition of a large component is never in a trap, whatever is left out. So all transitions that lead to it are settled.
         let settled = if anchor.component >= self.enough {
             anchor.reaching.clone()
         } else {
@@ -165,7 +166,7 @@ impl<'a> Member<'a> {
         (graph.all().without(&settled).without(left_out), settled)
     }
 
-    /// What is left out by this rule, with what is already.
+    /// Returns the candidates that are left out by this rule, including those in `left_out`.
     fn leave_out(
         &self,
         table: &Filling,
@@ -182,7 +183,7 @@ impl<'a> Member<'a> {
         Ok(graph.into_left_out())
     }
 
-    /// Give exits to all traps of the table.
+    /// Gives exits to all traps of the table.
     fn add_exits(
         &self,
         table: &mut Filling,
@@ -210,7 +211,7 @@ impl<'a> Member<'a> {
         Ok(exits)
     }
 
-    /// Search the rows of the table again that hold what is left out.
+    /// Searches the rows of the table again that contain a candidate that is left out.
     fn search_again(
         &self,
         table: &mut Filling,
@@ -235,7 +236,7 @@ impl<'a> Member<'a> {
             .try_for_each(|node| self.put(table, &[node], left_out_of(node, left_out, exits)))
     }
 
-    /// Put the nearest of what is not left out into these rows of the table.
+    /// Stores the nearest remaining candidates in these rows of the table.
     fn put(&self, table: &mut Filling, nodes: &[u32], left_out: Bits) -> Result<(), Halt> {
         let rows: Vec<_> = nodes.iter().map(|&node| self.search.next(node)).collect();
         let left_out = self.search.of_member(left_out);

@@ -6,9 +6,9 @@ use crate::{
     index::{NeighborLists, Planned, Queries, Sources},
 };
 
-/// Searches for what a member's transitions lead to where something is left out, with the structure that found its table.
+/// Searches the neighbours of a member's rows while candidates are left out, with the structure that found its table.
 ///
-/// A leaf budget does not count here: what is searched again is found exactly, so that it does not depend on its company.
+/// The leaf budget does not apply: repeated searches are exact, so that a result does not depend on the other queries of its band.
 #[derive(Clone, Copy)]
 pub(super) struct MemberSearch<'a> {
     pub(super) planned: &'a Planned<'a>,
@@ -20,13 +20,13 @@ pub(super) struct MemberSearch<'a> {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Distances {
-    /// Those that were searched by, lists in their order.
+    /// The distances of the search. Lists are in their order.
     Searched,
-    /// Those that tables hold, lists in their order.
+    /// The distances that tables store. Lists are in their order.
     Stored,
 }
 
-/// Watches for interruptions alone: what is searched on the way is not counted.
+/// A monitor that forwards interruptions but no progress.
 struct InterruptOnly<'a>(&'a dyn Monitor);
 
 impl Monitor for InterruptOnly<'_> {
@@ -40,29 +40,29 @@ impl Monitor for InterruptOnly<'_> {
 }
 
 impl MemberSearch<'_> {
-    /// What is left out of this member, as searches are told.
+    /// Returns the exclusions of all members, with `left_out` for this one, in the form that searches take.
     pub(super) fn of_member(&self, left_out: Bits) -> Vec<Bits> {
         let mut all = vec![Bits::default(); self.sources.blocks.members()];
         all[self.member] = left_out;
         all
     }
 
-    /// The row that transition `node` leads to.
+    /// Returns the row that transition `node` leads to.
     pub(super) fn next(&self, node: u32) -> RowIndex {
         self.sources.transitions.next(TransitionIndex(node))
     }
 
-    /// The row that transition `node` starts from.
+    /// Returns the row that transition `node` starts from.
     pub(super) fn source(&self, node: u32) -> RowIndex {
         self.sources.transitions.source(TransitionIndex(node))
     }
 
-    /// The state that is searched for from `row`.
+    /// Returns the state that the search uses for `row`.
     pub(super) fn state(&self, row: RowIndex) -> &[f32] {
         self.sources.states.row(row.get())
     }
 
-    /// Whether what was recorded after `node` can be found by queries of the member.
+    /// Whether queries of the member can find the transition that was recorded after `node`.
     pub(super) fn goes_on(&self, node: u32, left_out: &Bits) -> bool {
         let transitions = self.sources.transitions;
         transitions.starting_at(self.next(node)).is_some_and(|next| {
@@ -72,8 +72,8 @@ impl MemberSearch<'_> {
         })
     }
 
-    /// How many of these transitions do not stand still: those that do lead to the state that they start from, and what was recorded
-    /// after them is a candidate.
+    /// Returns how many of these transitions are not at a standstill. At a standstill, a transition leads to the state that it starts from,
+    /// and the transition recorded after it is a candidate.
     pub(super) fn lost(&self, nodes: impl Iterator<Item = u32>) -> usize {
         let nothing = Bits::default();
         nodes
@@ -85,13 +85,13 @@ impl MemberSearch<'_> {
             .count()
     }
 
-    /// Number of the member's candidates.
+    /// Returns the number of the member's candidates.
     pub(super) fn candidates(&self) -> usize {
         self.sources.blocks.admissible(self.member, &(0..0), self.sources.candidates)
     }
 
-    /// Show `each` of the rows by its number, and the `k` nearest to it of what is not left out: their transitions and distances. Lists are
-    /// shorter where there are not as many, and come in any order of rows.
+    /// Calls `each` for each row with its number and the transitions and distances of its `k` nearest remaining candidates. Lists are
+    /// shorter if there are fewer, and rows come in any order.
     pub(super) fn nearest(
         &self,
         rows: &[RowIndex],

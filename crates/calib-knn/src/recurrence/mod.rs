@@ -1,19 +1,21 @@
-//! Models without traps.
+//! Removal of traps, so that rollouts of a model cannot be caught.
 //!
-//! The *graph* of a member has its transitions for nodes and an edge from each to every neighbour that a step can draw there. A *closed
-//! class* is a set of transitions that lead to each other and to nothing else (a terminal strongly connected component): a walk that
-//! enters it never leaves it. At a dead end of the record (the last row before a gap, or beside a block that is left out) the nearest
-//! sources are the rows just before it, so that three of them are a closed class already.
+//! The *graph* of a member has its transitions as nodes. An edge leads from a transition to every neighbour that a step can draw there. A
+//! *closed class* is a terminal strongly connected component: its transitions lead to each other and to nothing else. A rollout that enters
+//! it never leaves it. At a dead end of the record (the last row before a gap, or beside a block that is left out) the nearest sources are
+//! the rows just before it. Three of them already form a closed class.
 //!
-//! A closed class of fewer than a tenth of the member's candidates is a *trap*. Its transitions are left out, as candidates only: their own rows of
-//! the table stay. Rows of the table that held them are searched again among what remains, which may close other classes, until none is a trap.
-//! The order does not matter: what is left out changes only rows that hold it, and no row of another closed class does, so that it is still one
-//! afterwards. Hence [`settle`](tarjan::settle) takes them as it comes by them.
+//! A closed class of fewer than a tenth of the member's candidates is a *trap*. Its transitions are left out as candidates only; their own
+//! rows of the table stay. Rows of the table that contained them are searched again among the remaining candidates. This may close other
+//! classes, so the search continues until no trap remains. The order does not matter. Leaving transitions out changes only rows that
+//! contain them. No row of another closed class does, so that class stays closed. Hence [`settle`](tarjan::settle) removes traps in the
+//! order in which it finds them.
 //!
-//! If more than a tenth of the candidates would be lost so, or there is hardly a loop to begin with, only traps in a standstill are left out (its first rows are everybody's
-//! neighbours, and lead to each other; the last ones, which lead on, take their place), and all others are given exits instead: one row
-//! of each, a dead end if there is one, is searched again among what lies outside; again and again, until none is a trap. Rows of a
-//! standstill but its last do not count as lost. Where that takes too many exits, the table stays as it was found.
+//! There are two cases in which this fails: more than a tenth of the candidates would be lost, or the log hardly revisits its states. Then
+//! only traps in a standstill are left out. The first rows of a standstill are neighbours of many rows and lead to each other; its last
+//! rows, which lead on, take their place. All other traps are given exits. One row of each, a dead end if there is one, is searched again
+//! among the candidates outside. This repeats until no trap remains. Rows of a standstill but its last do not count as lost. If too many
+//! exits are needed, the table stays as it was found.
 
 mod anchor;
 mod classes;
@@ -43,10 +45,10 @@ use classes::{Classes, closed};
 use graph::Graph;
 use member::{Member, Survey};
 
-/// A closed class of fewer than one of this many candidates is a trap, and no more of them may be lost (our choice): what a walk
-/// of a member should be able to visit is most of it, and what is a tenth of a log is a regime of the plant rather than a dead end.
+/// A closed class of fewer than one in `SHARE` of the candidates is a trap, and no more candidates than that may be lost (our choice). A
+/// rollout should be able to visit most of its member. A tenth of a log is a regime of the plant rather than a dead end.
 const SHARE: usize = 10;
-/// Sizes of classes that are told.
+/// Maximum number of class sizes that are reported.
 const TOLD: usize = 10;
 
 /// Closed classes of a member.
@@ -79,10 +81,10 @@ pub struct Recurrence {
     pub exits: usize,
 }
 
-/// Why closed classes cannot all be dealt with.
+/// The reason why traps cannot be removed.
 #[derive(Debug)]
 enum Halt {
-    /// Too many candidates are lost, some query has too few left, or too many exits do not lead out.
+    /// Too many candidates are lost, some query has too few left, or too many exits were needed.
     Lost,
     Error(KnnError),
 }
@@ -94,7 +96,7 @@ impl<E: Into<KnnError>> From<E> for Halt {
 }
 
 impl Halt {
-    /// What went wrong where nothing is left out.
+    /// Returns the error of a search in which nothing is left out.
     fn into_error(self) -> KnnError {
         match self {
             Self::Error(error) => error,
@@ -114,28 +116,28 @@ impl ClosedClasses {
     }
 }
 
-/// Where walks of a member end: its traps if it has any, or else its closed classes.
+/// The transitions where rollouts of a member end: those of its traps, or of its closed classes if it has no trap.
 #[derive(Clone, Debug)]
 pub struct Ends(Bits);
 
 impl Ends {
-    /// Whether a walk that draws `transition` has come to its end.
+    /// Whether a rollout that draws `transition` has reached its end.
     pub fn contains(&self, transition: TransitionIndex) -> bool {
         self.0.contains(transition.0)
     }
 }
 
-/// What was made of a member, and what was found.
+/// The result for one member: exclusions, statistics and ends.
 pub(crate) struct MemberResult {
     pub(crate) left_out: LeftOut,
     pub(crate) recurrence: Recurrence,
     pub(crate) ends: Ends,
 }
 
-/// A table while it is made: neighbours and distances.
+/// A table under construction: neighbours and distances.
 pub(crate) type Filling = (Scratch<u32>, Scratch<f32>);
 
-/// How the tables of a model were found.
+/// The search that found the tables of a model, and its settings.
 #[derive(Clone, Copy)]
 pub(crate) struct TableSearch<'a> {
     pub(crate) planned: &'a Planned<'a>,
@@ -148,7 +150,7 @@ pub(crate) struct TableSearch<'a> {
 }
 
 impl TableSearch<'_> {
-    /// Leave out of the tables of all members what walks would be trapped in; says for each member what, and what was found.
+    /// Removes the traps from the tables of all members. Returns for each member what was left out and found.
     ///
     /// Progress counts members, then rows that are searched again.
     ///
@@ -165,7 +167,7 @@ impl TableSearch<'_> {
             .collect()
     }
 
-    /// What walks are trapped in, of tables that stay as they were found.
+    /// Finds the traps in tables that stay as they were found.
     ///
     /// # Errors
     /// If there is no place for the arrays, or the monitor interrupts.
@@ -179,7 +181,7 @@ impl TableSearch<'_> {
 
     fn survey(&self, tables: &[Filling]) -> Result<Vec<(Member<'_>, Survey)>, KnnError> {
         self.monitor.begin("closed classes", tables.len() as u64);
-        // One after the other: where nothing returns, each takes memory for all of its transitions.
+        // One member at a time: if states hardly recur, each takes memory for all of its transitions.
         tables
             .iter()
             .enumerate()
@@ -193,7 +195,7 @@ impl TableSearch<'_> {
     }
 }
 
-/// The closed classes of a member with so many candidates, under the weights that its steps are drawn with, and where its walks end.
+/// Returns the closed classes of a member with this many candidates, under the weights that its steps use, and where its rollouts end.
 ///
 /// # Errors
 /// If the monitor interrupts.

@@ -8,14 +8,14 @@ use super::{
 };
 use crate::{KnnError, bits::Bits};
 
-/// Sweeps through a table after which what is still missing is looked for by depth.
+/// Maximum number of sweeps through a table. Then a depth-first search finds the rest.
 const SWEEPS: usize = 16;
 
-/// Add to `known` every transition from which one of `known` can be reached.
+/// Adds to `known` every transition from which one in `known` can be reached.
 ///
-/// Tables say what a transition leads to, not what leads to it. Most edges lead on by a row, so that a sweep against time finds nearly all,
-/// and a few sweeps everything. Where each of them finds a little (a log that comes back by small steps: a tooth of a saw each), the
-/// rest is searched by depth, once, so that the time is that of a bounded number of visits to each transition.
+/// Tables store successors, not predecessors. Most edges lead to the next row, so a sweep against time finds nearly all transitions, and a
+/// few sweeps find all. In some logs each sweep finds only a few, as where the log returns by one tooth of a saw at a time. Then one
+/// depth-first search finds the rest. So each transition is visited a bounded number of times.
 pub(super) fn add_reaching(
     known: &mut Bits,
     graph: &Graph<'_>,
@@ -33,7 +33,7 @@ pub(super) fn add_reaching(
     settle(&rest, known, &mut pruned, place, monitor).map_err(Halt::into_error)
 }
 
-/// A graph without what is known to lead to nothing known: a component that is finished without having met any.
+/// A graph that prunes the transitions that lead to nothing known: components that are finished without meeting any.
 struct Pruned<'a> {
     graph: &'a Graph<'a>,
     pruned: Bits,
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn a_path_that_no_sweep_follows_is_followed_to_its_start() {
-        // 0 → 999 → 1 → 998 → …: against the order half of the time.
+        // 0 → 999 → 1 → 998 → …: half of the edges lead against the order.
         let shape = Shape::new(&chain(1000), Order::Zigzag, 0..0, |_| false);
         assert_eq!(reaching(&shape, 500).len(), 1000);
         assert_eq!(reaching(&shape, 0), [0]);

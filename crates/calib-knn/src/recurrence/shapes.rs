@@ -1,4 +1,4 @@
-//! Tables of many shapes, and what the definitions say of their graphs: for tests.
+//! Test tables of many shapes, and the properties of their graphs by definition.
 
 use std::{cmp::Reverse, iter, ops::Range};
 
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use super::graph::Graph;
 use crate::Weights;
 
-/// A table, and which rows of the data are in no block of the member.
+/// A table, and which rows of the data are outside the member.
 #[derive(Clone, Debug)]
 pub(super) struct Shape {
     neighbors: Vec<u32>,
@@ -17,7 +17,7 @@ pub(super) struct Shape {
     dropped: Range<u32>,
 }
 
-/// In which order the nodes of a shape are numbered: sweeps through a table depend on it, classes do not.
+/// The order in which the nodes of a shape are numbered. Sweeps through a table depend on it; classes do not.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Order {
     Ascending,
@@ -28,7 +28,7 @@ pub(super) enum Order {
 }
 
 impl Order {
-    /// The number of each of `count` nodes.
+    /// Returns the number of each of `count` nodes.
     fn numbers(self, count: usize) -> Vec<u32> {
         let mut numbers: Vec<u32> = (0..count as u32).collect();
         match self {
@@ -53,8 +53,8 @@ impl Order {
     }
 }
 
-/// `count` teeth of `length` rows: each rises row by row, and what comes next is the first row of the next tooth or, as near, of the one
-/// before. So a walk comes back, by one tooth a tooth.
+/// Returns `count` teeth of `length` rows. Each tooth rises row by row. Its last row leads to the first row of the next tooth or of the
+/// previous one. So a rollout goes back one tooth at a time.
 pub(super) fn saw(count: usize, length: usize) -> Vec<Vec<u32>> {
     (0..count)
         .flat_map(|tooth: usize| {
@@ -66,7 +66,7 @@ pub(super) fn saw(count: usize, length: usize) -> Vec<Vec<u32>> {
         .collect()
 }
 
-/// `count` rings of `length` nodes, each of which leads to the next; the last one to itself, or to the first.
+/// Returns `count` rings of `length` nodes. Each ring leads to the next; the last one leads to itself, or to the first if `closes`.
 pub(super) fn rings(count: usize, length: usize, closes: bool) -> Vec<Vec<u32>> {
     (0..count)
         .flat_map(|ring: usize| {
@@ -81,13 +81,13 @@ pub(super) fn rings(count: usize, length: usize, closes: bool) -> Vec<Vec<u32>> 
         .collect()
 }
 
-/// Nodes in a row, the last of which leads to itself.
+/// Returns nodes in a row, the last of which leads to itself.
 pub(super) fn chain(count: usize) -> Vec<Vec<u32>> {
     (1..=count as u32).map(|next| vec![next.min(count as u32 - 1)]).collect()
 }
 
 impl Shape {
-    /// The table of these edges. Of the rows that are `partly` drawn, the last neighbour is never.
+    /// Creates the table of these edges. In the rows that are `partly` drawn, the last neighbour is never drawn.
     pub(super) fn new(
         edges: &[Vec<u32>],
         order: Order,
@@ -107,7 +107,7 @@ impl Shape {
         for (node, row) in edges.iter().enumerate() {
             let start = numbers[node] as usize * k;
             for at in 0..k {
-                // A row of fewer names one of them again.
+                // A row with fewer edges repeats its last one.
                 neighbors[start + at] = numbers[row[at.min(row.len() - 1)] as usize];
                 let last = f32::from(u8::from(at + 1 == k));
                 distances[start + at] = if partly(node) { last } else { 1.0 + last };
@@ -121,13 +121,13 @@ impl Shape {
         Graph::new(neighbors, distances, *k, dropped.clone(), Weights::Linear)
     }
 
-    /// Transitions of the member.
+    /// Returns the transitions of the member.
     pub(super) fn nodes(&self) -> Vec<u32> {
         let rows = (self.neighbors.len() / self.k) as u32;
         (0..rows).filter(|node| !self.dropped.contains(node)).collect()
     }
 
-    /// What each row leads to.
+    /// Returns the successors of each row.
     fn edges(&self) -> Vec<Vec<u32>> {
         let mut edges = vec![Vec::new(); self.neighbors.len() / self.k];
         for node in self.nodes() {
@@ -139,18 +139,18 @@ impl Shape {
         edges
     }
 
-    /// What can be reached from `start`, itself included, ascending.
+    /// Returns the nodes that can be reached from `start`, including it, ascending.
     pub(super) fn reached(&self, start: u32) -> Vec<u32> {
         closure(&self.edges(), start)
     }
 
-    /// What `end` can be reached from, itself included, ascending.
+    /// Returns the nodes from which `end` can be reached, including it, ascending.
     pub(super) fn reaching(&self, end: u32) -> Vec<u32> {
         closure(&against(&self.edges()), end)
     }
 
-    /// Closed classes, the largest first: strongly connected components (Kosaraju's search, after Sharir 1981) without an edge that leads
-    /// out.
+    /// Returns the closed classes, the largest first: strongly connected components (Kosaraju's search, after Sharir 1981) without an
+    /// edge that leads out.
     pub(super) fn closed(&self) -> Vec<Vec<u32>> {
         let edges = self.edges();
         let nodes = self.nodes();
@@ -184,7 +184,7 @@ impl Shape {
     }
 }
 
-/// Every edge the other way round.
+/// Returns the graph with every edge reversed.
 fn against(edges: &[Vec<u32>]) -> Vec<Vec<u32>> {
     let mut back = vec![Vec::new(); edges.len()];
     for (node, row) in edges.iter().enumerate() {
@@ -203,7 +203,7 @@ fn closure(edges: &[Vec<u32>], start: u32) -> Vec<u32> {
     found
 }
 
-/// Append what can be reached from `root` and was not seen, each after all that it leads to first.
+/// Appends the unseen nodes that can be reached from `root` in post-order: each after all nodes that it leads to first.
 fn visit(edges: &[Vec<u32>], root: u32, seen: &mut [bool], done: &mut Vec<u32>) {
     if std::mem::replace(&mut seen[root as usize], true) {
         return;
@@ -225,7 +225,7 @@ fn visit(edges: &[Vec<u32>], root: u32, seen: &mut [bool], done: &mut Vec<u32>) 
     }
 }
 
-/// Chains, saws, rings and random rows, numbered in any order, with some edges besides.
+/// Generates chains, saws, rings and random rows, numbered in any order, with some extra edges.
 pub(super) fn shape() -> impl Strategy<Value = Shape> {
     let sizes = (1_usize..60, 1_usize..12);
     let edges = prop_oneof![
@@ -233,7 +233,7 @@ pub(super) fn shape() -> impl Strategy<Value = Shape> {
         sizes.clone().prop_map(|(count, length)| saw(count, length)),
         (sizes, any::<bool>()).prop_map(|((count, length), closes)| rings(count, length, closes)),
         proptest::collection::vec(proptest::collection::vec(any::<u32>(), 1..4), 1..200),
-        // Most rows lead on.
+        // Most rows lead to the next.
         proptest::collection::vec(proptest::option::weighted(0.1, any::<u32>()), 1..400).prop_map(
             |jumps| {
                 (jumps.into_iter().enumerate())

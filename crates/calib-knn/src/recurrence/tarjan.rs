@@ -4,52 +4,55 @@ use calib_files::{Scratch, ScratchPlace};
 use super::Halt;
 use crate::bits::Bits;
 
-/// Transitions between two looks at the monitor.
+/// Transitions between two checks for an interruption.
 const LOOK: u32 = 1 << 12;
 
-/// What becomes of a closed class.
+/// The decision about a closed class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// It stays, and whatever leads to it is settled.
+    /// The class stays, and every transition that leads to it is settled.
     Keep,
-    /// It is left out: nothing leads to it any more.
+    /// The class is left out: nothing leads to it any more.
     LeaveOut,
-    /// One of its transitions leads elsewhere now.
+    /// One of its transitions now leads elsewhere.
     AddExit,
 }
 
-/// A graph whose edges change as closed classes are left out of it.
+/// A graph whose edges change while closed classes are left out of it.
 ///
-/// What is left out must not take an edge away that leads elsewhere, nor change a row that does not lead to it; and what leads out of a
-/// class must not change a row outside.
+/// Leaving a class out must not remove an edge that leads elsewhere, nor change a row that does not lead to the class. Giving a class
+/// an exit must not change a row outside the class.
 pub(super) trait ShrinkingGraph {
-    /// Put what `node` leads to now into `edges`; nothing that is left out.
+    /// Writes the current successors of `node` into `edges`, without those that are left out.
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt>;
 
     fn is_left_out(&self, node: u32) -> bool;
 
-    /// Decide on a closed class; what is to be left out is left out from here on.
+    /// Decides about a closed class. If the class is left out, this takes effect at once.
     fn judge(&mut self, class: &[u32]) -> Result<Verdict, Halt>;
 }
 
 /// One transition on the path of the search.
 struct Frame {
     node: u32,
-    /// When it was found.
+    /// The order in which it was found.
     found: u32,
-    /// Edges that were followed, of those that there were after so many verdicts.
+    /// Number of edges that were followed, out of those that existed after `verdicts` verdicts.
     followed: u32,
     verdicts: u32,
 }
 
-/// Show every closed class that lies among `nodes` to the graph, as the graph becomes without those that it leaves out.
+/// Passes every closed class among `nodes` to the graph for a decision. The graph changes with each decision.
 ///
-/// `settled` are transitions that lead to a class that stays, whatever is left out; they gain those of the others that do. This is the
-/// search for strongly connected components of Tarjan (1972), without recursion, with two differences. A component that is
-/// finished without having met anything settled is closed: if it is left out, the transitions on the path go on with
-/// what they lead to instead, so that a chain of traps, each of which opens the next one, is one search; if it is led out of, it is
-/// visited anew. And as soon as anything settled is met, all that is under way leads there, and is settled too, so that each
-/// transition is visited once, but for those that are led out of something.
+/// `settled` contains transitions that lead to a permanent class, whatever is left out; the search adds others that do. The method is
+/// Tarjan's search for strongly connected components (1972), without recursion, with two differences.
+///
+/// First, a component that is finished without meeting a settled transition is closed. If it is left out, the transitions on the path
+/// continue with their new successors. So a chain of traps, each of which opens the next, takes one search. If the component is given
+/// an exit, it is visited again.
+///
+/// Second, as soon as the search meets a settled transition, all open transitions lead there, and become settled too. So each
+/// transition is visited once, except those of components that are given an exit.
 pub(super) fn settle(
     nodes: &Bits,
     settled: &mut Bits,
@@ -69,12 +72,13 @@ pub(super) fn settle(
 
 struct Search<'a> {
     nodes: &'a Bits,
-    /// Number of nodes before each word of them.
+    /// Number of nodes before each word of `nodes`.
     before: Vec<u32>,
-    /// The earliest transition under way that each node is known to lead to, by when it was found; 0 of nodes that were not found.
+    /// For each node, the number of the earliest open transition that it is known to lead to; 0 for nodes that were not found.
+    /// Transitions are numbered in the order in which they were found.
     low: Scratch<u32>,
     found: u32,
-    /// Closed classes that were left out or led out of, each of which may have changed where transitions lead.
+    /// Number of closed classes that were left out or given an exit. Each may have changed edges.
     verdicts: u32,
     path: Vec<Frame>,
     /// Nodes that were found, and are neither settled nor left out.
@@ -118,7 +122,7 @@ impl<'a> Search<'a> {
         self.path.push(Frame { node, found: self.found, followed: 0, verdicts });
     }
 
-    /// Visit all that `root` leads to, until it is settled.
+    /// Visits all transitions that `root` leads to, until it is settled.
     fn from(
         &mut self,
         root: u32,
@@ -150,7 +154,7 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Follow the edges of the last transition of the path until one leads to something new.
+    /// Follows the edges of the last transition of the path until one leads to a new node.
     fn follow(&mut self, edges: &[u32], settled: &Bits) -> Next {
         let Some(&Frame { node, followed, verdicts, .. }) = self.path.last() else {
             return Next::Done;
@@ -163,7 +167,7 @@ impl<'a> Search<'a> {
             }
             let low = self.low(to);
             if low == 0 {
-                // Looked at again when it is done: it may lead back.
+                // This edge is followed again when the new node is done, because that may lead back.
                 self.note(number as u32);
                 return Next::New(to);
             }
@@ -172,14 +176,14 @@ impl<'a> Search<'a> {
         Next::Done
     }
 
-    /// Note that the last transition of the path has followed so many edges.
+    /// Records how many edges the last transition of the path has followed.
     fn note(&mut self, followed: u32) {
         if let Some(frame) = self.path.last_mut() {
             (frame.followed, frame.verdicts) = (followed, self.verdicts);
         }
     }
 
-    /// Take the last transition off the path.
+    /// Removes the last transition from the path.
     fn finish(&mut self, settled: &mut Bits, graph: &mut impl ShrinkingGraph) -> Result<(), Halt> {
         let Some(Frame { node, found, .. }) = self.path.pop() else { return Ok(()) };
         if self.low(node) < found {
@@ -204,7 +208,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Where a search goes on.
+/// The next action of a search.
 enum Next {
     Settled,
     New(u32),

@@ -1,4 +1,4 @@
-//! Models without traps, against global rounds over brute force.
+//! Tests the removal of traps against global rounds over brute force.
 
 mod naive;
 
@@ -19,7 +19,7 @@ struct Case {
     config: ModelConfig,
 }
 
-/// As many of the sizes as a build tells.
+/// Returns as many of the sizes as a build reports.
 fn told(sizes: &[usize]) -> Vec<usize> {
     sizes[..sizes.len().min(10)].to_vec()
 }
@@ -106,7 +106,7 @@ fn case() -> impl Strategy<Value = Case> {
             }
             values
         });
-        // Rows that stand still for a while.
+        // Rows at a standstill.
         let still = (
             proptest::collection::vec(-1.0_f32..1.0, count),
             proptest::collection::vec(0_u8..4, rows),
@@ -160,7 +160,7 @@ proptest! {
     }
 }
 
-/// What is told of the tables is what they have.
+/// Checks that the reported figures agree with the tables.
 fn check_what_is_told(
     model: &KnnModel,
     built: &Built,
@@ -184,7 +184,7 @@ proptest! {
 
     #[test]
     fn what_is_told_is_what_the_tables_have(case in case(), components in 0_usize..3) {
-        // Distances in components are not those that neighbours are drawn by.
+        // Distances in components differ from those that steps use to draw neighbours.
         let columns = case.values.len() / case.lengths.iter().sum::<usize>();
         let config = ModelConfig { components: components.min(columns - 1), ..case.config };
         let place = Workplace::default();
@@ -197,7 +197,8 @@ proptest! {
 
 #[test]
 fn a_log_that_comes_back_by_small_steps_has_a_closed_class() {
-    // Each tooth begins a little below the one before, and rises to where that one began: a walk climbs one tooth a tooth.
+    // Each tooth begins a little below the previous one, and rises to where that one began. So a rollout climbs one tooth
+    // at a time.
     const TEETH: usize = 300;
     const ROWS: usize = 30;
     let mut rng = Seed::new(3).rng();
@@ -258,7 +259,7 @@ fn a_long_standstill_is_left_in_a_few_searches() {
     let (model, built) = model_of(values, &[ROWS]).expect("the plant goes on afterwards");
     for (number, found) in built.recurrence.iter().enumerate() {
         assert_eq!((found.after.traps, found.exits), (0, 0), "member {number}: {found:?}");
-        // What is left out stands still: nothing of the plant is lost but a dead end.
+        // Only standstill rows are left out, so nothing of the plant is lost but a dead end.
         assert!(found.lost < 20, "member {number}: {found:?}");
         assert_eq!(model.left_out(number).len(), found.left_out);
     }

@@ -1,14 +1,14 @@
-//! What the definition says, without any of the crate's searches.
+//! The results by definition, without any of the crate's searches.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use calib_core::{RowIndex, States, TransitionIndex, Transitions};
 use calib_knn::{Blocks, KnnError, KnnModel, ModelConfig, Weights};
 
-/// Transitions, and which a walk may draw after each.
+/// Transitions, and those that a rollout may draw after each.
 pub(crate) struct Drawn {
     nodes: Vec<u32>,
-    /// By transition.
+    /// Successors by transition.
     edges: Vec<Vec<u32>>,
 }
 
@@ -36,7 +36,7 @@ impl Drawn {
         Self::new(rows, weights)
     }
 
-    /// What `start` leads to, by any number of steps, itself included.
+    /// Returns the transitions that can be reached from `start` in any number of steps, including it.
     fn reached(&self, start: u32) -> Vec<u32> {
         let mut known = vec![false; self.edges.len()];
         known[start as usize] = true;
@@ -50,7 +50,8 @@ impl Drawn {
         reached
     }
 
-    /// Closed classes, the largest first: sets that are reached from each of their transitions, and reach nothing else.
+    /// Returns the closed classes, the largest first: sets that are reached from each of their transitions and lead to
+    /// nothing else.
     fn closed(&self) -> Vec<BTreeSet<u32>> {
         let mut counts = vec![0; self.edges.len()];
         for &node in &self.nodes {
@@ -59,7 +60,7 @@ impl Drawn {
         let mut classes: Vec<BTreeSet<u32>> = (self.nodes.iter())
             .map(|&node| (node, self.reached(node)))
             .filter(|(node, reached)| {
-                // What reaches as many is reached from all of these.
+                // A transition that reaches as many is reached from all of these.
                 reached.iter().all(|to| to >= node && counts[*to as usize] == reached.len())
             })
             .map(|(_, reached)| reached.into_iter().collect())
@@ -73,7 +74,7 @@ impl Drawn {
     }
 }
 
-/// What the definition says of one member.
+/// The expected results for one member.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Expected {
     /// Lists of the member's transitions.
@@ -105,7 +106,7 @@ impl Expected {
     }
 }
 
-/// One member by the definition, without any of the crate's searches.
+/// One member by definition, without any of the crate's searches.
 struct Naive<'a> {
     states: &'a States,
     transitions: &'a Transitions,
@@ -121,7 +122,7 @@ impl Naive<'_> {
         pairs.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum()
     }
 
-    /// What `row` may find, nearest first, without what is also `barred`.
+    /// Returns the sources that `row` may find, nearest first, without those in `barred`.
     fn list(&self, row: RowIndex, barred: &BTreeSet<u32>) -> Vec<(f64, u32)> {
         let forbidden = self.config.exclusion().forbidden(self.transitions, row);
         let mut list: Vec<(f64, u32)> = (self.inside.iter().copied())
@@ -137,7 +138,7 @@ impl Naive<'_> {
         self.transitions.next(TransitionIndex(node))
     }
 
-    /// The row of the table, or how many candidates there are if these are too few.
+    /// Returns the row of the table, or the number of candidates if there are too few.
     fn row(&self, node: u32) -> Result<Vec<(f64, u32)>, usize> {
         let none = BTreeSet::new();
         let barred = self.exits.get(&node).unwrap_or(&none);
@@ -161,7 +162,7 @@ impl Naive<'_> {
         Drawn::new(rows, self.config.weights().expect("valid"))
     }
 
-    /// How many of these are not followed by the same state.
+    /// Returns how many of these are not followed by the same state.
     fn lost<'t>(&self, nodes: impl IntoIterator<Item = &'t u32>) -> usize {
         nodes.into_iter().filter(|node| !self.is_still(**node)).count()
     }
@@ -186,7 +187,7 @@ impl Naive<'_> {
             k: 0,
         })?;
         let before = self.drawn(&first).sizes();
-        // All traps at once, again and again.
+        // All traps at once, repeatedly.
         let returns = 100 * self.loops(&first) >= candidates;
         let outcome = loop {
             if !returns {
@@ -214,7 +215,7 @@ impl Naive<'_> {
         Ok(Expected { rows, left_out: self.left_out, exits: self.exits, before, after })
     }
 
-    /// Transitions of the largest component that one of sixteen probes lies in.
+    /// Returns the size of the largest component that contains one of sixteen probes.
     fn loops(&self, table: &BTreeMap<u32, Vec<(f64, u32)>>) -> usize {
         let drawn = self.drawn(table);
         let reached: BTreeMap<u32, BTreeSet<u32>> = (self.inside.iter())
@@ -232,7 +233,8 @@ impl Naive<'_> {
             .expect("some")
     }
 
-    /// The other way: standstills are left out, and what remains has exits; nothing if that does not help.
+    /// Applies the second method: leaves out standstills and gives exits to the other traps. Returns `None` if that
+    /// does not help.
     fn led_out(
         &mut self,
         candidates: usize,
@@ -250,7 +252,7 @@ impl Naive<'_> {
         }
         for _ in 0..=(candidates / (16 * self.config.neighbors)).clamp(16, 1000) {
             let table = self.table().ok()?;
-            // Any one of them: the order does not matter.
+            // Any one of them is correct, because the order does not matter.
             match self.drawn(&table).closed().into_iter().rfind(is_trap) {
                 Some(trap) => self.lead_out(&trap).ok()?,
                 None => return Some(table),

@@ -1,4 +1,4 @@
-//! The search of blocks of queries that lie near each other.
+//! The search of blocks of nearby queries.
 
 #![expect(
     clippy::inline_always,
@@ -21,51 +21,52 @@ use crate::{
     index::{Queries, pending::Pending},
 };
 
-/// Most queries of a block.
+/// Maximum number of queries in a block.
 pub(super) const QUERIES: usize = 64;
 
-// What a coordinate costs beside a multiply-add of a matrix product, roughly and as measured once.
-// A state is read from anywhere in memory.
+// Cost of one coordinate relative to a multiply-add in a matrix product: rough values that were measured once. A state is
+// read from anywhere in memory.
 const BOX_COST: usize = 8;
 const LEAF_COST: usize = 2;
 const STATE_COST: u64 = 32;
 
-/// Nodes between two looks at the monitor.
+/// Nodes between two checks for an interruption.
 const LOOK: usize = 256;
 
-/// Blocks of queries from neighbouring leaves, which mostly visit the same leaves: each leaf is brought near once for all.
+/// Blocks of queries from neighbouring leaves. They mostly visit the same leaves, so each leaf is loaded into the cache
+/// once for all.
 #[derive(Clone, Copy)]
 pub(super) struct Band<'a> {
     pub(super) join: &'a Join<'a>,
     pub(super) queries: &'a Queries<'a>,
-    /// The leaf and the queries of each block, at most [`QUERIES`] of them.
+    /// The leaf and the queries of each block, at most [`QUERIES`] each.
     pub(super) blocks: &'a [(usize, &'a [u32])],
     pub(super) k: usize,
     pub(super) limit: Limit,
     pub(super) monitor: &'a dyn Monitor,
 }
 
-/// When a search ends before it is exact.
+/// Limits that can end a search before it is exact.
 #[derive(Clone, Copy)]
 pub(super) struct Limit {
-    /// Work after which it is given up, for judging.
+    /// Work after which an estimate of the work stops.
     pub(super) work: u64,
-    /// Most leaves that are visited beside those of the queries.
+    /// Maximum number of leaves that are visited besides those of the queries.
     pub(super) leaves: usize,
 }
 
-/// What is known about the queries of a block while leaves are visited.
+/// The state of a block's search while leaves are visited.
 struct Block<'a> {
     /// The leaf that the queries lie in.
     leaf: usize,
     one: Vec<One<'a>>,
-    /// Images `[query, coordinate]`.
+    /// Images, `[query, coordinate]`.
     images: Vec<f32>,
-    /// Images `[coordinate, query]`.
+    /// Images, `[coordinate, query]`.
     lanes: Vec<f32>,
-    /// A box around the images.
+    /// The bounding box of the images.
     bounds: Bounds,
-    /// Images beyond this squared distance need not be looked at; negative past the last query.
+    /// Squared distance per query beyond which images need not be looked at. Negative past the last query.
     thresholds: [f32; QUERIES],
     /// The largest threshold.
     reach: f32,
@@ -73,16 +74,16 @@ struct Block<'a> {
     work: u64,
 }
 
-/// What is known about one query.
+/// The state of one query's search.
 struct One<'a> {
     pending: Pending<'a>,
-    /// By how much images may be further apart than states.
+    /// Maximum by which the distance of two images may exceed that of their states.
     slack: f64,
-    /// Bounds on its distance from the mean.
+    /// Bounds on the query's distance from the mean.
     norm: RangeInclusive<f64>,
 }
 
-/// The sides of a box.
+/// The lower and upper bounds of a box.
 struct Bounds {
     lower: Vec<f32>,
     upper: Vec<f32>,
@@ -107,10 +108,10 @@ impl Bounds {
     }
 }
 
-/// The lists of a band, in the order of its queries, and what they cost.
+/// The lists of a band, in the order of its queries, and the work that they took.
 pub(super) struct Searched {
     pub(super) lists: Vec<MemberLists>,
-    /// Work in multiply-adds, where each kind of work counts by the time that it takes beside a matrix product.
+    /// Work in multiply-adds. Each kind of work counts by its time relative to a matrix product.
     pub(super) work: u64,
 }
 
@@ -133,13 +134,13 @@ impl WithSimd for Band<'_> {
         let mut open = BinaryHeap::new();
         let mut popped = 0_usize;
         open.push((Reverse(0), Reverse(0)));
-        // Where nothing can be ruled out a band takes long; its lists are of no use once it is interrupted.
+        // Where no source can be ruled out, a band takes long. Its lists are unused once it is interrupted.
         while let Some((Reverse(bound), Reverse(node))) = open.pop() {
             popped += 1;
             if popped.is_multiple_of(LOOK) && self.monitor.interrupted() {
                 break;
             }
-            // Even a search that ends early fills its lists.
+            // Even a search that ends early must fill its lists.
             let given_up = (left == 0 && are_full(&blocks))
                 || (self.limit.work < u64::MAX && self.work(&blocks) > self.limit.work);
             if f32::from_bits(bound) > reach || given_up {
@@ -161,7 +162,7 @@ impl WithSimd for Band<'_> {
                     for child in children {
                         let bound = box_to_box(simd, around.sides(), tree.bounds(child));
                         if bound <= reach {
-                            // Bits of floats that are not negative are ordered as the floats.
+                            // The bits of non-negative floats have the same order as the floats.
                             open.push((Reverse(bound.to_bits()), Reverse(child)));
                         }
                     }
@@ -197,7 +198,7 @@ impl<'a> Band<'a> {
         states + blocks.iter().map(|block| block.work).sum::<u64>()
     }
 
-    /// The queries with their images and first radii.
+    /// Starts a block: computes the images and first radii of its queries.
     #[inline(always)]
     fn begin<S: Simd>(&self, simd: S, leaf: usize, order: &[u32]) -> Block<'a> {
         let width = self.join.embedding.width();
@@ -235,7 +236,7 @@ impl<'a> Band<'a> {
         block
     }
 
-    /// Meet the sources outside the tree that could be near enough.
+    /// Compares a query with the sources outside the tree that could be near enough.
     #[inline(always)]
     fn meet_far<S: Simd>(&self, simd: S, one: &mut One<'_>) {
         if let Some(radius) = one.pending.radius() {
@@ -245,9 +246,9 @@ impl<'a> Band<'a> {
         }
     }
 
-    /// Images beyond this squared distance from the query's need not be looked at.
+    /// Returns the squared distance beyond which images need not be looked at.
     fn threshold(&self, one: &One<'_>) -> f32 {
-        // A far query that has found far neighbours is done with the tree.
+        // A query far from the mean that has found neighbours there needs nothing from the tree.
         let radius = (one.pending.radius())
             .filter(|radius| !apart(*one.norm.start(), self.join.norm, radius.sqrt()));
         radius.map_or(-1.0, |radius| {
@@ -256,7 +257,7 @@ impl<'a> Band<'a> {
         })
     }
 
-    /// Meet every source of a leaf that could be near enough to some query of the block.
+    /// Compares each query of the block with every source of a leaf that could be near enough.
     #[inline(always)]
     fn visit<S: Simd>(&self, simd: S, leaf: usize, block: &mut Block<'_>) {
         let tree = &self.join.tree;
@@ -276,7 +277,8 @@ impl<'a> Band<'a> {
                 let strips = within(&to_strips, &[*threshold; STRIPS]);
                 *work +=
                     (BOX_COST * STRIPS * SIDES + LEAF_COST * STRIP * strips.len() * width) as u64;
-                // In its own leaf a query begins with the nearest, so that few of the others are met on the way.
+                // In its own leaf, a query begins with the nearest strip. Its radius shrinks early, so fewer sources are
+                // compared.
                 let nearest = if leaf == *home { least(&to_strips) } else { 0 };
                 for strip in strips.beginning_with(nearest) {
                     if to_strips[strip] > *threshold {
@@ -293,7 +295,7 @@ impl<'a> Band<'a> {
         block.reach = thresholds.iter().copied().fold(-1.0, f32::max);
     }
 
-    /// Meet the sources of a strip whose images are near enough to one query.
+    /// Compares a query with the sources of a strip whose images are near enough.
     #[inline(always)]
     fn meet<S: Simd>(
         &self,

@@ -1,4 +1,4 @@
-//! A map into few dimensions that never lengthens a distance by more than a known error.
+//! An embedding into few dimensions that never lengthens a distance by more than a known error.
 
 use calib_core::Seed;
 use pulp::{Arch, Simd, WithSimd};
@@ -12,43 +12,42 @@ use crate::{
 
 use super::far::{FAR, Far};
 
-/// Most coordinates of an embedding.
+/// Maximum number of coordinates of an embedding.
 pub(super) const MOST: usize = 32;
-/// Coordinates are stored in multiples of this, the rest are zero.
+/// The number of stored coordinates is a multiple of this; the padding is zero.
 const STEP: usize = 16;
-/// Rows from which the axes are estimated. Any axes are correct; better ones prune more.
+/// Maximum number of rows from which the axes are estimated. Any axes are correct; better ones prune more.
 const SAMPLE: usize = 16_384;
-/// Work of the estimate, rows × columns², is bounded, but that there are this many rows; fewer than columns, which is no loss: they span
-/// many more dimensions than the axes.
+/// Limit on the work of the estimate, rows × columns². The sample never has fewer than `LEAST_SAMPLE` rows. Fewer rows than columns are
+/// no loss, because the rows still span many more dimensions than the axes.
 const SAMPLE_WORK: usize = 2_000_000_000;
 const LEAST_SAMPLE: usize = 1024;
 
-/// Coordinates of the image of a state, with padding.
+/// Returns the number of coordinates of an image, with padding.
 pub(crate) fn width(columns: usize) -> usize {
     columns.min(MOST).next_multiple_of(STEP)
 }
 
-/// Coordinates along the axes of largest variance and, where axes are left out, the distance from their span:
+/// Coordinates along the axes of largest variance and, if some axes are omitted, the distance from their span:
 /// `e(x) = (A(x − μ), √(‖x − μ‖² − ‖A(x − μ)‖²))`.
 ///
-/// `A` has orthonormal rows, and by the triangle inequality in the complement
-/// `‖e(x) − e(y)‖ ≤ ‖x − y‖`. The coordinates are computed in f64 and stored in f32, so the stored images may be
-/// further apart than the states by [`slack`](Self::slack).
+/// `A` has orthonormal rows. By the triangle inequality in the complement, `‖e(x) − e(y)‖ ≤ ‖x − y‖`. The coordinates are computed in
+/// f64 and stored in f32, so the stored images may be further apart than the states by [`slack`](Self::slack).
 #[derive(Debug)]
 pub(super) struct Embedding {
     mean: Vec<f64>,
-    /// `[columns, MOST]`, padded with zeros.
+    /// The axes, `[columns, MOST]`, padded with zeros.
     axes: Vec<f64>,
-    /// Where each axis, and last the distance from the span, is stored.
+    /// The coordinate that stores each axis, and last the one that stores the distance from the span.
     places: Vec<usize>,
     width: usize,
     spans: bool,
-    /// The median distance from the mean; infinite where nothing is to be kept apart.
+    /// The median distance from the mean; infinite if no states are kept apart.
     usual: f64,
 }
 
 impl Embedding {
-    /// An embedding that suits the sources.
+    /// Fits an embedding to the sources.
     pub(super) fn new(sources: &Sources<'_>, groups: &Groups) -> Self {
         let columns = sources.columns();
         let most = SAMPLE.min(SAMPLE_WORK / (columns * columns).max(1)).max(LEAST_SAMPLE);
@@ -74,7 +73,7 @@ impl Embedding {
         this
     }
 
-    /// Put coordinates of large variance first, so that sums of squares grow early.
+    /// Sorts the coordinates by descending variance, so that sums of squares grow early.
     fn sort_by_variance(&mut self, sample: &[&[f32]]) {
         let used = self.places.len();
         let images: Vec<f32> = sample
@@ -104,27 +103,27 @@ impl Embedding {
         }
     }
 
-    /// Coordinates of an image, a multiple of 16.
+    /// Returns the number of coordinates of an image, a multiple of 16.
     pub(super) fn width(&self) -> usize {
         self.width
     }
 
-    /// States beyond this distance from the mean are better kept apart.
+    /// Returns the distance from the mean beyond which states are kept apart.
     pub(super) fn far(&self) -> f64 {
         FAR * self.usual
     }
 
-    /// Write the image of `state`; returns `‖x − μ‖`.
+    /// Writes the image of `state` and returns `‖x − μ‖`.
     pub(super) fn map(&self, state: &[f32], image: &mut [f32]) -> f64 {
         Arch::new().dispatch(Map { embedding: self, state, image })
     }
 
-    /// By how much the distance of two stored images may exceed the distance of the states, if these are
-    /// at most `a` and `b` from the mean.
+    /// Returns a bound on how far the distance of two stored images may exceed the distance of their states, if these are at most `a`
+    /// and `b` from the mean.
     ///
-    /// Storing a coordinate errs by `2⁻²⁴` of it, so an image by `2⁻²⁴ ‖x − μ‖`. In f64 the axes, the sums and
-    /// the squared norms err by less than `4(d + 64)·2⁻⁵³` of `‖x − μ‖²`; the square root of the
-    /// difference of two such numbers errs by the root of that. Everything is doubled.
+    /// Storing a coordinate has a relative error of `2⁻²⁴`, so an image has an error of `2⁻²⁴ ‖x − μ‖`. In f64 the axes, the sums and
+    /// the squared norms err by less than `4(d + 64)·2⁻⁵³` of `‖x − μ‖²`. The square root of the difference of two such numbers errs by
+    /// the root of that. All bounds are doubled.
     pub(super) fn slack(&self, a: f64, b: f64) -> f64 {
         let double = 4.0 * (self.mean.len() as f64 + 64.0) * f64::EPSILON;
         let stored = f64::from(f32::EPSILON);
@@ -133,9 +132,9 @@ impl Embedding {
     }
 }
 
-/// A sample without the states that lie many times as far from the mean as usual, and what is usual: the axes of largest variance are to
-/// be those of the plant, not those of a few spikes. Where there are more than `most`, they are no exceptions: then all are kept,
-/// and nothing is far.
+/// Returns the sample without outliers, and the usual distance from the mean. Outliers lie many times that distance from the mean. The
+/// axes of largest variance should describe the plant and not a few spikes. If there are more than `most` outliers, they are no
+/// exceptions: all states are kept, and no state counts as far.
 fn without_far(all: Vec<&[f32]>, columns: usize, most: usize) -> (Vec<&[f32]>, f64) {
     let mut sample = all.clone();
     loop {
@@ -155,7 +154,7 @@ fn without_far(all: Vec<&[f32]>, columns: usize, most: usize) -> (Vec<&[f32]>, f
         if near.len() + most < all.len() {
             return (all, f64::INFINITY);
         }
-        // Without the farthest the mean is another, and others may be far from it.
+        // Removing outliers moves the mean, so other states may now be far from it.
         if near.len() == sample.len() {
             return (sample, usual);
         }

@@ -1,37 +1,37 @@
-//! States far outside the others.
+//! Outliers: states far from all others.
 
 use std::ops::{Range, RangeInclusive};
 
 /// States further from the mean than this many times the usual distance are far.
 pub(super) const FAR: f64 = 16.0;
-/// Relative error of a distance from the mean in f64, with room to spare.
+/// Bound on the relative error of a distance from the mean in f64, with some reserve.
 const ROUNDING: f64 = 1e-9;
 
-/// A few states so far from the mean that they are kept out of the tree: the rounding of images grows with the largest
-/// distance from the mean, and a spike of one sensor would blur those of all states.
+/// A few states so far from the mean that they are kept out of the tree. The rounding of images grows with the largest distance from
+/// the mean, so a spike of one sensor would blur the images of all states.
 ///
-/// They follow the states of the tree, those nearest to the mean first. What is known of them is
+/// They are stored after the states of the tree, in order of their distance from the mean. The bound for pruning is
 /// `‖x − y‖ ≥ |‖x − μ‖ − ‖y − μ‖|`.
 #[derive(Debug)]
 pub(super) struct Far {
-    /// The place of the first.
+    /// The position of the first far state.
     first: u32,
     /// Distances from the mean, ascending.
     norms: Vec<f64>,
 }
 
 impl Far {
-    /// Far states in places from `first` on, with their distances from the mean.
+    /// Creates the far states at positions from `first` on, with their distances from the mean.
     pub(super) fn new(first: u32, norms: Vec<f64>) -> Self {
         Self { first, norms }
     }
 
-    /// The most that are worth keeping apart from `count` states.
+    /// Returns the maximum number of states that are worth keeping apart from `count` states.
     pub(super) fn most(count: usize) -> usize {
         64 + count / 1024
     }
 
-    /// The places of those that can be within `radius` of a state whose distance from the mean is in `norm`.
+    /// Returns the positions of the far states that can be within `radius` of a state whose distance from the mean is in `norm`.
     pub(super) fn within(&self, norm: RangeInclusive<f64>, radius: f64) -> Range<u32> {
         let (low, high) = norm.into_inner();
         let start = self.norms.partition_point(|&far| apart(low, far, radius));
@@ -40,7 +40,7 @@ impl Far {
     }
 }
 
-/// Whether states so far from the mean, the first at least and the second at most, are surely further than `radius` from each other.
+/// Whether two states are surely further than `radius` apart: one is at least `further` from the mean, the other at most `nearer`.
 pub(super) fn apart(further: f64, nearer: f64, radius: f64) -> bool {
     further - nearer - ROUNDING * (further + nearer) > radius
 }

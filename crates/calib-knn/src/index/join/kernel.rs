@@ -1,4 +1,4 @@
-//! The inner loops, written once for every instruction set.
+//! The inner loops of the join, written once for every instruction set.
 
 #![expect(
     clippy::inline_always,
@@ -9,14 +9,14 @@ use pulp::Simd;
 
 use super::tree::{STRIP, STRIPS};
 
-/// Registers that a pass over lanes keeps.
+/// Registers that hold sums in a pass over lanes.
 const SUMS: usize = 8;
-/// Coordinates between two looks at whether the rest is needed.
+/// Coordinates between two checks whether the remaining ones are needed.
 const HALT: usize = 8;
-/// The same for strips.
+/// Coordinates between two such checks, for strips.
 const STRIP_HALT: usize = 16;
 
-/// Squared distance between two boxes.
+/// Returns the squared distance between two boxes.
 #[inline(always)]
 pub(super) fn box_to_box<S: Simd>(simd: S, a: (&[f32], &[f32]), b: (&[f32], &[f32])) -> f32 {
     let a = vectors::<S>(a);
@@ -35,8 +35,8 @@ fn vectors<'a, S: Simd>(bounds: (&'a [f32], &'a [f32])) -> (&'a [S::f32s], &'a [
     (S::as_simd_f32s(bounds.0).0, S::as_simd_f32s(bounds.1).0)
 }
 
-/// Squared distances from a box to the lanes of `images`, `[coordinate, LANES]`, into `distances`.
-/// Returns whether any is within its threshold; where none is, the distances may be too small.
+/// Writes the squared distances from a box to the lanes of `images`, `[coordinate, LANES]`, into `distances`.
+/// Returns whether any is within its threshold. If none is, the distances may be too small.
 #[inline(always)]
 pub(super) fn box_to_lanes<S: Simd, const LANES: usize>(
     simd: S,
@@ -76,7 +76,7 @@ pub(super) fn box_to_lanes<S: Simd, const LANES: usize>(
     any
 }
 
-/// Squared distances from `image`, in its leading coordinates, to the boxes of a leaf's strips,
+/// Returns the squared distances from the leading coordinates of `image` to the boxes of a leaf's strips,
 /// `[coordinate, lower or upper, strip]`.
 #[inline(always)]
 pub(super) fn image_to_boxes<S: Simd>(
@@ -86,7 +86,7 @@ pub(super) fn image_to_boxes<S: Simd>(
     distances: &mut [f32; STRIPS],
 ) {
     let zero = simd.splat_f32s(0.0);
-    // Two sums, so that one addition need not wait for the other.
+    // Two sums break the dependency between successive additions.
     let mut sums = [[zero; STRIPS]; 2];
     let sides = boxes.as_chunks::<STRIPS>().0.as_chunks::<4>().0;
     for (two, [lower, upper, next_lower, next_upper]) in image.as_chunks::<2>().0.iter().zip(sides)
@@ -110,8 +110,8 @@ pub(super) fn image_to_boxes<S: Simd>(
     }
 }
 
-/// Squared distances from `image` to the images of a strip, `[coordinate, lane]`. Returns whether any is within the
-/// threshold; where none is, the distances may be too small.
+/// Computes the squared distances from `image` to the images of a strip, `[coordinate, lane]`. Returns whether any
+/// is within the threshold. If none is, the distances may be too small.
 #[inline(always)]
 pub(super) fn strip_distances<S: Simd>(
     simd: S,
@@ -148,7 +148,7 @@ pub(super) fn strip_distances<S: Simd>(
     true
 }
 
-/// The places in which `distances` are within their `thresholds`.
+/// Returns the positions where `distances` are within their `thresholds`.
 #[inline(always)]
 pub(super) fn within<const N: usize>(distances: &[f32; N], thresholds: &[f32; N]) -> Places {
     const { assert!(N <= 64, "places are bits of a number") };
@@ -159,16 +159,16 @@ pub(super) fn within<const N: usize>(distances: &[f32; N], thresholds: &[f32; N]
     Places(places)
 }
 
-/// The place of the least of these distances.
+/// Returns the position of the smallest distance.
 pub(super) fn least<const N: usize>(distances: &[f32; N]) -> usize {
     (0..N).reduce(|a: usize, b: usize| if distances[b] < distances[a] { b } else { a }).unwrap_or(0)
 }
 
-/// Some of at most 64 places, in ascending order.
+/// A set of positions below 64, in ascending order.
 pub(super) struct Places(u64);
 
 impl Places {
-    /// The same places, `first` before all others if it is among them.
+    /// Iterates over the positions, beginning with `first` if it is in the set.
     pub(super) fn beginning_with(self, first: usize) -> impl Iterator<Item = usize> {
         let only = self.0 & (1 << first);
         Self(only).chain(Self(self.0 ^ only))
@@ -190,10 +190,10 @@ impl Iterator for Places {
     }
 }
 
-/// Whether any lane is at most its limit. Infinite ones are within infinite limits.
+/// Whether any lane is at most its limit. Infinite lanes are within infinite limits.
 #[inline(always)]
 fn any_within<S: Simd>(simd: S, sums: &[S::f32s], limits: &[S::f32s]) -> bool {
-    // A comparison of lanes is several times as fast as finding the least of them.
+    // Comparing lanes is several times as fast as finding their minimum.
     let mut any = simd.less_than_f32s(simd.splat_f32s(0.0), simd.splat_f32s(0.0));
     for (&sum, &limit) in sums.iter().zip(limits) {
         any = simd.or_m32s(any, simd.less_than_or_equal_f32s(sum, limit));
@@ -210,12 +210,12 @@ mod tests {
 
     const WIDTH: usize = 32;
 
-    /// Small integers: sums of their squares are exact in f32, in any order.
+    /// Returns small integers. Sums of their squares are exact in f32, in any order.
     fn values(count: usize, salt: usize) -> Vec<f32> {
         (0..count).map(|i| ((i * i * 7 + i * 13 + salt) % 23) as f32 - 11.0).collect()
     }
 
-    /// Upper bounds, `height` above `lower`.
+    /// Returns upper bounds, `height` above `lower`.
     fn raised(lower: &[f32], height: f32) -> Vec<f32> {
         lower.iter().map(|value| value + height).collect()
     }
@@ -325,7 +325,7 @@ mod tests {
             let upper = [1.0; 16];
             let mut distances = [0.0; 64];
             for near in 0..64 {
-                // Each lane is infinitely far; one may be.
+                // Each lane is infinitely far. One of them has an infinite threshold.
                 let mut thresholds = [1.0; 64];
                 thresholds[near] = f32::INFINITY;
                 let bounds = (&lower[..], &upper[..]);

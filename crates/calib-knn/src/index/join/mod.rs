@@ -22,32 +22,32 @@ use far::Far;
 pub(crate) use spread::leaves;
 use tree::{LEAF, Tree};
 
-/// Sources between two looks at the monitor while the images are made.
+/// Sources between two checks for an interruption while the images are computed.
 const CHUNK: usize = 1 << 12;
-/// Leaves of a band: its queries share what is read of other leaves.
+/// Leaves of a band. Its queries share what is read of other leaves.
 const BAND: usize = 4;
-/// Bands by which the work is judged.
+/// Number of bands from which the work is estimated.
 const SAMPLE: usize = 12;
-/// Beyond this distance from the mean f32 images could overflow.
+/// Beyond this distance from the mean, f32 images could overflow.
 const FARTHEST: f64 = 1e15;
 
-/// Place of a transition that cannot be a neighbour.
+/// The position of a transition that cannot be a neighbour.
 const ELSEWHERE: u32 = u32::MAX;
 
 /// An exact join of queries and sources, for data in which most sources can be ruled out unseen.
 ///
-/// The different source states are mapped into at most 32 dimensions by a map that lengthens no distance, and
-/// sorted into leaves of near neighbours with a tree of boxes over them. Queries are searched in blocks of one
-/// leaf: the boxes nearest to the block first, until they are further than any query's `k`-th neighbour. Sources
-/// whose images are near enough are computed in f32, and those within the margin of f32 by the definition.
+/// The distinct source states are mapped into at most 32 dimensions by an embedding that lengthens no distance. They are
+/// sorted into leaves of near neighbours, with a tree of boxes above. Queries are searched in blocks of one leaf. A block
+/// visits the nearest boxes first, until the next box is further than any query's `k`-th neighbour. Sources whose images are
+/// near enough are compared in f32. Those within the f32 error margin are measured by the definition.
 #[derive(Debug)]
 pub struct Join<'a> {
     sources: Sources<'a>,
-    /// Different states, in the order of the tree.
+    /// Distinct states, in the order of the tree.
     groups: Groups,
     embedding: Embedding,
     tree: Tree,
-    /// Where in the order of the tree the source of each transition lies.
+    /// Position of each transition's source in the order of the tree.
     place_of: Vec<u32>,
     image_margin: Margin,
     state_margin: Margin,
@@ -58,9 +58,8 @@ pub struct Join<'a> {
 }
 
 impl<'a> Join<'a> {
-    /// Map and sort the sources; `None` if there are no columns, or their values are too large for images in f32.
-    /// Images live in `place`.
-    /// Progress counts four passes over the sources.
+    /// Maps and sorts the sources. Returns `None` if there are no columns, or if values are too large for images in f32. The
+    /// images are stored in `place`. Progress counts four passes over the sources.
     ///
     /// # Errors
     /// If there is no place for the images, or the monitor interrupts.
@@ -121,7 +120,7 @@ impl<'a> Join<'a> {
         }))
     }
 
-    /// The different states, for a scan that is less work.
+    /// Returns the distinct states, for use in a scan that is less work.
     pub(super) fn into_groups(self) -> Groups {
         self.groups
     }
@@ -130,10 +129,10 @@ impl<'a> Join<'a> {
         Pool { sources: &self.sources, groups: &self.groups, margin: self.state_margin }
     }
 
-    /// The place in the order of the tree near which the query lies: that of its own row if it is a source there.
+    /// Returns a position in the tree near the query: that of its own row if this is a source there.
     fn place(&self, queries: &Queries<'_>, query: usize) -> u32 {
         if let Some(transition) = queries.own_transition(query) {
-            // A transition that cannot be a neighbour lies near the last one that can.
+            // For a transition that cannot be a neighbour, the last one before it that can.
             let transition = self.sources.candidates.near(transition);
             let place = self.place_of[transition as usize];
             if self.tree.has(place) {
@@ -145,12 +144,12 @@ impl<'a> Join<'a> {
         self.tree.places(self.tree.nearest_leaf(&image)).start
     }
 
-    /// The leaf near which the query lies.
+    /// Returns the leaf near the query.
     fn leaf(&self, queries: &Queries<'_>, query: usize) -> usize {
         self.tree.leaf_of(self.place(queries, query) as usize).0
     }
 
-    /// Runs of `order` that lie in one leaf, at most [`QUERIES`] long, with the leaf; band by band.
+    /// Splits `order` into bands of blocks. A block is a run of at most [`QUERIES`] queries of one leaf, with the leaf.
     fn bands<'o>(&self, queries: &Queries<'_>, order: &'o [u32]) -> Vec<Vec<(usize, &'o [u32])>> {
         let leaves: Vec<usize> =
             order.par_iter().map(|&query| self.leaf(queries, query as usize)).collect();
@@ -163,14 +162,14 @@ impl<'a> Join<'a> {
                 blocks.extend(own.chunks(QUERIES).map(|part| (run[0], part)));
                 rest = after;
             }
-            // Many queries of one leaf, as where they come from elsewhere, are many bands.
+            // One leaf may have very many queries, for example external ones. Then they form several bands.
             bands.extend(blocks.chunks(2 * BAND * LEAF / QUERIES).map(<[_]>::to_vec));
         }
         bands
     }
 
     fn limit(&self, queries: &Queries<'_>) -> Limit {
-        // What is searched again must not depend on its company.
+        // A repeated search must not depend on which queries share its band, so it has no leaf budget.
         let leaves = match self.sources.leaf_budget {
             0 => usize::MAX,
             _ if queries.are_asked_again() => usize::MAX,
@@ -179,8 +178,8 @@ impl<'a> Join<'a> {
         Limit { work: u64::MAX, leaves }
     }
 
-    /// The work of the join as a share of that of a scan, judged by a few of the queries; it is not looked into how
-    /// much more than twice the work the join would be.
+    /// Estimates the work of the join as a share of the work of a scan, from a sample of the queries. The estimate stops at
+    /// twice the work of the scan.
     pub(super) fn share_of_scan(
         &self,
         queries: &Queries<'_>,
@@ -205,7 +204,7 @@ impl<'a> Join<'a> {
         work as f64 / scan(sampled).max(1) as f64
     }
 
-    /// Write the image of a query; returns bounds on its distance from the mean.
+    /// Writes the image of a query; returns bounds on its distance from the mean.
     fn image(&self, queries: &Queries<'_>, query: usize, image: &mut [f32]) -> RangeInclusive<f64> {
         let place = queries.own_source(query).map(|own| self.place_of[own as usize]);
         if let Some(place) = place.filter(|&place| self.tree.has(place)) {
@@ -218,8 +217,8 @@ impl<'a> Join<'a> {
     }
 }
 
-/// Write the image of every group. Returns the largest distance from the mean of those that are not far, and the far ones with
-/// theirs. Progress counts groups.
+/// Writes the image of every group. Returns the largest distance from the mean of the states that are not far, and the far
+/// states with their distances. Progress counts groups.
 fn map(
     embedding: &Embedding,
     sources: &Sources<'_>,
@@ -259,7 +258,7 @@ fn map(
     Ok(all)
 }
 
-/// The numbers of the images that are not far, which are moved to the front; none if that is all of them.
+/// Moves the images that are not far to the front, and returns their numbers. Returns `None` if no image is far.
 fn keep_near(images: &mut [f32], width: usize, far: &[(f64, u32)]) -> Option<Vec<u32>> {
     let mut apart: Vec<u32> = far.iter().map(|&(_, group)| group).collect();
     apart.sort_unstable();
@@ -274,7 +273,7 @@ fn keep_near(images: &mut [f32], width: usize, far: &[(f64, u32)]) -> Option<Vec
 }
 
 impl NeighborIndex for Join<'_> {
-    /// In the order of the tree.
+    /// Returns the queries in the order of the tree.
     fn order(&self, queries: &Queries<'_>) -> Vec<u32> {
         let mut placed: Vec<(u32, u32)> = (0..queries.len())
             .into_par_iter()
@@ -324,7 +323,7 @@ mod tests {
     use super::*;
     use crate::{Blocks, Exclusion, index::at_every_level};
 
-    /// The neighbours of each query, of the first member to the third.
+    /// Returns the neighbours of each query, for the first three members.
     fn lists(level: &block::Searched) -> Vec<Vec<(TransitionIndex, f64)>> {
         (level.lists.iter())
             .map(|lists| (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect())

@@ -1,4 +1,4 @@
-//! Which image lies in which leaf.
+//! The assignment of images to leaves.
 
 use std::ops::Range;
 
@@ -6,14 +6,16 @@ use calib_core::Monitor;
 
 use crate::KnnError;
 
-/// Images from which a node chooses its widest coordinate.
+/// Number of images from which a node chooses its widest coordinate.
 const SAMPLE: usize = 512;
 
-/// Spread images, `[n, width]`, over leaves of at most `size` near ones: start of each leaf with the end of the last, and which image
-/// lies in which place.
+/// Spreads images, `[n, width]`, over leaves of at most `size` near images. Returns the start of each leaf with the end of the last,
+/// and the image at each position.
+///
+/// Progress counts each image.
 ///
 /// # Errors
-/// If the monitor interrupts. Progress counts each image.
+/// If the monitor interrupts.
 pub(crate) fn leaves(
     images: &[f32],
     width: usize,
@@ -29,24 +31,24 @@ pub(crate) fn leaves(
     Ok(((0..=leaves).map(|leaf| boundary(count, leaves, leaf) as u32).collect(), order))
 }
 
-/// The first position of `leaf` when `count` images are spread evenly over `leaves`.
+/// Returns the first position of `leaf` when `count` images are spread evenly over `leaves`.
 pub(super) fn boundary(count: usize, leaves: usize, leaf: usize) -> usize {
     (leaf as u128 * count as u128 / leaves as u128) as usize
 }
 
-/// How images are spread over leaves.
+/// The recursive assignment of images to leaves.
 pub(super) struct Spread<'a> {
     pub(super) images: &'a [f32],
     pub(super) width: usize,
     pub(super) count: usize,
     pub(super) leaves: usize,
-    /// Images that lie together inside a leaf.
+    /// Number of images that are adjacent inside a leaf.
     pub(super) strip: usize,
     pub(super) monitor: &'a dyn Monitor,
 }
 
 impl Spread<'_> {
-    /// Put the images of `order`, which fill `leaves`, into the order of the leaves and of the strips in them.
+    /// Sorts the images of `order`, which fill `leaves`, by leaf and by strip.
     pub(super) fn arrange(&self, order: &mut [u32], leaves: Range<usize>) {
         if self.monitor.interrupted() {
             return;
@@ -65,7 +67,7 @@ impl Spread<'_> {
         );
     }
 
-    /// The same inside a leaf; all strips but the last are full.
+    /// Sorts the images of one leaf by strip. All strips but the last are full.
     fn arrange_strips(&self, order: &mut [u32]) {
         if order.len() > self.strip {
             let at = (order.len() / 2).next_multiple_of(self.strip);
@@ -75,7 +77,7 @@ impl Spread<'_> {
         }
     }
 
-    /// Halve along the coordinate of largest variance: `at` images have the smaller coordinates.
+    /// Splits along the coordinate of largest variance: the `at` images with the smaller coordinates come first.
     fn split<'o>(&self, order: &'o mut [u32], at: usize) -> (&'o mut [u32], &'o mut [u32]) {
         let images = self.images;
         let width = self.width;
@@ -88,7 +90,7 @@ impl Spread<'_> {
     }
 }
 
-/// The coordinate of largest variance over a sample of the images.
+/// Returns the coordinate of largest variance over a sample of the images.
 fn widest(images: &[f32], width: usize, order: &[u32]) -> usize {
     let stride = order.len().div_ceil(SAMPLE);
     let mut sums = vec![0.0_f64; width];

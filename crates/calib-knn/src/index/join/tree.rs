@@ -1,4 +1,4 @@
-//! Images in leaves of near neighbours, and boxes over leaves, over pairs of leaves and so on.
+//! Images in leaves of near neighbours, with boxes over leaves, over pairs of leaves and so on.
 
 use std::ops::Range;
 
@@ -9,23 +9,23 @@ use rayon::prelude::*;
 use super::spread::{Spread, boundary};
 use crate::KnnError;
 
-/// Most images of a leaf.
+/// Maximum number of images in a leaf.
 pub(super) const LEAF: usize = STRIPS * STRIP;
-/// Images that are looked at together: near each other, and with a box of their own.
+/// Number of images that are compared together. They are near each other and have a box of their own.
 pub(super) const STRIP: usize = 16;
-/// Strips of a leaf.
+/// Strips per leaf.
 pub(super) const STRIPS: usize = 16;
-/// Leading coordinates in which strips have boxes.
+/// Number of leading coordinates in which strips have boxes.
 pub(super) const SIDES: usize = 16;
-/// Numbers that bound the strips of a leaf.
+/// Number of values that bound the strips of a leaf.
 const STRIP_BOXES: usize = SIDES * 2 * STRIPS;
 
-/// One node: a box around the images below it.
+/// A node of the tree: a box around the images below it.
 #[derive(Debug)]
 struct Node {
-    /// The leaves below.
+    /// The leaves below the node.
     leaves: Range<u32>,
-    /// The second child; the first is the next node. Zero in leaves.
+    /// The second child; the first is the next node. Zero for a leaf.
     second: u32,
 }
 
@@ -37,18 +37,19 @@ pub(super) struct Tree {
     count: usize,
     /// Start of each leaf in the order of the tree, and the end of the last.
     starts: Vec<u32>,
-    /// Coordinates `[leaf, strip, coordinate, lane]`; lanes without an image are zero.
+    /// Coordinates, `[leaf, strip, coordinate, lane]`; lanes without an image are zero.
     strips: Scratch<f32>,
-    /// Boxes of the strips `[leaf, coordinate, lower or upper, strip]`, in the leading coordinates.
+    /// Boxes of the strips, `[leaf, coordinate, lower or upper, strip]`, in the leading coordinates.
     strip_boxes: Scratch<f32>,
     nodes: Vec<Node>,
-    /// Lower, then upper bounds of each node.
+    /// The lower bounds of each node, then its upper bounds.
     boxes: Vec<f32>,
     leaf_nodes: Vec<u32>,
 }
 
 impl Tree {
-    /// Sort `images`, `[n, width]`, into leaves; returns which image lies in which place. Progress counts each image twice.
+    /// Sorts `images`, `[n, width]`, into leaves. Also returns the image at each position. Progress counts each image
+    /// twice.
     ///
     /// # Errors
     /// If there is no place for the sorted images, or the monitor interrupts.
@@ -113,7 +114,7 @@ impl Tree {
         });
     }
 
-    /// Append the node over `leaves` and all nodes below it; its box is known once they are.
+    /// Appends the node over `leaves`, then all nodes below it. Its box is set after theirs.
     fn add_node(&mut self, images: &[f32], order: &[u32], leaves: Range<u32>) -> usize {
         let number = self.nodes.len();
         let width = self.width;
@@ -156,14 +157,14 @@ impl Tree {
         self.starts.len() - 1
     }
 
-    /// Whether some leaf holds position `place` of the order.
+    /// Whether some leaf contains position `place` of the order.
     pub(super) fn has(&self, place: u32) -> bool {
         (place as usize) < self.count
     }
 
-    /// The leaf that holds position `place` of the order, and the lane there.
+    /// Returns the leaf that contains position `place` of the order, and the lane in it.
     pub(super) fn leaf_of(&self, place: usize) -> (usize, usize) {
-        // The last leaf whose boundary is not past the place.
+        // The last leaf whose boundary is not past the position.
         let count = self.count as u64;
         let leaves = self.leaves() as u64;
         let leaf = (((place as u64 + 1) * leaves).div_ceil(count) - 1) as usize;
@@ -174,18 +175,18 @@ impl Tree {
         self.starts[leaf]..self.starts[leaf + 1]
     }
 
-    /// Coordinates of a strip of a leaf, `[coordinate, lane]`.
+    /// Returns the coordinates of a strip of a leaf, `[coordinate, lane]`.
     pub(super) fn strip(&self, leaf: usize, strip: usize) -> &[f32] {
         let size = self.width * STRIP;
         &self.strips[(leaf * STRIPS + strip) * size..][..size]
     }
 
-    /// The boxes of a leaf's strips, `[coordinate, lower or upper, strip]`; those of strips without images are empty.
+    /// Returns the boxes of a leaf's strips, `[coordinate, lower or upper, strip]`. Strips without images have empty boxes.
     pub(super) fn strip_boxes(&self, leaf: usize) -> &[f32] {
         &self.strip_boxes[leaf * STRIP_BOXES..][..STRIP_BOXES]
     }
 
-    /// Write the image in position `lane` of a leaf.
+    /// Writes the image in position `lane` of a leaf.
     pub(super) fn image(&self, leaf: usize, lane: usize, image: &mut [f32]) {
         let lanes = self.strip(leaf, lane / STRIP).iter().skip(lane % STRIP).step_by(STRIP);
         for (coordinate, &value) in image.iter_mut().zip(lanes) {
@@ -193,7 +194,7 @@ impl Tree {
         }
     }
 
-    /// Lower and upper bounds of a node.
+    /// Returns the lower and upper bounds of a node.
     pub(super) fn bounds(&self, node: usize) -> (&[f32], &[f32]) {
         self.boxes[2 * node * self.width..][..2 * self.width].split_at(self.width)
     }
@@ -202,7 +203,7 @@ impl Tree {
         self.leaf_nodes[leaf] as usize
     }
 
-    /// A leaf near `image`: at each node the child whose box is nearer.
+    /// Returns a leaf near `image`: at each node it descends to the child with the nearer box.
     pub(super) fn nearest_leaf(&self, image: &[f32]) -> usize {
         let distance = |node: usize| {
             let (lower, upper) = self.bounds(node);
@@ -220,7 +221,7 @@ impl Tree {
         }
     }
 
-    /// The children of a node, or the leaf that it is.
+    /// Returns the children of a node, or its leaf.
     pub(super) fn below(&self, node: usize) -> Below {
         let Node { leaves, second } = &self.nodes[node];
         if *second == 0 {

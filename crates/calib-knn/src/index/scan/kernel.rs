@@ -1,4 +1,4 @@
-//! The inner loops, written once for every instruction set.
+//! The inner loops of the scan, written once for every instruction set.
 
 #![expect(
     clippy::inline_always,
@@ -7,18 +7,18 @@
 
 use pulp::Simd;
 
-/// Vectors of sources that are looked at together.
+/// Number of source vectors that are compared together.
 const VECTORS: usize = 3;
-/// Sources that are looked at together on the widest machine.
+/// Number of sources that are compared together with the widest vectors.
 pub(super) const MOST_LANES: usize = VECTORS * 16;
 
-/// Sources that are looked at together: a strip.
+/// Returns the number of sources of a strip, which are compared together.
 pub(super) const fn strip<S: Simd>() -> usize {
     VECTORS * S::F32_LANES
 }
 
-/// Lay the centred states of a strip side by side, `[column, lane]`, and their squared norms in `norms`.
-/// Lanes past the last state keep what they have.
+/// Writes the centred states of a strip side by side, `[column, lane]`, and their squared norms to `norms`. Lanes
+/// past the last state keep their old values.
 #[inline(always)]
 pub(super) fn lay_strip<'a, S: Simd>(
     simd: S,
@@ -42,10 +42,11 @@ pub(super) fn lay_strip<'a, S: Simd>(
     S::as_mut_simd_f32s(norms).0.copy_from_slice(&sums);
 }
 
-/// `offset − 2 x·q` for a strip of states `x` and `QUERIES` queries, whose panel holds `−2 q` as `[column, query]`.
+/// Computes `offset − 2 x·q` for a strip of states `x` and `QUERIES` queries, whose panel contains `−2 q` as
+/// `[column, query]`.
 ///
-/// The sums stay in registers. Returns whether any is within the limit of its query; only then are they in `out`,
-/// `[query, lane]`.
+/// The sums stay in registers. Returns whether any is within the limit of its query. Only then are they written to
+/// `out`, `[query, lane]`.
 #[inline(always)]
 pub(super) fn meets<S: Simd, const QUERIES: usize>(
     simd: S,
@@ -88,7 +89,7 @@ mod tests {
 
     use super::*;
 
-    /// Small integers: exact in f32, in any order.
+    /// Returns small integers, whose sums are exact in f32 in any order.
     fn value(i: usize, salt: usize) -> f32 {
         ((i * 37 + salt) % 19) as f32 - 9.0
     }

@@ -15,19 +15,19 @@ use kernel::{MOST_LANES, meets};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Most queries of a block: sources are laid out once for all of them.
+/// Maximum number of queries in a block. Sources are laid out once for all of them.
 const QUERIES: usize = 1024;
-/// Strips of a tile.
+/// Strips per tile.
 const STRIPS: usize = 8;
-/// Beyond this squared distance from the centre f32 products could overflow.
+/// Beyond this squared distance from the centre, f32 products could overflow.
 const FARTHEST: f32 = 1e30;
 
-/// An exact blocked scan: every query meets every source, for data that cannot be ruled out unseen.
+/// An exact blocked scan that compares every query with every source, for data in which no source can be ruled out unseen.
 ///
-/// With all states moved by a common centre, `‖x − q‖² = ‖x‖² + ‖q‖² − 2 x·q`. Tiles of sources meet panels of queries as in
-/// a matrix product in f32, but that the sums never leave the registers unless one of them is small enough to matter.
-/// By the usual bounds on sums (Higham 2002, §3.1) sums and norms together err by at most
-/// `(3d + 16)·2⁻²⁴·(‖x‖² + ‖q‖²)`; the margin is `(4d + 32)·2⁻²⁴`. Pairs that are near enough by that margin are judged as everywhere else.
+/// With all states moved by a common centre, `‖x − q‖² = ‖x‖² + ‖q‖² − 2 x·q`. Tiles of sources are multiplied with panels of queries in
+/// f32, as in a matrix product. Unlike there, the sums leave the registers only if one of them is small enough to matter. By the usual
+/// bounds on sums (Higham 2002, §3.1), sums and norms together err by at most `(3d + 16)·2⁻²⁴·(‖x‖² + ‖q‖²)`; the margin is
+/// `(4d + 32)·2⁻²⁴`. Pairs that are near enough by that margin are treated as in the other structures.
 #[derive(Debug)]
 pub struct Scan<'a> {
     sources: Sources<'a>,
@@ -37,12 +37,12 @@ pub struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    /// A scan of these sources, each by itself: for so few queries that equal states are not worth finding.
+    /// Creates a scan that treats each source separately, for so few queries that grouping equal states does not pay.
     pub fn new(sources: Sources<'a>) -> Self {
         Self::of(sources, Groups::singletons(&sources))
     }
 
-    /// A scan that meets each different state once, however long a plant stood still in it. Progress counts sources.
+    /// Creates a scan that compares each distinct state once, however long a standstill repeats it. Progress counts sources.
     ///
     /// # Errors
     /// If the monitor interrupts.
@@ -62,8 +62,8 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// A state in the middle of the sources: in each column the median of up to 1000 of them. Any would do, but the margin of a pair
-/// grows with how far from here it is, and a mean follows a single wild value.
+/// Returns a state in the middle of the sources: the median of each column over up to 1000 of them. Any centre is correct. But the margin
+/// of a pair grows with its distance from the centre, and a single extreme value moves a mean.
 fn centre(sources: &Sources<'_>) -> Vec<f32> {
     let stride = sources.len().div_ceil(1000).max(1);
     let sampled: Vec<u32> = (0..sources.len() as u32).step_by(stride).collect();
@@ -85,18 +85,19 @@ fn centre(sources: &Sources<'_>) -> Vec<f32> {
 struct Block<'a> {
     scan: &'a Scan<'a>,
     queries: &'a Queries<'a>,
-    /// Which of the queries.
+    /// The numbers of the queries.
     order: &'a [u32],
     k: usize,
-    /// Told of every tile of sources; asked whether to go on.
+    /// The monitor. It is notified of every tile of sources, and asked whether to stop.
     monitor: &'a dyn Monitor,
 }
 
-/// Panels of queries: `−2 (q − centre)` as `[panel, column, query]`, and what they must be under.
+/// Panels of queries: `−2 (q − centre)` as `[panel, column, query]`, and the limits of the sums.
 struct Panels {
     values: Vec<f32>,
     limits: Vec<f32>,
-    /// Squared norms of the centred queries; of one that is so far that sums could overflow `−∞`: it meets every source.
+    /// Squared norms of the centred queries. It is `−∞` for a query so far away that sums could overflow; such a query is compared with
+    /// every source.
     norms: Vec<f64>,
 }
 
@@ -105,17 +106,17 @@ impl WithSimd for Block<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Vec<MemberLists> {
-        // As many sums as there are registers for.
+        // As many sums as the registers can hold.
         if S::REGISTER_COUNT >= 32 { self.run::<S, 8>(simd) } else { self.run::<S, 4>(simd) }
     }
 }
 
-/// Offsets are made smaller by the error of their sums. Sources that are too far for f32 sums are not ruled out, and the
-/// definition decides: nothing of them is multiplied.
+/// Reduces the offsets by the error of their sums. Sources that are too far for f32 sums are not ruled out: the definition decides. Their
+/// values are set to zero, so that no product overflows.
 #[inline(always)]
 fn pass_far(lanes: &mut [f32], offsets: &mut [f32], columns: usize, strip: usize, error: f32) {
     for (source, offset) in offsets.iter_mut().enumerate() {
-        // Not where the sum is no number either.
+        // This is also false where the sum is NaN.
         let near = *offset <= FARTHEST;
         if columns == 0 || !near {
             let strip_of = &mut lanes[source / strip * strip * columns..];
@@ -179,7 +180,7 @@ impl Block<'_> {
                     {
                         let limit_of = &mut limits[query % PANEL];
                         let first = start + number * strip;
-                        // Lanes past the last source hold nothing.
+                        // Lanes past the last source are unused.
                         let sums = &sums[..strip.min(start + width - first)];
                         for (source, &sum) in (first as u32..).zip(sums) {
                             if sum <= *limit_of && pending[query].meet(simd, pool, source) {
@@ -190,7 +191,7 @@ impl Block<'_> {
                     }
                 }
             }
-            // As many of the queries as the share of the sources that all of them have met.
+            // The number of queries to report: the share of the sources that all queries have been compared with.
             let queries = |done: u64| self.order.len() as u64 * done / tiles;
             match queries(done + 1) - queries(done) {
                 0 => {}
@@ -228,9 +229,9 @@ impl Block<'_> {
     }
 }
 
-/// Starts of the tiles, in an order that sees every part of the data early: halves, then quarters and so on (van der Corput's
-/// sequence). In the order of time the member that lacks the first block would have no neighbours, and so no radius, for
-/// as long as that block lasts, and nearly every source of it would have to be looked at.
+/// Returns the starts of the tiles in an order that samples all parts of the data early: halves, then quarters and so on (van der Corput's
+/// sequence). In time order, the member that lacks the first block would have no neighbours, and so no radius, during that whole block.
+/// Nearly every source of the block would have to be looked at.
 fn tile_starts(total: usize, tile: usize) -> impl Iterator<Item = usize> {
     let tiles = total.div_ceil(tile);
     let bits = tiles.next_power_of_two().trailing_zeros();
@@ -250,7 +251,7 @@ impl NeighborIndex for Scan<'_> {
     ) -> Result<(), KnnError> {
         let k = found.k();
         let arch = Arch::new();
-        // Smaller blocks where there would be too few for all threads.
+        // Smaller blocks, if there would otherwise be too few for all threads.
         let size = order.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, QUERIES);
         in_blocks(order, size, found, monitor, |order| {
             arch.dispatch(Block { scan: self, queries, order, k, monitor })
