@@ -1,20 +1,21 @@
-//! Cells a second of the recursions, the windows and the path; one thread.
+//! Measures the recursions, the windows and the path in cells per second, in one thread.
 //!
-//! `cargo bench -p calib-dtw` measures; in test mode each case runs once on short series.
+//! `cargo bench -p calib-dtw` measures. In test mode each case runs once on short series.
 
 use std::hint::black_box;
 
 use calib_dtw::{Dtw, InstructionSet, PatternSet, Series, Settings, StepPattern, Window};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
-/// A smooth wave with a deterministic roughness.
+/// Returns a smooth wave with deterministic roughness.
 fn series(len: usize, phase: f64) -> Vec<f64> {
     (0..len)
         .map(|i| (i as f64 / 50.0 + phase).sin() + 0.1 * (i as f64 * (7.3 + phase)).sin())
         .collect()
 }
 
-/// Short where the benchmarks are only tried out (`cargo test --benches`, `--test`).
+/// Returns the length of the series. It is short if the benchmarks only run as tests
+/// (`cargo test --benches`, `--test`).
 fn length() -> usize {
     let measuring = std::env::args().any(|argument| argument == "--bench");
     if measuring { 3000 } else { 100 }

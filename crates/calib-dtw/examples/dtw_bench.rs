@@ -1,15 +1,15 @@
-//! Times distances of series in raw files; the peer comparison in `scripts/peers/dtw.py` runs it.
+//! Times distances of series in raw files. The peer comparison in `scripts/peers/dtw.py` runs it.
 //!
 //! ```text
 //! dtw_bench MODE REPEATS PATTERNS QUERY.f64 REFERENCE.f64 [LENGTH]
 //! ```
 //!
-//! MODE: `distance` (each pattern alone), `table` (all patterns of a pair), `align` (with the path);
-//! with `:squared` the local distance is (x − y)² instead of |x − y|. PATTERNS: names, separated by
-//! commas. The files hold little-endian `f64`; with LENGTH they hold that many samples a series,
-//! one pair after the other. Runs in one thread unless `RAYON_NUM_THREADS` says otherwise, and
-//! prints one line of JSON: wall seconds of each repeat, mean processor seconds of a repeat, cells
-//! of a repeat, raw distances, peak memory in KiB.
+//! MODE is `distance` (each pattern alone), `table` (all patterns of a pair) or `align` (with the
+//! path). With `:squared` the local distance is (x − y)² instead of |x − y|. PATTERNS are names,
+//! separated by commas. The files contain little-endian `f64`. With LENGTH they contain many pairs
+//! one after the other, with that many samples per series. Runs in one thread unless
+//! `RAYON_NUM_THREADS` sets another number. Prints one line of JSON: wall seconds of each repeat,
+//! mean processor seconds per repeat, cells per repeat, raw distances, peak memory in KiB.
 
 use std::{error::Error, fs, time::Instant};
 
@@ -24,14 +24,14 @@ fn read(path: &str) -> Result<Vec<f64>, Box<dyn Error>> {
     Ok(values.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
 }
 
-/// Peak resident memory of this process in KiB, where the system tells.
+/// Returns the peak resident memory of this process in KiB, if the system reports it.
 fn peak_kib() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     line.split_whitespace().nth(1)?.parse().ok()
 }
 
-/// Processor seconds of this thread so far, where the system tells.
+/// Returns the processor seconds of this thread so far, if the system reports them.
 fn processor_seconds() -> Option<f64> {
     let statistics = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     let nanoseconds: f64 = statistics.split_whitespace().next()?.parse().ok()?;
@@ -107,7 +107,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         raw = run(mode, settings, &patterns, &pairs)?;
         seconds.push(start.elapsed().as_secs_f64());
     }
-    // The clock of the processor is coarse: a mean over all repeats.
+    // The processor clock is coarse, so the mean over all repeats is reported.
     let busy = processor_seconds().zip(busy).map(|(now, then)| now - then);
     let processor = busy.map_or(f64::NAN, |busy| busy / f64::from(repeats));
     println!(

@@ -9,14 +9,14 @@ use crate::{Branch, DtwError, Ends, NoPath, Normalisation, Role, Series, Setting
 pub struct Distance {
     /// Cumulated distance along the best path, in units of the local distance.
     pub raw: f64,
-    /// The raw distance divided as the pattern says: a mean local distance.
-    /// `None` for patterns without normalisation.
+    /// The raw distance divided by the pattern's normalisation: a mean local distance. `None` for
+    /// patterns without normalisation.
     pub normalised: Option<f64>,
-    /// Reference sample the path ends at: the last one, unless the end is open.
+    /// Reference sample at which the path ends: the last one, unless the end is open.
     pub end: usize,
 }
 
-/// Checks that the pair can be compared at all.
+/// Checks that the pair can be compared.
 pub(crate) fn check(
     patterns: &[StepPattern],
     settings: Settings,
@@ -48,7 +48,7 @@ pub(crate) fn check(
     Ok(())
 }
 
-/// The best end of a path, given the cumulated distances of the last query sample.
+/// The search for the best end of a path, from the cumulated distances of the last query sample.
 struct BestEnd<'a> {
     pattern: &'a StepPattern,
     ends: Ends,
@@ -70,15 +70,15 @@ impl BestEnd<'_> {
     }
 }
 
-/// Outcome of [`distances`] for one pattern.
+/// The result of [`distances`] for one pattern.
 pub(crate) enum Outcome {
     Found(Distance),
     NoPath,
-    /// Nobody waits for it any more.
+    /// The caller stopped the computation.
     Stopped,
 }
 
-/// Distances of a checked pair.
+/// Returns the distances of a checked pair.
 pub(crate) fn distances(
     set: InstructionSet,
     patterns: &[StepPattern],
@@ -102,7 +102,7 @@ pub(crate) fn distances(
     best.map(|best| best.map_or(Outcome::NoPath, Outcome::Found)).collect()
 }
 
-/// Sweeps the last strip, and finds the best end of each pattern.
+/// Sweeps the last strip and finds the best end of each pattern.
 pub(crate) fn finish(sweep: &mut Sweep<'_>, patterns: &[StepPattern]) -> Vec<Option<Distance>> {
     let n = sweep.query.len();
     let m = sweep.reference.len();
@@ -129,7 +129,7 @@ pub(crate) fn finish(sweep: &mut Sweep<'_>, patterns: &[StepPattern]) -> Vec<Opt
     ends.into_iter().map(|end| end.best).collect()
 }
 
-/// Turns an unbounded outcome into what users see.
+/// Converts an infinite distance into the error that users see.
 pub(crate) fn found(
     outcome: &Outcome,
     pattern: &StepPattern,

@@ -33,23 +33,23 @@ pub struct Dtw {
     instruction_set: InstructionSet,
 }
 
-/// A distance and the path it belongs to.
+/// A distance and its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Alignment {
     /// The distance.
     pub distance: Distance,
-    /// Matched samples (query, reference) from begin to end. Branches of several steps list every
-    /// cell they pay for; cells that a step jumps over are not listed.
+    /// Matched samples (query, reference) from begin to end. A branch of several steps lists every cell whose cost it adds. Cells that a
+    /// step skips are not listed.
     pub path: Vec<(usize, usize)>,
 }
 
 impl Dtw {
-    /// The pattern with default settings.
+    /// Creates a time warp with this pattern and default settings.
     pub fn new(pattern: StepPattern) -> Self {
         Self::with_settings(pattern, Settings::default())
     }
 
-    /// The pattern with these settings.
+    /// Creates a time warp with this pattern and these settings.
     pub fn with_settings(pattern: StepPattern, settings: Settings) -> Self {
         Self { pattern, settings, instruction_set: InstructionSet::best() }
     }
@@ -75,10 +75,10 @@ impl Dtw {
         self
     }
 
-    /// Computes with these instructions instead of the best; the results are the same.
+    /// Selects an instruction set other than the best. The results are the same.
     ///
     /// # Errors
-    /// If the processor lacks them.
+    /// If the processor lacks it.
     pub fn instruction_set(mut self, set: InstructionSet) -> Result<Self, DtwError> {
         if !InstructionSet::available().contains(&set) {
             let instruction_set = set.name();
@@ -88,12 +88,12 @@ impl Dtw {
         Ok(self)
     }
 
-    /// The step pattern.
+    /// Returns the step pattern.
     pub fn pattern(&self) -> &StepPattern {
         &self.pattern
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> Settings {
         self.settings
     }
@@ -106,11 +106,10 @@ impl Dtw {
         NoPath::new(&self.pattern, self.settings.window, query.len(), reference.len())
     }
 
-    /// The distance of a pair, in memory that grows with N + M.
+    /// Returns the distance of a pair. Memory grows with N + M.
     ///
     /// # Errors
-    /// If a series is empty, not finite or too large, the channels differ, or no path is
-    /// admissible.
+    /// If a series is empty, not finite or too large, the channels differ, or no path is admissible.
     pub fn distance<'a>(
         &self,
         query: impl Into<Series<'a>>,
@@ -119,7 +118,7 @@ impl Dtw {
         self.distance_until(query, reference, &|| false)
     }
 
-    /// The same as [`Dtw::distance`], unless `stop` says meanwhile that nobody waits for it any more. It is asked every few milliseconds.
+    /// Returns the distance as [`Dtw::distance`], unless `stop` returns true first. It is called every few milliseconds.
     ///
     /// # Errors
     /// As [`Dtw::distance`], and [`DtwError::Stopped`].
@@ -142,14 +141,14 @@ impl Dtw {
         }
     }
 
-    /// The distances of many pairs (query, reference), in parallel on rayon's current pool; the
-    /// results do not depend on the number of threads.
+    /// Returns the distances of many pairs (query, reference), in parallel on rayon's current pool. The results do not depend on the
+    /// number of threads.
     pub fn distances(&self, pairs: &[(Series<'_>, Series<'_>)]) -> Vec<Result<Distance, DtwError>> {
         pairs.par_iter().map(|&(query, reference)| self.distance(query, reference)).collect()
     }
 
-    /// The distance and the path, in memory that grows with (N + M) log N: the path is found by
-    /// computing parts of the rectangle again, about as much work again as the distance.
+    /// Returns the distance and the path. Memory grows with (N + M) log N. Parts of the rectangle are computed again to find the path,
+    /// which takes about as much work again as the distance.
     ///
     /// # Errors
     /// As [`Dtw::distance`].
@@ -161,7 +160,7 @@ impl Dtw {
         self.align_until(query, reference, &|| false)
     }
 
-    /// The same as [`Dtw::align`], unless `stop` says meanwhile that nobody waits for it any more. It is asked every few milliseconds.
+    /// Returns the distance and the path as [`Dtw::align`], unless `stop` returns true first. It is called every few milliseconds.
     ///
     /// # Errors
     /// As [`Dtw::distance`], and [`DtwError::Stopped`].
@@ -184,7 +183,7 @@ impl Dtw {
         }
     }
 
-    /// Bytes that [`Dtw::align`] takes for series of so many samples, at most, beside the series.
+    /// Returns the maximum memory of [`Dtw::align`] for series of these lengths, in bytes, without the series.
     pub fn path_bytes(&self, query: usize, reference: usize) -> u64 {
         path_bytes(&self.pattern, query, reference)
     }
@@ -206,7 +205,7 @@ mod tests {
         let reference = wave(0.3);
         let dtw = Dtw::new(StepPattern::symmetric2());
         let expected = dtw.align(&query, &reference).expect("a path");
-        // How often it is asked in all, and then a stop at each of these.
+        // Stops at the first call, then at the second and so on, until a run completes.
         for stops_at in 1.. {
             let asked = Cell::new(0);
             let stop = || {

@@ -1,16 +1,16 @@
-//! What can be wrong with a pair of series, and why a pair may have no path.
+//! Errors of a pair of series, and why a pair may have no path.
 
 use std::fmt;
 
 use crate::{Normalisation, Role, StepPattern, Window};
 
-/// Why there is no distance.
+/// The reason why a distance cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DtwError {
     /// A series has no samples.
     #[error("the {role} is empty: expected at least one sample")]
     Empty {
-        /// Which series.
+        /// The series without samples.
         role: Role,
     },
     /// A value is NaN or infinite.
@@ -19,7 +19,7 @@ pub enum DtwError {
          fill or drop missing samples first"
     )]
     NotFinite {
-        /// Which series.
+        /// The series that contains the value.
         role: Role,
         /// Number of the sample, from 0.
         index: usize,
@@ -28,12 +28,12 @@ pub enum DtwError {
         /// The value.
         got: f64,
     },
-    /// The values do not fill whole samples.
+    /// The number of values is not a multiple of the channels.
     #[error("{got} values are no whole number of samples of {channels} channels")]
     Shape {
         /// Number of values.
         got: usize,
-        /// Channels asked for.
+        /// Number of channels that was given.
         channels: usize,
     },
     /// The two series have different numbers of channels.
@@ -52,7 +52,7 @@ pub enum DtwError {
         /// Largest magnitude in either series.
         largest: f64,
     },
-    /// An open begin was asked for with a pattern whose normalisation depends on the begin.
+    /// An open begin was requested with a pattern whose normalisation depends on the begin.
     #[error(
         "step pattern `{pattern}` cannot have an open begin: that needs a pattern normalised by \
          the query's length, such as asymmetric or rabinerJuang:6c"
@@ -60,7 +60,7 @@ pub enum DtwError {
     OpenBegin {
         /// The pattern's name.
         pattern: String,
-        /// Its normalisation.
+        /// The pattern's normalisation.
         normalisation: Normalisation,
     },
     /// A price of the time warp edit distance is negative, infinite or NaN.
@@ -68,26 +68,26 @@ pub enum DtwError {
         "the {name} of the time warp edit distance is {got}: expected a finite number, 0 or more"
     )]
     Price {
-        /// Which price.
+        /// Name of the price.
         name: &'static str,
-        /// The number.
+        /// The price that was given.
         got: f64,
     },
     /// No path is admissible.
     #[error(transparent)]
     NoPath(#[from] NoPath),
-    /// Nobody waits for the result any more.
+    /// The caller stopped the computation.
     #[error("stopped")]
     Stopped,
-    /// There is no room for the path.
+    /// There is not enough memory for the path.
     #[error(
         "cannot allocate memory for a path of up to {cells} samples; shorten the series, or ask for the distance alone"
     )]
     Memory {
-        /// Its longest length.
+        /// Maximum length of the path, in samples.
         cells: usize,
     },
-    /// The processor lacks the instruction set asked for.
+    /// The processor lacks the instruction set that was requested.
     #[error("this processor does not have the {instruction_set} instructions")]
     Unsupported {
         /// Name of the instruction set.
@@ -95,7 +95,8 @@ pub enum DtwError {
     },
 }
 
-/// No warping path is admissible for a pair of lengths: slope limits or window forbid all.
+/// No warping path is admissible for this pair of lengths: the slope limits or the window exclude
+/// all paths.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoPath {
     /// The pattern's name.
@@ -126,11 +127,11 @@ impl NoPath {
         }
     }
 
-    /// Fewest and most reference samples the slope limits allow for closed ends; the most is
-    /// `None` where nothing limits it.
+    /// Returns the minimum and maximum number of reference samples that the slope limits allow for
+    /// closed ends. The maximum is `None` where nothing limits it.
     pub fn reference_limits(&self) -> (usize, Option<usize>) {
         let steps = (self.query - 1) as f64;
-        // A hair of tolerance, because slopes such as 1/3 are rounded.
+        // A small tolerance, because slopes such as 1/3 are rounded.
         let fewest = (steps * self.slopes.0 - 1e-9).ceil().max(0.0) as usize + 1;
         let most = match self.slopes.1 {
             slope if slope.is_infinite() => None,

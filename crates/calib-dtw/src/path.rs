@@ -1,10 +1,10 @@
-//! The path that belongs to a distance.
+//! The path of a distance.
 //!
-//! The first sweep keeps the rows between some of the strips. Backwards, each group of strips
-//! between two kept rows is swept again and split in turn, until a group is one strip. Of a strip
-//! the cells of a few columns are kept and walked backwards; if the path is still inside the strip
-//! at the leftmost of them, the strip is swept again up to there. So memory grows with
-//! (N + M) log N, and no matrix is ever stored.
+//! The first sweep stores the rows between some of the strips. Then the path is followed backwards.
+//! Each group of strips between two stored rows is swept again and split, until a group is one
+//! strip. Of a strip, the cells of a few columns are stored and followed backwards. If the path is
+//! still inside the strip at the leftmost column, the strip is swept again up to there. So memory
+//! grows with (N + M) log N, and no matrix is ever stored.
 
 use std::ops::Range;
 
@@ -16,22 +16,22 @@ use crate::kernel::strip::Strip;
 use crate::kernel::sweep::{Purpose, Stop, Sweep, Track, entry};
 use crate::{Branch, Series, Settings, StepPattern};
 
-/// Most parts a group of strips is split into.
+/// Maximum number of parts into which a group of strips is split.
 const MOST_PARTS: usize = 16;
 
-/// What became of a path.
+/// The result of a path search.
 pub(crate) enum Aligned {
     Found(Alignment),
     NoPath,
-    /// There is no memory for so many samples of it.
+    /// There is not enough memory for a path of this many samples.
     NoRoom {
         cells: usize,
     },
-    /// Nobody waits for it any more.
+    /// The caller stopped the computation.
     Stopped,
 }
 
-/// The best path of a checked pair.
+/// Returns the best path of a checked pair.
 pub(crate) fn align(
     set: InstructionSet,
     pattern: &StepPattern,
@@ -41,7 +41,7 @@ pub(crate) fn align(
     stop: Stop<'_>,
 ) -> Aligned {
     let patterns = std::slice::from_ref(pattern);
-    // Before the long work, and not after it.
+    // Memory is reserved before the long computation, so that a failure is reported early.
     let mut backwards = Vec::new();
     let longest = longest(query.len(), reference.len());
     if backwards.try_reserve_exact(longest).is_err() {
@@ -77,15 +77,16 @@ pub(crate) fn align(
     Aligned::Found(Alignment { distance, path })
 }
 
-/// Samples of the longest path that there can be.
+/// Returns the maximum length of a path, in samples.
 fn longest(query: usize, reference: usize) -> usize {
     query.saturating_add(reference)
 }
 
-/// Bytes that a path of these lengths takes, at most, with what is kept to find it again.
+/// Returns the maximum memory of a path search for these lengths, in bytes: the path and the rows
+/// that are stored.
 pub(crate) fn bytes(pattern: &StepPattern, query: usize, reference: usize) -> u64 {
     let path = size_of::<(usize, usize)>() as u64 * longest(query, reference) as u64;
-    // Strips are divided into parts, these into parts, and so on.
+    // Strips are divided into parts, those into smaller parts, and so on.
     let levels = 2 + u64::from((query as u64).max(1).ilog(MOST_PARTS as u64));
     let border = 8_u64.saturating_mul(pattern.reach().0 as u64).saturating_mul(reference as u64);
     let borders = border.saturating_mul(levels * (MOST_PARTS as u64 + 2));
@@ -95,7 +96,7 @@ pub(crate) fn bytes(pattern: &StepPattern, query: usize, reference: usize) -> u6
 /// The rows above every part of a group of strips.
 struct Borders {
     strips: Range<usize>,
-    /// Strips of a part; the last part may have fewer.
+    /// Strips per part; the last part may have fewer.
     size: usize,
     above: Vec<Boundary>,
 }
@@ -106,7 +107,7 @@ impl Borders {
         Self { size: strips.len().div_ceil(parts), above: vec![above], strips }
     }
 
-    /// Keeps what lies below strip `number`, if a part begins there.
+    /// Stores the row below strip `number`, if a part begins there.
     fn offer(&mut self, number: usize, below: &Boundary) {
         if (number + 1 - self.strips.start).is_multiple_of(self.size) {
             self.above.push(below.clone());
@@ -114,12 +115,12 @@ impl Borders {
     }
 }
 
-/// Cells of one strip in its last columns.
+/// The cells of one strip in its last columns.
 struct Kept {
     strip: Strip,
-    /// Times (columns of lane 0) that were kept.
+    /// Times (columns of lane 0) that are stored.
     times: Range<usize>,
-    /// Time of the first column of the strip: before it there are no paths.
+    /// Time of the first column of the strip. There are no paths before it.
     start: usize,
     /// `[capacity, height]` packs, time t in row t modulo the capacity.
     cells: Vec<Pack>,
@@ -127,9 +128,10 @@ struct Kept {
 }
 
 impl Kept {
-    /// Keeps nothing yet; `cells` is memory to use again, of an earlier strip of the same height.
+    /// Creates an empty store. `cells` is memory of an earlier strip with the same height, for
+    /// reuse.
     fn new(strip: Strip, reach: usize, mut cells: Vec<Pack>) -> Self {
-        // Four times as wide as high: most paths are through by then.
+        // Four times as wide as high. Most paths leave the strip within that width.
         let capacity = (4 * LANES * strip.height).max(2 * (LANES + reach));
         cells.resize(capacity * strip.height, Pack::splat(f64::INFINITY));
         Self { strip, times: 0..0, start: 0, cells, capacity }
@@ -147,14 +149,14 @@ impl Kept {
         self.times.start = self.times.start.max(self.times.end.saturating_sub(self.capacity));
     }
 
-    /// Whether all cells a branch into row `i`, column `j` may come from are kept.
+    /// Whether all cells are stored from which a branch into row `i`, column `j` may come.
     fn covers(&self, i: usize, j: usize, reach: (usize, usize)) -> bool {
         let first = i.saturating_sub(reach.0).max(self.strip.first);
         let earliest = j.saturating_sub(reach.1) + self.strip.place(first).0;
         earliest >= self.times.start || self.times.start == self.start
     }
 
-    /// Cumulated distance of cell (i, j) of the strip.
+    /// Returns the cumulated distance of cell (i, j) of the strip.
     fn cumulated(&self, i: usize, j: usize) -> f64 {
         let (lane, row) = self.strip.place(i);
         let time = j + lane;
@@ -169,14 +171,14 @@ struct Tracer<'a> {
     branches: &'a [Branch],
     reach: (usize, usize),
     sweep: Sweep<'a>,
-    /// The cell still to be explained; `None` once the path has reached its begin.
+    /// The cell whose branch is searched next; `None` once the path has reached its begin.
     at: Option<(usize, usize)>,
     backwards: Vec<(usize, usize)>,
     cells: Vec<Pack>,
 }
 
 impl Tracer<'_> {
-    /// Walks the path back through a group of strips, last part first.
+    /// Follows the path back through a group of strips, last part first.
     fn through(&mut self, borders: Borders) {
         let Borders { strips, size, above } = borders;
         for (part, above) in above.into_iter().enumerate().rev() {
@@ -201,7 +203,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Walks the path back through one strip.
+    /// Follows the path back through one strip.
     fn walk(&mut self, number: usize, above: &Boundary) {
         let strip = self.sweep.strip(number);
         while let Some((_, j)) = self.at.filter(|(i, _)| *i >= strip.first) {
@@ -209,7 +211,7 @@ impl Tracer<'_> {
             self.sweep.patterns[0].input = above.clone();
             self.sweep.run(number, j + 1, |time, tracks| kept.keep(time, &tracks[0]));
             if self.sweep.is_stopped {
-                // What is known of the strip is not what the path stands on.
+                // The sweep is incomplete, so its cells say nothing about the path.
                 self.at = None;
                 return;
             }
@@ -222,7 +224,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Explains cell (i, j): the first branch that attains its cumulated distance.
+    /// Steps back from cell (i, j) along the first branch that attains its cumulated distance.
     fn step_back(&mut self, kept: &Kept, above: &Boundary, i: usize, j: usize) {
         let open_begin = self.sweep.settings.ends.open_begin();
         let first = kept.strip.first;
@@ -253,12 +255,12 @@ impl Tracer<'_> {
                 return;
             }
         }
-        // No branch leads here: this is the cell where paths start.
+        // No branch leads here, so the path begins in this cell.
         self.backwards.push((i, j));
         self.at = None;
     }
 
-    /// Local distance `up` rows above (i, j); zero in the virtual row.
+    /// Returns the local distance `up` rows above (i, j); zero in the virtual row.
     fn local(&self, i: usize, up: usize, j: usize) -> f64 {
         let Some(i) = i.checked_sub(up) else { return 0.0 };
         let x = self.sweep.query.sample(i);

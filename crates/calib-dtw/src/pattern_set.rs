@@ -1,4 +1,4 @@
-//! Several step patterns over the same pairs.
+//! Distances of several step patterns for the same pairs.
 
 use rayon::prelude::*;
 
@@ -6,11 +6,11 @@ use crate::distance::{check, distances, found};
 use crate::kernel::dispatch::InstructionSet;
 use crate::{Distance, DtwError, NoPath, Series, Settings, StepPattern};
 
-/// Several patterns over the same pairs.
+/// Several step patterns that are applied to the same pairs.
 ///
-/// Series of several channels are swept once for all patterns, because there the local distances
-/// cost most; with one channel each pattern has the caches for itself and is faster alone. The
-/// distances are the same.
+/// With several channels, the local distances cost most, so one sweep serves all patterns. With one
+/// channel, each pattern is swept separately, because it is faster when it has the caches for
+/// itself. The distances are the same.
 ///
 /// ```
 /// use calib_dtw::{PatternSet, Settings};
@@ -28,29 +28,30 @@ pub struct PatternSet {
     settings: Settings,
 }
 
-/// One result a pattern, in the order of the patterns.
+/// One result per pattern, in the order of the patterns.
 pub type ByPattern = Vec<Result<Distance, NoPath>>;
 
 impl PatternSet {
-    /// `patterns` that share `settings`.
+    /// Creates a set of `patterns` that share `settings`.
     pub fn new(patterns: impl Into<Vec<StepPattern>>, settings: Settings) -> Self {
         Self { patterns: patterns.into(), settings }
     }
 
-    /// The patterns.
+    /// Returns the patterns.
     pub fn patterns(&self) -> &[StepPattern] {
         &self.patterns
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> Settings {
         self.settings
     }
 
-    /// The distances of one pair; a pattern without an admissible path has its own error.
+    /// Returns the distances of one pair. A pattern without an admissible path has its own error.
     ///
     /// # Errors
-    /// If the pair is wrong for any pattern: empty, not finite or too large, channels that differ.
+    /// If the pair is invalid for any pattern: a series is empty, not finite or too large, or the
+    /// channels differ.
     pub fn distances<'a>(
         &self,
         query: impl Into<Series<'a>>,
@@ -73,8 +74,8 @@ impl PatternSet {
             .collect())
     }
 
-    /// The distances of many pairs (query, reference), in parallel on rayon's current pool; the
-    /// results do not depend on the number of threads.
+    /// Returns the distances of many pairs (query, reference), in parallel on rayon's current pool.
+    /// The results do not depend on the number of threads.
     pub fn distances_of_pairs(
         &self,
         pairs: &[(Series<'_>, Series<'_>)],

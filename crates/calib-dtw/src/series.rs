@@ -1,10 +1,10 @@
-//! The input: one series of samples, each of one or several channels.
+//! The input: a series of samples, each with one or several channels.
 
 use std::fmt;
 
 use crate::DtwError;
 
-/// Which of the two inputs an error is about.
+/// The input that an error is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// The first series, N samples, index i.
@@ -24,7 +24,7 @@ impl fmt::Display for Role {
 
 /// A borrowed series: row-major `f64 [samples, channels]`.
 ///
-/// One-channel series come from slices, arrays and vectors by `into()`.
+/// Slices, arrays and vectors convert to one-channel series with `into()`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Series<'a> {
     values: &'a [f64],
@@ -32,12 +32,12 @@ pub struct Series<'a> {
 }
 
 impl<'a> Series<'a> {
-    /// A series of one channel.
+    /// Creates a series of one channel.
     pub fn new(values: &'a [f64]) -> Self {
         Self { values, channels: 1 }
     }
 
-    /// A series of `channels` values a sample, sample after sample.
+    /// Creates a series of `channels` values per sample, sample after sample.
     ///
     /// # Errors
     /// If `channels` is 0 or does not divide the number of values.
@@ -49,7 +49,7 @@ impl<'a> Series<'a> {
         Ok(Self { values, channels })
     }
 
-    /// Number of samples.
+    /// Returns the number of samples.
     pub fn len(&self) -> usize {
         self.values.len() / self.channels
     }
@@ -59,22 +59,22 @@ impl<'a> Series<'a> {
         self.values.is_empty()
     }
 
-    /// Values a sample.
+    /// Returns the number of values per sample.
     pub fn channels(&self) -> usize {
         self.channels
     }
 
-    /// The values, sample after sample.
+    /// Returns the values, sample after sample.
     pub fn values(&self) -> &'a [f64] {
         self.values
     }
 
-    /// The values of one sample.
+    /// Returns the values of one sample.
     pub fn sample(&self, index: usize) -> &'a [f64] {
         &self.values[index * self.channels..][..self.channels]
     }
 
-    /// Checks the values, and returns the largest magnitude.
+    /// Checks the values and returns the largest magnitude.
     pub(crate) fn checked(&self, role: Role) -> Result<f64, DtwError> {
         if self.is_empty() {
             return Err(DtwError::Empty { role });

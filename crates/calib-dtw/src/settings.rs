@@ -1,4 +1,4 @@
-//! What, apart from the step pattern, defines a distance: local distance, window, ends.
+//! The settings of a distance besides the step pattern: local distance, window, ends.
 
 use std::{fmt, str::FromStr};
 
@@ -17,7 +17,7 @@ pub enum LocalDistance {
 }
 
 impl LocalDistance {
-    /// The local distance of two samples with the same number of channels.
+    /// Returns the local distance of two samples with the same number of channels.
     pub fn between(self, x: &[f64], y: &[f64]) -> f64 {
         let differences = x.iter().zip(y).map(|(x, y)| x - y);
         match self {
@@ -28,29 +28,30 @@ impl LocalDistance {
         }
     }
 
-    /// An upper bound over all pairs of samples whose values differ by `spread` at most.
+    /// Returns an upper bound over all pairs of samples whose values differ by at most `spread`.
     pub(crate) fn at_most(self, spread: f64, channels: usize) -> f64 {
         match self {
             Self::Absolute => spread * channels as f64,
-            // Euclidean squares on the way: the intermediate sum must be finite too.
+            // The Euclidean distance computes squares first, so this sum must be finite too.
             Self::Squared | Self::Euclidean => spread * spread * channels as f64,
         }
     }
 }
 
-/// Which ends of the reference may be left unmatched. The whole query is always matched.
+/// The ends of the reference that may be left unmatched. The whole query is always matched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Ends {
-    /// First matches first, last matches last.
+    /// The first samples match each other, and so do the last.
     #[default]
     Closed,
-    /// The path may end at any reference sample: the one with the least normalised distance
-    /// (raw where the pattern has no normalisation; the earliest of equals).
+    /// The path may end at any reference sample. The end with the smallest normalised distance is
+    /// chosen: the raw distance if the pattern has no normalisation, and the earliest of equals.
     OpenEnd,
     /// The path may begin at any reference sample.
     /// Needs a pattern normalised by the query's length.
     OpenBegin,
-    /// Both: the query is looked for anywhere in the reference.
+    /// The path may begin and end at any reference sample: the query is searched anywhere in the
+    /// reference.
     OpenBoth,
 }
 
@@ -69,7 +70,7 @@ impl Ends {
 /// Local distance, window and ends. The default is |x − y|, no window, closed ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Settings {
-    /// Distance of one sample to one other.
+    /// Distance between two samples.
     pub local_distance: LocalDistance,
     /// Cells a path may visit.
     pub window: Window,
@@ -77,19 +78,19 @@ pub struct Settings {
     pub ends: Ends,
 }
 
-/// A text that names no local distance or no ends.
+/// A text that is not the name of a local distance or of ends.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {what} `{text}`: expected {expected}")]
 pub struct ParseSettingError {
-    /// What was to be read.
+    /// The kind of setting.
     pub what: &'static str,
-    /// The text.
+    /// The text that was given.
     pub text: String,
-    /// The names there are.
+    /// The valid names.
     pub expected: &'static str,
 }
 
-/// Names of the variants of a setting, both ways; upper and lower case are the same.
+/// Implements conversion between the variants of a setting and their names, ignoring case.
 macro_rules! names {
     ($type:ident, $what:literal, $expected:literal: $($name:literal => $variant:ident),+) => {
         impl fmt::Display for $type {
@@ -145,7 +146,7 @@ mod tests {
         );
     }
 
-    /// The distance between two samples of two channels, 3 and 4 apart.
+    /// Returns the distance between two samples of two channels, 3 and 4 apart.
     fn distance_by(local: LocalDistance) -> f64 {
         local.between(&[0.0, 1.0], &[3.0, 5.0])
     }

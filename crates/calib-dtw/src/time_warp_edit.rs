@@ -1,11 +1,11 @@
-//! Time warp edit distance: a metric beside the warping distances.
+//! The time warp edit distance, which is a metric unlike the warping distances.
 
 use crate::distance::check;
 use crate::kernel::dispatch::InstructionSet;
 use crate::kernel::edit::{EditInput, edit_dispatch};
 use crate::{DtwError, Series, Settings};
 
-/// Time warp edit distance (TWED): what it costs to turn the query into the reference by matching
+/// The time warp edit distance (TWED): the cost of turning the query into the reference by matching
 /// and deleting samples. Unlike warping distances it is a metric.
 ///
 /// With x₀ = y₀ = 0 before the first samples and |·| summed over channels:
@@ -20,7 +20,7 @@ use crate::{DtwError, Series, Settings};
 /// | parameter | default | meaning |
 /// |---|---|---|
 /// | `stiffness` ν | 0.001 | price of matching samples one step apart in time |
-/// | `deletion` λ | 1 | price of a deletion, beside the change it removes |
+/// | `deletion` λ | 1 | price of a deletion, in addition to the change it removes |
 ///
 /// Source: Marteau, *Time warp edit distance with stiffness adjustment for time series matching*,
 /// 2009; the defaults are those of public packages.
@@ -48,7 +48,7 @@ impl Default for TimeWarpEdit {
 }
 
 impl TimeWarpEdit {
-    /// The distance with these prices.
+    /// Creates the distance with these prices.
     ///
     /// # Errors
     /// If a price is negative or not finite.
@@ -61,10 +61,10 @@ impl TimeWarpEdit {
         Ok(Self { stiffness, deletion, ..Self::default() })
     }
 
-    /// Computes with these instructions instead of the best; the results are the same.
+    /// Selects an instruction set other than the best. The results are the same.
     ///
     /// # Errors
-    /// If the processor lacks them.
+    /// If the processor lacks it.
     pub fn instruction_set(mut self, set: InstructionSet) -> Result<Self, DtwError> {
         if !InstructionSet::available().contains(&set) {
             let instruction_set = set.name();
@@ -74,7 +74,7 @@ impl TimeWarpEdit {
         Ok(self)
     }
 
-    /// The distance of a pair, in units of the series, in memory that grows with N + M.
+    /// Returns the distance of a pair, in units of the series. Memory grows with N + M.
     ///
     /// # Errors
     /// If a series is empty, not finite or too large, or the channels differ.
@@ -89,7 +89,7 @@ impl TimeWarpEdit {
         let n = query.len();
         let m = reference.len();
         let input = EditInput {
-            // Each channel on its own, because cells go along one channel at a time.
+            // Each channel is separate, because cells are computed along one channel at a time.
             query: planes(query, false),
             reference: planes(reference, true),
             query_deletions: self.deletions(query, false),
@@ -100,7 +100,8 @@ impl TimeWarpEdit {
         Ok(edit_dispatch(self.instruction_set, &input))
     }
 
-    /// Price of deleting each sample, `[n + 1]`; the first is that of the zero before the series.
+    /// Returns the price of deleting each sample, `[n + 1]`. The first is the price of the zero
+    /// before the series.
     fn deletions(&self, series: Series<'_>, reverse: bool) -> Vec<f64> {
         let zero = vec![0.0; series.channels()];
         let mut prices = vec![f64::INFINITY];
@@ -117,7 +118,8 @@ impl TimeWarpEdit {
     }
 }
 
-/// The channels of a series one after the other, `[channels][n + 1]`, each beginning with a zero.
+/// Returns the channels of a series one after the other, `[channels][n + 1]`, each beginning with a
+/// zero.
 fn planes(series: Series<'_>, reverse: bool) -> Vec<Vec<f64>> {
     (0..series.channels())
         .map(|channel: usize| {

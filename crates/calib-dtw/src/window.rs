@@ -1,17 +1,17 @@
-//! Windows: which cells (i, j) a path may start a branch from or end it in.
+//! Windows: the cells (i, j) in which a path may start or end a branch.
 
 use std::{fmt, ops::Range, str::FromStr};
 
-/// The cells that are open to a warping path, of a query of N and a reference of M samples.
+/// The cells that are open to a warping path, for a query of N and a reference of M samples.
 ///
-/// As in the reference package the window applies to the cells where branches begin and end;
-/// a cell in the middle of a branch may lie outside it.
+/// As in the reference package, the window applies to the cells where branches begin and end. A
+/// cell in the middle of a branch may lie outside it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Window {
     /// Every cell.
     #[default]
     None,
-    /// |i − j| ≤ radius. Leaves no path if the lengths differ by more than the radius.
+    /// |i − j| ≤ radius. There is no path if the lengths differ by more than the radius.
     SakoeChiba {
         /// Half-width of the band in samples.
         radius: usize,
@@ -27,8 +27,8 @@ pub enum Window {
 }
 
 impl Window {
-    /// The open reference samples of query sample `row`, for `query` × `reference` cells.
-    /// Both ends of the range never decrease with `row`. May be empty.
+    /// Returns the open reference samples of query sample `row`, for `query` × `reference` cells.
+    /// The ends of the range never decrease with `row`. The range may be empty.
     pub fn columns(self, row: usize, query: usize, reference: usize) -> Range<usize> {
         let last_row = query - 1;
         let last_column = reference - 1;
@@ -37,7 +37,7 @@ impl Window {
             Self::SakoeChiba { radius } => {
                 row.saturating_sub(radius)..row.saturating_add(radius).saturating_add(1)
             }
-            // A single row has no slope: all of it is on the diagonal.
+            // A single row has no slope, so all of it is on the diagonal.
             Self::Slanted { .. } if last_row == 0 => 0..reference,
             Self::Slanted { radius } => {
                 let diagonal = row * last_column;
@@ -66,19 +66,19 @@ impl fmt::Display for Window {
     }
 }
 
-/// A text that names no window.
+/// A text that is not a window.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown window `{text}`: expected none, sakoeChiba:RADIUS, slanted:RADIUS or itakura")]
 pub struct ParseWindowError {
-    /// What was asked for.
+    /// The text that was given.
     pub text: String,
 }
 
 impl FromStr for Window {
     type Err = ParseWindowError;
 
-    /// `none`, `sakoeChiba:10`, `slanted:10` or `itakura`; upper and lower case are the same,
-    /// and hyphens may be written: `sakoe-chiba:10`.
+    /// Reads `none`, `sakoeChiba:10`, `slanted:10` or `itakura`. Case is ignored, and hyphens are
+    /// allowed: `sakoe-chiba:10`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let unknown = || ParseWindowError { text: text.to_owned() };
         let lower = text.trim().to_ascii_lowercase().replace('-', "");
@@ -100,7 +100,7 @@ impl FromStr for Window {
 mod tests {
     use super::*;
 
-    /// The defining inequality of each window, cell by cell.
+    /// Whether a cell satisfies the defining inequality of the window.
     fn open(window: Window, i: usize, j: usize, query: usize, reference: usize) -> bool {
         let i = i as i64;
         let j = j as i64;

@@ -1,4 +1,4 @@
-//! The last rows of a strip: all that the strip below needs of what lies above.
+//! The last rows of a strip: all that the next strip needs from the rows above it.
 
 use std::ops::Range;
 
@@ -6,8 +6,8 @@ use crate::pattern::LONGEST_BRANCH;
 
 const CLOSED: [f64; LONGEST_BRANCH] = [f64::INFINITY; LONGEST_BRANCH];
 
-/// Cumulated distances `f64 [M, halo]` of the rows just above a strip, nearest row first.
-/// Outside `columns` all are +∞.
+/// Cumulated distances `f64 [M, halo]` of the rows just above a strip, nearest row first. They are
+/// +∞ outside `columns`.
 #[derive(Clone, Debug)]
 pub(crate) struct Boundary {
     values: Vec<f64>,
@@ -16,12 +16,13 @@ pub(crate) struct Boundary {
 }
 
 impl Boundary {
-    /// Nothing above: +∞ everywhere.
+    /// Creates a boundary with no paths above: +∞ everywhere.
     pub(crate) fn closed(halo: usize) -> Self {
         Self { values: Vec::new(), halo, columns: 0..0 }
     }
 
-    /// A virtual row of zeros above the first row: a path may begin at any reference sample.
+    /// Creates a virtual row of zeros above the first row, so that a path may begin at any
+    /// reference sample.
     pub(crate) fn open(halo: usize, reference: usize) -> Self {
         let mut boundary = Self::closed(halo);
         boundary.reset(0..reference);
@@ -32,13 +33,13 @@ impl Boundary {
         boundary
     }
 
-    /// Makes room for `columns`, which are then to be written one by one.
+    /// Makes room for `columns`, which must then be written one by one.
     pub(crate) fn reset(&mut self, columns: Range<usize>) {
         self.values.resize(columns.end * self.halo, f64::INFINITY);
         self.columns = columns;
     }
 
-    /// The `halo` cells above column `column`, nearest row first.
+    /// Returns the `halo` cells above column `column`, nearest row first.
     pub(crate) fn above(&self, column: usize) -> &[f64] {
         if self.columns.contains(&column) {
             &self.values[column * self.halo..][..self.halo]
@@ -47,7 +48,7 @@ impl Boundary {
         }
     }
 
-    /// The cells of one column, for writing.
+    /// Returns the cells of one column, for writing.
     pub(crate) fn above_mut(&mut self, column: usize) -> &mut [f64] {
         &mut self.values[column * self.halo..][..self.halo]
     }

@@ -1,8 +1,8 @@
 //! One column of one strip: local distances, then cumulated distances.
 //!
-//! A strip is 16 lanes × `height` rows of the query: lane l holds rows l·height … of the strip,
-//! and works on reference sample t − l at time t. One lane runs one column behind the lane above
-//! it, so all sixteen are independent, and every access is aligned. Above the rows of a lane lie
+//! A strip is 16 lanes × `height` rows of the query. Lane l contains rows l·height … of the strip,
+//! and processes reference sample t − l at time t. Each lane is one column behind the lane above
+//! it. So all sixteen are independent, and every access is aligned. Above the rows of a lane are
 //! `halo` rows that repeat the last rows of the lane above.
 
 use super::lanes::{LANES, Lanes, Pack};
@@ -15,7 +15,7 @@ pub(crate) type Columns = Vec<Box<[Pack]>>;
 pub(crate) struct LocalInput<'a> {
     /// Query samples of the strip, channel after channel, as many packs each as `out`.
     pub(crate) query: &'a [Pack],
-    /// Reference samples of the sixteen lanes, one array a channel.
+    /// Reference samples of the sixteen lanes, one array per channel.
     pub(crate) reference: &'a [&'a [f64; LANES]],
     pub(crate) out: &'a mut [Pack],
 }
@@ -61,7 +61,7 @@ pub(crate) struct InterpretedBranch {
     pub(crate) cells: Vec<(usize, usize, f64)>,
 }
 
-/// What one pack of cells may look at.
+/// The values that the branches of one pack of cells read.
 pub(crate) struct Terms<'a, L: Lanes> {
     /// Cumulated distances one, two, three columns ago; aligned with `local` by `halo`.
     past: [&'a [Pack]; 3],
@@ -74,7 +74,7 @@ pub(crate) struct Terms<'a, L: Lanes> {
 }
 
 impl<L: Lanes> Terms<'_, L> {
-    /// Cumulated distance `a` rows above and `b` columns ago.
+    /// Returns the cumulated distance `a` rows above and `b` columns ago.
     ///
     /// # Safety
     /// The instruction set must be present; `a` ≤ halo, `b` ≤ 3 or (a, b) = (1, 0).
@@ -90,7 +90,7 @@ impl<L: Lanes> Terms<'_, L> {
         unsafe { L::load(column.get_unchecked(self.row + self.halo - a)) }
     }
 
-    /// Local distance `di` rows above and `dj` columns ago.
+    /// Returns the local distance `di` rows above and `dj` columns ago.
     ///
     /// # Safety
     /// The instruction set must be present; `di` ≤ local halo, `dj` ≤ 2.
@@ -102,7 +102,7 @@ impl<L: Lanes> Terms<'_, L> {
         unsafe { L::load(column.get_unchecked(self.row + self.local_halo - di)) }
     }
 
-    /// Weight of a cell, by its number.
+    /// Returns the weight of a cell, by its number.
     ///
     /// # Safety
     /// The instruction set must be present.
@@ -113,14 +113,14 @@ impl<L: Lanes> Terms<'_, L> {
     }
 }
 
-/// Sums over channels of one local distance.
+/// A local distance that is summed over channels.
 pub(crate) trait LocalKernel {
-    /// One channel's term of the sum.
+    /// Returns one channel's term of the sum.
     ///
     /// # Safety
     /// The instruction set must be present.
     unsafe fn term<L: Lanes>(difference: L::V) -> L::V;
-    /// What becomes of the sum.
+    /// Returns the local distance from the sum.
     ///
     /// # Safety
     /// The instruction set must be present.
@@ -163,7 +163,7 @@ impl LocalKernel for EuclideanKernel {
     }
 }
 
-/// Local distances of one column.
+/// Computes the local distances of one column.
 ///
 /// # Safety
 /// The instruction set of `L` must be present.
@@ -223,7 +223,7 @@ unsafe fn masked<L: Lanes>(mask: &Mask<'_>, row: usize, value: L::V) -> L::V {
     }
 }
 
-/// Cumulated distances of one column, by the compiled code of a shape.
+/// Computes the cumulated distances of one column, with the compiled code of a shape.
 ///
 /// # Safety
 /// The instruction set of `L` must be present.
@@ -236,7 +236,7 @@ pub(crate) unsafe fn compiled<L: Lanes, S: Shape, const MASKED: bool>(input: &mu
         Some((current, past)) => (current, &*past),
         None => return,
     };
-    // Everything the unchecked loads of `Terms` rely on.
+    // The unchecked loads of `Terms` rely on these bounds.
     let rows = S::HALO + height;
     assert!(input.halo == S::HALO && past.len() >= S::REACH && !past.is_empty());
     assert!(past.iter().all(|column| column.len() == rows));
@@ -269,7 +269,7 @@ pub(crate) unsafe fn compiled<L: Lanes, S: Shape, const MASKED: bool>(input: &mu
     }
 }
 
-/// Cumulated distances of one column, for any pattern.
+/// Computes the cumulated distances of one column, for any pattern.
 ///
 /// # Safety
 /// The instruction set of `L` must be present.

@@ -1,4 +1,4 @@
-//! Which kernel runs: instruction set × shape × masked or not.
+//! The choice of a kernel: instruction set × shape × masked or not.
 
 use std::fmt;
 
@@ -14,10 +14,10 @@ use super::shapes::{
 use super::x86::{Avx2, Avx512};
 use crate::{LocalDistance, StepPattern};
 
-/// The vector instructions that compute distances. Results are equal to the bit for all of them.
+/// The vector instructions that compute distances. The results are bit-identical for all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum InstructionSet {
-    /// Whatever the compiler makes of plain loops for the target.
+    /// Plain loops that the compiler translates for the target.
     Portable,
     /// AVX2 (`x86_64`).
     Avx2,
@@ -26,7 +26,7 @@ pub enum InstructionSet {
 }
 
 impl InstructionSet {
-    /// Those this processor has, slowest first.
+    /// Returns those that this processor has, slowest first.
     pub fn available() -> Vec<Self> {
         let mut sets = vec![Self::Portable];
         #[cfg(target_arch = "x86_64")]
@@ -41,12 +41,12 @@ impl InstructionSet {
         sets
     }
 
-    /// The fastest this processor has.
+    /// Returns the fastest that this processor has.
     pub fn best() -> Self {
         Self::available().pop().unwrap_or(Self::Portable)
     }
 
-    /// The name, lower case.
+    /// Returns the name in lower case.
     pub fn name(self) -> &'static str {
         match self {
             Self::Portable => "portable",
@@ -76,7 +76,7 @@ impl LocalDispatch {
     }
 }
 
-/// The kernels of a pattern, with its weights in the order they expect.
+/// The kernels of a pattern, with its weights in the order that they expect.
 #[derive(Clone)]
 pub(crate) struct PatternDispatch {
     plain: ColumnFn,
@@ -145,7 +145,7 @@ fn local_for<K: LocalKernel>(set: InstructionSet) -> LocalFn {
     }
 }
 
-/// The kernel of `distance` over `channels`; `set` must be available.
+/// Returns the kernel of `distance` over `channels`; `set` must be available.
 pub(crate) fn local_dispatch(
     set: InstructionSet,
     distance: LocalDistance,
@@ -153,7 +153,7 @@ pub(crate) fn local_dispatch(
 ) -> LocalDispatch {
     debug_assert!(InstructionSet::available().contains(&set));
     LocalDispatch(match distance {
-        // Exact, and cheaper than the root of a square.
+        // The absolute distance is exact, and cheaper than the root of a square.
         LocalDistance::Euclidean if channels == 1 => local_for::<AbsoluteKernel>(set),
         LocalDistance::Absolute => local_for::<AbsoluteKernel>(set),
         LocalDistance::Squared => local_for::<SquaredKernel>(set),
@@ -161,7 +161,8 @@ pub(crate) fn local_dispatch(
     })
 }
 
-/// The weights of `pattern` in the order of the shape's cells, if it has the shape's geometry.
+/// Returns the weights of `pattern` in the order of the shape's cells, if it has the shape's
+/// geometry.
 fn weights_for<S: Shape>(pattern: &StepPattern) -> Option<Vec<f64>> {
     if pattern.branches().len() != S::GEOMETRY.len() {
         return None;
@@ -214,7 +215,7 @@ fn interpreted_for(set: InstructionSet, pattern: &StepPattern) -> PatternDispatc
     }
 }
 
-/// The fastest kernels for `pattern`; `set` must be available.
+/// Returns the fastest kernels for `pattern`; `set` must be available.
 pub(crate) fn pattern_dispatch(set: InstructionSet, pattern: &StepPattern) -> PatternDispatch {
     debug_assert!(InstructionSet::available().contains(&set));
     compiled_for::<Single>(set, pattern)

@@ -1,23 +1,25 @@
-//! The time warp edit distance along the diagonals i + j = k, whose cells do not need each other.
+//! The time warp edit distance, computed along the diagonals i + j = k. The cells of a diagonal do
+//! not depend on each other.
 
 use super::dispatch::InstructionSet;
 
-/// A pair of series, the reference backwards: on a diagonal, i grows while j falls.
+/// A pair of series with the reference reversed: on a diagonal, i grows while j falls.
 pub(crate) struct EditInput {
-    /// `[channels][n + 1]`, each from the zero before the first sample.
+    /// Query values, `[channels][n + 1]`, starting with the zero before the first sample.
     pub(crate) query: Vec<Vec<f64>>,
-    /// `[channels][m + 1]`, each to the zero before the first sample.
+    /// Reversed reference values, `[channels][m + 1]`, ending with the zero before the first
+    /// sample.
     pub(crate) reference: Vec<Vec<f64>>,
-    /// `[n + 1]`: price of deleting query sample i.
+    /// Price of deleting query sample i, `[n + 1]`.
     pub(crate) query_deletions: Vec<f64>,
-    /// `[m + 1]`: price of deleting reference sample m − j.
+    /// Price of deleting reference sample m − j, `[m + 1]`.
     pub(crate) reference_deletions: Vec<f64>,
     pub(crate) stiffness: f64,
-    /// Samples of query and reference.
+    /// Numbers of samples of query and reference.
     pub(crate) lengths: (usize, usize),
 }
 
-/// The cells of one diagonal, by i.
+/// The cells of one diagonal, indexed by i.
 struct Diagonal {
     cumulated: Vec<f64>,
     /// The local distance of samples i and j, summed over channels.
@@ -41,7 +43,7 @@ fn distance(input: &EditInput) -> f64 {
     let mut now = Diagonal::new(n);
     let mut one = Diagonal::new(n);
     let mut two = Diagonal::new(n);
-    // Diagonal 0 is the cell (0, 0); diagonal 1 has only cells without a path.
+    // Diagonal 0 is the cell (0, 0). Diagonal 1 has only cells without a path.
     two.cumulated[0] = 0.0;
     for k in 2..=n + m {
         // Cells with 1 ≤ i ≤ n and 1 ≤ j = k − i ≤ m.
@@ -64,7 +66,7 @@ fn distance(input: &EditInput) -> f64 {
         let query = one.cumulated[before].iter().zip(&input.query_deletions[cells.clone()]);
         let reference =
             one.cumulated[cells.clone()].iter().zip(&input.reference_deletions[reversed]);
-        // 2 |i − j| = 2 |2i − k|, kept as a float that grows by 4.
+        // 2 |i − j| = 2 |2i − k|, stored as a float that grows by 4.
         let offset = 2.0 * (2.0 * first as f64 - k as f64);
         let ways = matched.zip(query.zip(reference)).enumerate();
         for (out, (step, (matched, (query, reference)))) in
@@ -76,12 +78,13 @@ fn distance(input: &EditInput) -> f64 {
             let deleted = least(query.0 + query.1, reference.0 + reference.1);
             *out = least(matched, deleted);
         }
-        // The cells beside these are outside the rectangle; older diagonals must not show through.
+        // The cells beside these are outside the rectangle. They must not keep values of older
+        // diagonals.
         now.cumulated[first - 1] = f64::INFINITY;
         if let Some(beyond) = now.cumulated.get_mut(last + 1) {
             *beyond = f64::INFINITY;
         }
-        // The oldest one becomes the next.
+        // The oldest diagonal becomes the next one.
         std::mem::swap(&mut two, &mut one);
         std::mem::swap(&mut one, &mut now);
     }
@@ -100,15 +103,15 @@ fn distance_avx512(input: &EditInput) -> f64 {
     distance(input)
 }
 
-/// The distance with the instructions of `set`, which must be available.
+/// Returns the distance with the instructions of `set`, which must be available.
 pub(crate) fn edit_dispatch(set: InstructionSet, input: &EditInput) -> f64 {
     debug_assert!(InstructionSet::available().contains(&set));
     match set {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: the caller vouches that the processor has these instructions.
+        // SAFETY: the caller guarantees that the processor has these instructions.
         InstructionSet::Avx2 => unsafe { distance_avx2(input) },
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: the caller vouches that the processor has these instructions.
+        // SAFETY: the caller guarantees that the processor has these instructions.
         InstructionSet::Avx512 => unsafe { distance_avx512(input) },
         _ => distance(input),
     }

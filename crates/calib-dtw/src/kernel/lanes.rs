@@ -1,17 +1,17 @@
-//! Sixteen `f64` at a time, in whatever registers the processor has.
+//! Sixteen `f64` at a time, in the registers that the processor has.
 //!
-//! Every instruction set holds the same 16 lanes (two AVX-512 registers, four AVX2 registers, or
-//! a plain array) and does the same IEEE operations in the same order, with no fused
-//! multiply-add: results are equal to the bit whichever one runs.
+//! Every instruction set has the same 16 lanes: two AVX-512 registers, four AVX2 registers, or a
+//! plain array. Each does the same IEEE operations in the same order, without fused multiply-add.
+//! So the results are bit-identical.
 //!
 //! # Safety
-//! The methods of [`Lanes`] are safe to call only where the instruction set is known to be
-//! present: the one place that calls them is a function with the matching `target_feature`,
-//! and [`super::dispatch`] hands those out after run-time detection only.
+//! The methods of [`Lanes`] are safe to call only where the instruction set is known to be present.
+//! Only functions with the matching `target_feature` call them, and [`super::dispatch`] returns
+//! those functions only after run-time detection.
 
 pub(crate) const LANES: usize = 16;
 
-/// Sixteen values in memory, one a lane, aligned for any register.
+/// Sixteen values in memory, one per lane, aligned for any register.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Pack(pub(crate) [f64; LANES]);
@@ -39,13 +39,15 @@ pub(crate) trait Lanes: Copy {
     unsafe fn min(a: Self::V, b: Self::V) -> Self::V;
     unsafe fn abs(a: Self::V) -> Self::V;
     unsafe fn sqrt(a: Self::V) -> Self::V;
-    /// Lane 0 is `first`, lane l is lane l − 1 of `v`; the last lane of `v` drops out.
+    /// Shifts the lanes by one: lane 0 is `first`, and lane l is lane l − 1 of `v`. The last lane
+    /// of `v` is dropped.
     unsafe fn shift_in(v: Self::V, first: f64) -> Self::V;
-    /// `v` where low ≤ x ≤ high, +∞ elsewhere.
+    /// Returns `v` where low ≤ x ≤ high, and +∞ elsewhere.
     unsafe fn inside(x: Self::V, low: Self::V, high: Self::V, v: Self::V) -> Self::V;
 }
 
-/// Plain arrays: every processor; compilers turn these loops into what the target has.
+/// Plain arrays, for every processor. Compilers turn these loops into the instructions of the
+/// target.
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 

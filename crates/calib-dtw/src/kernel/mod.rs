@@ -1,8 +1,8 @@
-//! How distances are computed: strips of sixteen lanes swept column by column, in memory that
-//! grows with N + M.
+//! The computation of distances. Strips of sixteen lanes are swept column by column, in memory that grows with
+//! N + M.
 //!
-//! [`lanes`] (and `x86`) holds the registers, [`shapes`] the recursions, [`mod@column`] one column of a strip,
-//! [`dispatch`] picks what the processor has, [`sweep`] goes over the whole rectangle.
+//! [`lanes`] and `x86` contain the registers, [`shapes`] the recursions, and [`mod@column`] one column of a
+//! strip. [`dispatch`] chooses the kernels for the processor, and [`sweep`] processes the whole rectangle.
 
 #![expect(
     clippy::inline_always,

@@ -1,21 +1,22 @@
 //! The geometries of the named step patterns, unrolled at compile time.
 //!
-//! A shape is the branches of a pattern without its weights; weights arrive at run time. A user's
-//! pattern with one of these geometries runs as fast as the named one; any other goes through
+//! A shape is the branches of a pattern without its weights, which are run-time values. A user's
+//! pattern with one of these geometries runs as fast as the named one. Any other pattern uses
 //! [`super::column::interpreted`].
 
 use super::column::Terms;
 use super::lanes::Lanes;
 
-/// Samples counted back along (query, reference).
+/// Samples counted backwards along (query, reference).
 pub(crate) type Offset = (usize, usize);
 
-/// Branches of a shape: the origin, and the cells that are paid for, all counted back.
+/// Branches of a shape: the origin, and the cells whose cost is added, all counted backwards.
 pub(crate) type Geometry = &'static [(Offset, &'static [Offset])];
 
-/// Longest advances along query and reference, and the number of columns that are paid for.
+/// Returns the longest advances along query and reference, and the number of columns whose cost is
+/// added.
 const fn extent(geometry: Geometry) -> (usize, usize, usize) {
-    // A constant function knows only `while`.
+    // A constant function supports only `while`.
     const fn larger(a: usize, b: usize) -> usize {
         if a > b { a } else { b }
     }
@@ -39,19 +40,20 @@ const fn extent(geometry: Geometry) -> (usize, usize, usize) {
 
 /// A geometry with straight-line code for one cell.
 pub(crate) trait Shape {
-    /// The same as data, for recognising a pattern.
+    /// The geometry as data, to recognise a pattern.
     const GEOMETRY: Geometry;
     /// Longest advance along the query.
     const HALO: usize = extent(Self::GEOMETRY).0;
     /// Longest advance along the reference.
     const REACH: usize = extent(Self::GEOMETRY).1;
-    /// Columns of local distances that are looked at.
+    /// Number of columns of local distances that are read.
     const LOCAL_COLUMNS: usize = extent(Self::GEOMETRY).2;
 
-    /// The least of the branches, for one pack of cells.
+    /// Returns the minimum over the branches, for one pack of cells.
     ///
     /// # Safety
-    /// The instruction set of `L` must be present, and `terms` must hold what `GEOMETRY` looks at.
+    /// The instruction set of `L` must be present, and `terms` must contain the values that
+    /// `GEOMETRY` reads.
     unsafe fn least<L: Lanes>(terms: &Terms<'_, L>) -> L::V;
 }
 
@@ -66,7 +68,7 @@ macro_rules! shape {
 
             #[inline(always)]
             unsafe fn least<L: Lanes>(terms: &Terms<'_, L>) -> L::V {
-                // Counters and options are known to the compiler and vanish.
+                // The compiler knows these counters and options, and removes them.
                 let mut least: Option<L::V> = None;
                 let mut waiting: Option<L::V> = None;
                 let mut cell = 0;
@@ -85,8 +87,8 @@ macro_rules! shape {
                     if let Some(cost) = cost {
                         // SAFETY: passed on from the caller.
                         let candidate = unsafe { L::add(terms.origin($a, $b), cost) };
-                        // A branch that starts in this very column comes last: it waits for the
-                        // cell above, everything else need not.
+                        // A branch that starts in the current column comes last. It waits for the
+                        // cell above; the other branches do not.
                         let slot = if $b == 0 { &mut waiting } else { &mut least };
                         *slot = Some(match *slot {
                             None => candidate,

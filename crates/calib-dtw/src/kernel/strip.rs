@@ -5,35 +5,35 @@ use std::ops::Range;
 use super::lanes::{LANES, Pack};
 use crate::{Series, Window};
 
-/// Where the rows of a strip lie.
+/// The position of a strip in the query.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Strip {
-    /// First query sample.
+    /// First query sample of the strip.
     pub(crate) first: usize,
-    /// Rows of a lane.
+    /// Rows per lane.
     pub(crate) height: usize,
-    /// Samples of the whole query.
+    /// Number of samples of the whole query.
     pub(crate) query: usize,
 }
 
 impl Strip {
-    /// The rows that exist.
+    /// Returns the query samples of the strip.
     pub(crate) fn rows(&self) -> Range<usize> {
         self.first..(self.first + LANES * self.height).min(self.query)
     }
 
-    /// Lane and row in the lane of query sample `index`.
+    /// Returns the lane of query sample `index`, and its row in the lane.
     pub(crate) fn place(&self, index: usize) -> (usize, usize) {
         let row = index - self.first;
         (row / self.height, row % self.height)
     }
 
-    /// The last lane that has rows.
+    /// Returns the last lane that has rows.
     pub(crate) fn last_lane(&self) -> usize {
         self.place(self.rows().end - 1).0
     }
 
-    /// The reference samples that are open to any row, below `limit`.
+    /// Returns the reference samples below `limit` that are open to any row.
     pub(crate) fn columns(&self, window: Window, reference: usize, limit: usize) -> Range<usize> {
         let rows = self.rows();
         let first = window.columns(rows.start, self.query, reference);
@@ -41,8 +41,8 @@ impl Strip {
         first.start..last.end.min(limit)
     }
 
-    /// The query's values, `[channels, halo + height]` packs; rows that do not exist repeat one
-    /// that does, so that every lane computes with finite numbers.
+    /// Loads the query's values, `[channels, halo + height]` packs. Rows that do not exist repeat
+    /// one that does, so that every lane computes with finite numbers.
     pub(crate) fn load(&self, series: Series<'_>, halo: usize, out: &mut Vec<Pack>) {
         out.clear();
         for channel in 0..series.channels() {
@@ -57,7 +57,8 @@ impl Strip {
         }
     }
 
-    /// First and last open reference sample of every row, as the masked kernels want them.
+    /// Computes the first and last open reference sample of every row, in the form that the masked
+    /// kernels need.
     pub(crate) fn limits(
         &self,
         window: Window,
@@ -83,8 +84,9 @@ impl Strip {
     }
 }
 
-/// Rows of a lane for a query of `query` samples: enough to amortise the borders of a strip, few
-/// enough to stay in the first-level cache and not to compute much outside a narrow window.
+/// Returns the rows per lane for a query of `query` samples. The strip is high enough to amortise
+/// its borders. It is low enough to fit in the first-level cache and to compute little outside a
+/// narrow window.
 pub(crate) fn height_for(
     query: usize,
     reference: usize,

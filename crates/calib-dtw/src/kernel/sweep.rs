@@ -1,4 +1,4 @@
-//! From strip to strip over all cells, for one or several patterns at once.
+//! The sweep over all cells, strip by strip, for one or several patterns at once.
 
 use std::ops::Range;
 
@@ -11,17 +11,17 @@ use super::lanes::{LANES, Pack};
 use super::strip::{Strip, height_for};
 use crate::{Branch, Series, Settings, StepPattern, Window};
 
-/// Bytes that the columns of a strip may take: most of a first-level cache.
+/// Maximum size of the columns of a strip, in bytes: most of a first-level cache.
 const COLUMN_BYTES: usize = 40 << 10;
-/// Most rows of a lane where only the distance is wanted.
+/// Maximum rows per lane if only the distance is needed.
 const DISTANCE_HEIGHT: usize = 64;
-/// Most rows of a lane where cells of a strip are kept for a while.
+/// Maximum rows per lane if cells of a strip are stored for a while.
 const PATH_HEIGHT: usize = 16;
 
-/// Columns between two looks whether to stop: some milliseconds.
+/// Columns between two checks whether to stop: some milliseconds.
 const COLUMNS_PER_LOOK: usize = 1 << 13;
 
-/// Whether nobody waits for the result any more.
+/// A check whether to stop the computation.
 pub(crate) type Stop<'a> = Option<&'a dyn Fn() -> bool>;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub(crate) enum Purpose {
     Path,
 }
 
-/// A pattern on its way through the rectangle.
+/// The state of one pattern during the sweep.
 pub(crate) struct Track {
     dispatch: PatternDispatch,
     pub(crate) halo: usize,
@@ -40,7 +40,7 @@ pub(crate) struct Track {
 }
 
 impl Track {
-    /// Leave the bottom of column `time` of the last lane to the strip below.
+    /// Stores the bottom of column `time` of the last lane for the next strip.
     #[inline]
     fn leave(&mut self, time: usize, height: usize) {
         let bottom = self.halo + height;
@@ -50,14 +50,14 @@ impl Track {
     }
 }
 
-/// One pair of series, and everything that is reused from strip to strip.
+/// One pair of series, and the buffers that are reused from strip to strip.
 pub(crate) struct Sweep<'a> {
     pub(crate) query: Series<'a>,
     pub(crate) reference: Series<'a>,
     pub(crate) settings: Settings,
     pub(crate) patterns: Vec<Track>,
     stop: Stop<'a>,
-    /// Whether it was stopped: what it has come to means nothing then.
+    /// Whether the computation was stopped. Its result is then meaningless.
     pub(crate) is_stopped: bool,
     height: usize,
     local: LocalDispatch,
@@ -65,7 +65,7 @@ pub(crate) struct Sweep<'a> {
     local_columns: Columns,
     /// Longest advance of all patterns along the reference.
     reach: usize,
-    /// The reference backwards, channel after channel, with a margin of lanes on either side.
+    /// The reversed reference, channel after channel, with a margin of lanes on either side.
     reversed: Vec<Vec<f64>>,
     packed_query: Vec<Pack>,
     low: Vec<Pack>,
@@ -78,18 +78,19 @@ fn columns(count: usize, rows: usize) -> Columns {
     vec![vec![Pack::splat(0.0); rows].into_boxed_slice(); count]
 }
 
-/// Columns of cumulated distances that a pattern needs: the present one, and those that it reaches back to.
+/// Returns the number of columns of cumulated distances that a pattern needs: the current one and those
+/// that it reaches back to.
 fn cumulated_columns(pattern: &StepPattern) -> usize {
     pattern.reach().1.max(1) + 1
 }
 
-/// The column of each lane at a time.
+/// Returns the column of each lane at a time.
 #[inline]
 fn columns_at(time: usize) -> Pack {
     Pack(std::array::from_fn(|lane| time as f64 - lane as f64))
 }
 
-/// What lies above the first strip, for a pattern of this halo.
+/// Returns the boundary above the first strip, for a pattern with this halo.
 pub(crate) fn entry(settings: Settings, halo: usize, reference: usize) -> Boundary {
     if settings.ends.open_begin() {
         Boundary::open(halo, reference)
@@ -99,7 +100,8 @@ pub(crate) fn entry(settings: Settings, halo: usize, reference: usize) -> Bounda
 }
 
 impl<'a> Sweep<'a> {
-    /// `query` and `reference` must be checked: finite, not empty, as many channels each.
+    /// Prepares a sweep. `query` and `reference` must be checked: finite, not empty, and with the same
+    /// number of channels.
     pub(crate) fn new(
         set: InstructionSet,
         patterns: &[StepPattern],
@@ -171,12 +173,12 @@ impl<'a> Sweep<'a> {
         Strip { first: number * LANES * self.height, height: self.height, query: self.query.len() }
     }
 
-    /// The number of the strip that holds query sample `index`.
+    /// Returns the number of the strip that contains query sample `index`.
     pub(crate) fn strip_of(&self, index: usize) -> usize {
         index / (LANES * self.height)
     }
 
-    /// Nothing of the strip is known yet.
+    /// Resets the buffers for a new strip.
     fn begin(&mut self, strip: &Strip, columns: &Range<usize>) {
         let window = self.settings.window;
         if window != Window::None {
@@ -191,9 +193,9 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Sweeps one strip up to reference sample `limit` (exclusive): reads each pattern's `input`
-    /// and leaves there what the strip below needs. `visit` sees every time step: lane l has then
-    /// its column `time − l` in `cumulated[0]`.
+    /// Sweeps one strip up to reference sample `limit` (exclusive). Reads each pattern's `input`, and
+    /// replaces it by the boundary for the next strip. `visit` is called at every time step, when lane l
+    /// has its column `time − l` in `cumulated[0]`.
     pub(crate) fn run(
         &mut self,
         number: usize,
@@ -211,7 +213,7 @@ impl<'a> Sweep<'a> {
             self.patterns.iter_mut().for_each(|pattern| pattern.input.reset(0..0));
             return;
         }
-        // Branches may come from a little further left than the first open cell.
+        // Branches may start a little to the left of the first open cell.
         let start = columns.start.saturating_sub(self.reach);
         let columns = start..columns.end;
         let windowed = window != Window::None;
@@ -238,7 +240,7 @@ impl<'a> Sweep<'a> {
                 out: &mut self.local_columns[0],
             });
             if open_begin && number == 0 {
-                // The virtual row above the first costs nothing.
+                // The virtual row above the first has no cost.
                 self.local_columns[0][self.local_halo - 1].0[0] = 0.0;
             }
             let seeds = number == 0 && time == 0 && !open_begin;

@@ -1,9 +1,9 @@
 //! The sixteen lanes in AVX2 and AVX-512 registers.
 //!
 //! # Safety
-//! All blocks of this file rest on the same two facts: the caller of a method of [`Lanes`] vouches
-//! for the instruction set, and loads and stores stay inside the sixteen values that a reference
-//! was given for, a [`Pack`] being aligned to 64 bytes.
+//! All blocks of this file rely on the same two facts. The caller of a method of [`Lanes`]
+//! guarantees the instruction set. Loads and stores stay inside the sixteen values of a reference,
+//! and a [`Pack`] is aligned to 64 bytes.
 
 #![expect(clippy::undocumented_unsafe_blocks, reason = "one argument for all blocks, above")]
 
@@ -19,7 +19,8 @@ use std::arch::x86_64::{
 
 use super::lanes::{LANES, Lanes, Pack};
 
-// Plain repetition: a closure might end up as a call, outside the function with the feature.
+// Macros repeat the code, because a closure might become a call outside the function with the
+// target feature.
 macro_rules! two {
     ($r:ident => $one:expr) => {
         [
@@ -110,7 +111,7 @@ impl Lanes for Avx2 {
     #[inline(always)]
     unsafe fn shift_in(v: Self::V, first: f64) -> Self::V {
         unsafe {
-            // Rotate every register up by one, then take lane 0 from the register below.
+            // Rotates every register up by one, then takes lane 0 from the register below.
             let rotated: Self::V = four!(r => _mm256_permute4x64_pd::<0b10_01_00_11>(v[r]));
             four!(r => {
                 let below = match r {

@@ -1,4 +1,4 @@
-//! Step patterns: which cells a warping path may come from, and what each step costs.
+//! Step patterns: the cells from which a warping path may come, and the cost of each step.
 
 mod named;
 mod names;
@@ -12,25 +12,26 @@ pub use recursion::Recursion;
 /// Longest advance of one branch, in samples of either series.
 pub const LONGEST_BRANCH: usize = 15;
 
-/// One step of a branch: how far it advances, and the weight of the local distance where it lands.
+/// One step of a branch: its advance, and the weight of the local distance in the cell that it
+/// reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
     /// Samples advanced along the query.
     pub query: usize,
     /// Samples advanced along the reference.
     pub reference: usize,
-    /// Factor of the local distance in the cell the step lands on; finite and not negative.
+    /// Factor of the local distance in the cell that the step reaches; finite and not negative.
     pub weight: f64,
 }
 
 impl Step {
-    /// The step (`query`, `reference`) with `weight`.
+    /// Creates the step (`query`, `reference`) with `weight`.
     pub const fn new(query: usize, reference: usize, weight: f64) -> Self {
         Self { query, reference, weight }
     }
 }
 
-/// A cell that a branch pays for, counted back from the cell the branch ends in.
+/// A cell whose cost a branch adds, counted backwards from the cell in which the branch ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
     /// Query samples before the end of the branch.
@@ -41,31 +42,32 @@ pub struct Cell {
     pub weight: f64,
 }
 
-/// One way into a cell: the steps from an earlier cell of the path, in the order they are walked.
+/// One way into a cell: the steps from an earlier cell of the path, in path order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Branch {
     steps: Vec<Step>,
 }
 
 impl Branch {
-    /// The branch that walks `steps`.
+    /// Creates the branch with these steps.
     pub fn new(steps: impl Into<Vec<Step>>) -> Self {
         Self { steps: steps.into() }
     }
 
-    /// The steps, in the order they are walked.
+    /// Returns the steps in path order.
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }
 
-    /// How far back the branch starts: (query, reference) samples.
+    /// Returns how far back the branch starts: (query, reference) samples.
     pub fn origin(&self) -> (usize, usize) {
         self.steps.iter().fold((0, 0), |(query, reference), step| {
             (query + step.query, reference + step.reference)
         })
     }
 
-    /// The cells the branch pays for, first step first; the last one is offset (0, 0).
+    /// Returns the cells whose cost the branch adds, first step first. The last one is offset (0,
+    /// 0).
     pub fn cells(&self) -> impl Iterator<Item = Cell> + Clone + '_ {
         let (mut query, mut reference) = self.origin();
         self.steps.iter().map(move |step| {
@@ -76,7 +78,7 @@ impl Branch {
     }
 }
 
-/// What a raw distance is divided by, so that pairs of different lengths compare.
+/// The divisor of a raw distance that makes pairs of different lengths comparable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Normalisation {
     /// The query's length N.
@@ -85,11 +87,12 @@ pub enum Normalisation {
     Reference,
     /// N + M.
     Sum,
-    /// Paths of equal ends differ in total weight: no division makes them comparable.
+    /// No normalisation: paths with the same ends differ in total weight, so no division makes them
+    /// comparable.
     None,
 }
 
-/// Why a list of branches is no step pattern.
+/// The reason why a list of branches is not a step pattern.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PatternError {
     /// There is no branch.
@@ -98,7 +101,7 @@ pub enum PatternError {
         /// The pattern's name.
         name: String,
     },
-    /// A branch has no steps, or a step that stays where it is.
+    /// A branch has no steps, or a step that advances neither series.
     #[error(
         "branch {branch} of step pattern `{name}` has a step that advances neither series, or no step: \
          every step must advance the query or the reference"
@@ -109,7 +112,7 @@ pub enum PatternError {
         /// Number of the branch, from 0.
         branch: usize,
     },
-    /// A branch is longer than the kernels keep.
+    /// A branch is longer than the kernels support.
     #[error(
         "branch {branch} of step pattern `{name}` advances by {got} samples: at most {LONGEST_BRANCH} \
          are allowed along either series"
@@ -136,7 +139,7 @@ pub enum PatternError {
     },
 }
 
-/// The recursion of a time warp as data: branches, their weights, and the normalisation.
+/// The recursion of a time warp: branches, their weights, and the normalisation.
 ///
 /// With local distances d the cumulated distance is
 ///
@@ -146,7 +149,7 @@ pub enum PatternError {
 /// ```
 ///
 /// where (a, b) is [`Branch::origin`] and the sum runs over [`Branch::cells`]. Ties go to the
-/// earlier branch (this decides paths, never distances).
+/// earlier branch. They affect paths, never distances.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepPattern {
     name: String,
@@ -155,11 +158,11 @@ pub struct StepPattern {
 }
 
 impl StepPattern {
-    /// A pattern of one's own.
+    /// Creates a custom pattern.
     ///
     /// # Errors
-    /// If there is no branch, a step advances nothing, a branch is longer than
-    /// [`LONGEST_BRANCH`], or a weight is negative or not finite.
+    /// If there is no branch, a step advances nothing, a branch is longer than [`LONGEST_BRANCH`],
+    /// or a weight is negative or not finite.
     pub fn new(
         name: impl Into<String>,
         branches: impl Into<Vec<Branch>>,
@@ -188,27 +191,27 @@ impl StepPattern {
         Ok(Self { name, branches, normalisation })
     }
 
-    /// The name, as [`FromStr`](std::str::FromStr) reads it for the patterns of this crate.
+    /// Returns the name. [`FromStr`](std::str::FromStr) reads it for the patterns of this crate.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The branches, in the order that breaks ties.
+    /// Returns the branches, in the order that breaks ties.
     pub fn branches(&self) -> &[Branch] {
         &self.branches
     }
 
-    /// What a raw distance is divided by.
+    /// Returns the divisor of a raw distance.
     pub fn normalisation(&self) -> Normalisation {
         self.normalisation
     }
 
-    /// The recursion, for printing.
+    /// Returns the recursion, for printing.
     pub fn recursion(&self) -> Recursion<'_> {
         Recursion(self)
     }
 
-    /// The longest advance of a branch along (query, reference).
+    /// Returns the longest advance of a branch along (query, reference).
     pub fn reach(&self) -> (usize, usize) {
         self.branches
             .iter()
@@ -216,8 +219,8 @@ impl StepPattern {
             .fold((0, 0), |reach, origin| (reach.0.max(origin.0), reach.1.max(origin.1)))
     }
 
-    /// Smallest and largest slope of a path: reference samples per query sample.
-    /// The largest is infinite where a branch advances the reference only.
+    /// Returns the smallest and largest slope of a path: reference samples per query sample. The
+    /// largest is infinite if a branch advances only the reference.
     pub fn slopes(&self) -> (f64, f64) {
         self.branches
             .iter()
@@ -230,8 +233,8 @@ impl StepPattern {
             })
     }
 
-    /// `distance` divided as [`StepPattern::normalisation`] says, for a query of `query` samples
-    /// and a reference of `reference` samples; `None` where the pattern has no normalisation.
+    /// Returns `distance` divided by the normalisation, for a query of `query` samples and a
+    /// reference of `reference` samples. `None` if the pattern has no normalisation.
     pub fn normalise(&self, distance: f64, query: usize, reference: usize) -> Option<f64> {
         match self.normalisation {
             Normalisation::Query => Some(distance / query as f64),

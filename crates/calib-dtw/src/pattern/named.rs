@@ -1,4 +1,4 @@
-//! The patterns of Sakoe and Chiba (1978) and the unconstrained ones of daily use.
+//! The patterns of Sakoe and Chiba (1978) and the common unconstrained ones.
 
 use super::{Branch, Normalisation, Step, StepPattern};
 
@@ -20,32 +20,33 @@ fn named(name: &str, branches: &[Steps], normalisation: Normalisation) -> StepPa
 }
 
 impl StepPattern {
-    /// `symmetric1`: every step costs the distance of the cell it lands on. Prefers diagonals,
-    /// and so cannot be normalised.
+    /// Returns `symmetric1`: every step costs the distance of the cell that it reaches. It prefers
+    /// diagonals, and so cannot be normalised.
     pub fn symmetric1() -> Self {
         let branches: [Steps; 3] = [&[(1, 1, 1.0)], &[(0, 1, 1.0)], &[(1, 0, 1.0)]];
         named("symmetric1", &branches, Normalisation::None)
     }
 
-    /// `symmetric2`: a diagonal step counts twice, so that every path has the total weight N + M.
-    /// The usual choice where nothing limits the slope.
+    /// Returns `symmetric2`: a diagonal step counts twice, so that every path has the total weight
+    /// N + M. It is the usual choice without slope limits.
     pub fn symmetric2() -> Self {
         let branches: [Steps; 3] = [&[(1, 1, 2.0)], &[(0, 1, 1.0)], &[(1, 0, 1.0)]];
         named("symmetric2", &branches, Normalisation::Sum)
     }
 
-    /// `asymmetric`: every query sample is matched exactly once, at a slope of 0 to 2.
+    /// Returns `asymmetric`: every query sample is matched exactly once, at a slope of 0 to 2.
     pub fn asymmetric() -> Self {
         let branches: [Steps; 3] = [&[(1, 0, 1.0)], &[(1, 1, 1.0)], &[(1, 2, 1.0)]];
         named("asymmetric", &branches, Normalisation::Query)
     }
 
-    /// `symmetricP0`: Sakoe–Chiba symmetric, slope constraint P = 0 (the same as `symmetric2`).
+    /// Returns `symmetricP0`: Sakoe–Chiba symmetric, slope constraint P = 0 (the same as
+    /// `symmetric2`).
     pub fn symmetric_p0() -> Self {
         Self { name: "symmetricP0".to_owned(), ..Self::symmetric2() }
     }
 
-    /// `symmetricP05`: Sakoe–Chiba symmetric, P = 1/2, slopes 1/3 to 3.
+    /// Returns `symmetricP05`: Sakoe–Chiba symmetric, P = 1/2, slopes 1/3 to 3.
     pub fn symmetric_p05() -> Self {
         let branches: [Steps; 5] = [
             &[(1, 1, 2.0), (0, 1, 1.0), (0, 1, 1.0)],
@@ -57,14 +58,14 @@ impl StepPattern {
         named("symmetricP05", &branches, Normalisation::Sum)
     }
 
-    /// `symmetricP1`: Sakoe–Chiba symmetric, P = 1, slopes 1/2 to 2.
+    /// Returns `symmetricP1`: Sakoe–Chiba symmetric, P = 1, slopes 1/2 to 2.
     pub fn symmetric_p1() -> Self {
         let branches: [Steps; 3] =
             [&[(1, 1, 2.0), (0, 1, 1.0)], &[(1, 1, 2.0)], &[(1, 1, 2.0), (1, 0, 1.0)]];
         named("symmetricP1", &branches, Normalisation::Sum)
     }
 
-    /// `symmetricP2`: Sakoe–Chiba symmetric, P = 2, slopes 2/3 to 3/2.
+    /// Returns `symmetricP2`: Sakoe–Chiba symmetric, P = 2, slopes 2/3 to 3/2.
     pub fn symmetric_p2() -> Self {
         let branches: [Steps; 3] = [
             &[(1, 1, 2.0), (1, 1, 2.0), (0, 1, 1.0)],
@@ -74,13 +75,14 @@ impl StepPattern {
         named("symmetricP2", &branches, Normalisation::Sum)
     }
 
-    /// `asymmetricP0`: Sakoe–Chiba asymmetric, P = 0; advancing the reference alone is free.
+    /// Returns `asymmetricP0`: Sakoe–Chiba asymmetric, P = 0. Steps along the reference alone cost
+    /// nothing.
     pub fn asymmetric_p0() -> Self {
         let branches: [Steps; 3] = [&[(0, 1, 0.0)], &[(1, 1, 1.0)], &[(1, 0, 1.0)]];
         named("asymmetricP0", &branches, Normalisation::Query)
     }
 
-    /// `asymmetricP05`: Sakoe–Chiba asymmetric, P = 1/2, slopes 1/3 to 3.
+    /// Returns `asymmetricP05`: Sakoe–Chiba asymmetric, P = 1/2, slopes 1/3 to 3.
     pub fn asymmetric_p05() -> Self {
         const THIRD: f64 = 1.0 / 3.0;
         let branches: [Steps; 5] = [
@@ -93,14 +95,14 @@ impl StepPattern {
         named("asymmetricP05", &branches, Normalisation::Query)
     }
 
-    /// `asymmetricP1`: Sakoe–Chiba asymmetric, P = 1, slopes 1/2 to 2.
+    /// Returns `asymmetricP1`: Sakoe–Chiba asymmetric, P = 1, slopes 1/2 to 2.
     pub fn asymmetric_p1() -> Self {
         let branches: [Steps; 3] =
             [&[(1, 1, 0.5), (0, 1, 0.5)], &[(1, 1, 1.0)], &[(1, 1, 1.0), (1, 0, 1.0)]];
         named("asymmetricP1", &branches, Normalisation::Query)
     }
 
-    /// `asymmetricP2`: Sakoe–Chiba asymmetric, P = 2, slopes 2/3 to 3/2.
+    /// Returns `asymmetricP2`: Sakoe–Chiba asymmetric, P = 2, slopes 2/3 to 3/2.
     pub fn asymmetric_p2() -> Self {
         const TWO_THIRDS: f64 = 2.0 / 3.0;
         let branches: [Steps; 3] = [

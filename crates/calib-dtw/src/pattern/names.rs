@@ -1,10 +1,10 @@
-//! Names of patterns, both ways.
+//! Conversion between patterns and their names.
 
 use std::{fmt, str::FromStr};
 
 use super::{RabinerJuangType, SlopeWeighting, Smoothing, StepPattern};
 
-/// A name that is no step pattern of this crate.
+/// An unknown step pattern name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "unknown step pattern `{name}`: expected symmetric1, symmetric2, asymmetric, \
@@ -12,7 +12,7 @@ use super::{RabinerJuangType, SlopeWeighting, Smoothing, StepPattern};
      a slope weighting a to d and optionally `:smoothed`, such as rabinerJuang:6c"
 )]
 pub struct ParsePatternError {
-    /// What was asked for.
+    /// The name that was given.
     pub name: String,
 }
 
@@ -31,7 +31,7 @@ const NAMED: [fn() -> StepPattern; 11] = [
 ];
 
 impl StepPattern {
-    /// Every pattern that has a name: 11 of daily use, then 56 of Rabiner and Juang.
+    /// Returns every named pattern: 11 common ones, then 56 of Rabiner and Juang.
     pub fn all() -> impl Iterator<Item = Self> {
         let rabiner_juang = RabinerJuangType::ALL.into_iter().flat_map(|kind| {
             SlopeWeighting::ALL.into_iter().flat_map(move |weighting| {
@@ -52,7 +52,7 @@ impl fmt::Display for StepPattern {
 impl FromStr for StepPattern {
     type Err = ParsePatternError;
 
-    /// The pattern of this name; upper and lower case are the same.
+    /// Returns the pattern with this name, ignoring case.
     fn from_str(name: &str) -> Result<Self, Self::Err> {
         Self::all()
             .find(|pattern| pattern.name().eq_ignore_ascii_case(name.trim()))

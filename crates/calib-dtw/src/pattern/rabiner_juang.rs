@@ -27,7 +27,7 @@ impl RabinerJuangType {
     pub const ALL: [Self; 7] =
         [Self::I, Self::II, Self::III, Self::IV, Self::V, Self::VI, Self::VII];
 
-    /// The number of the type, 1 to 7.
+    /// Returns the number of the type, 1 to 7.
     pub fn number(self) -> usize {
         self as usize + 1
     }
@@ -78,7 +78,7 @@ impl SlopeWeighting {
     /// All four, in order.
     pub const ALL: [Self; 4] = [Self::A, Self::B, Self::C, Self::D];
 
-    /// The letter of the weighting: `a`, `b`, `c` or `d`.
+    /// Returns the letter of the weighting: `a`, `b`, `c` or `d`.
     pub fn letter(self) -> char {
         match self {
             Self::A => 'a',
@@ -117,7 +117,7 @@ pub enum Smoothing {
 }
 
 impl StepPattern {
-    /// The Rabiner–Juang pattern of a type, a slope weighting and a smoothing, e.g.
+    /// Returns the Rabiner–Juang pattern of a type, a slope weighting and a smoothing, e.g.
     /// `rabinerJuang:6c` or `rabinerJuang:3d:smoothed`.
     pub fn rabiner_juang(
         kind: RabinerJuangType,

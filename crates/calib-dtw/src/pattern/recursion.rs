@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::{Normalisation, StepPattern};
 
-/// Displays the recursion of a step pattern, one branch a line.
+/// Displays the recursion of a step pattern, one branch per line.
 ///
 /// ```
 /// # use calib_dtw::StepPattern;

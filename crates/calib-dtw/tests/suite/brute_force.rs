@@ -1,9 +1,9 @@
-//! Every path of short pairs, one by one, for every pattern.
+//! Tests every pattern against an enumeration of all paths of short pairs.
 
 use crate::oracle;
 use calib_dtw::{Dtw, Ends, InstructionSet, Series, Settings, StepPattern, Window};
 
-/// Least cost of all ways from cell (i, j), reached at `cost`, to an end.
+/// Returns the minimum cost over all paths from cell (i, j), reached at `cost`, to an end.
 fn walk(
     dtw: &Dtw,
     pair: (Series<'_>, Series<'_>),
@@ -87,8 +87,8 @@ fn distances_are_the_least_over_all_paths() {
                         assert!(dtw.distance(query, reference).is_err());
                         continue;
                     }
-                    // With an open end the least normalised distance wins, which is the least
-                    // raw one only where the length of the reference does not matter.
+                    // With an open end the smallest normalised distance wins. It is the smallest
+                    // raw distance only where the length of the reference does not matter.
                     if ends.open_end()
                         && pattern.normalise(1.0, 1, 2) != pattern.normalise(1.0, 1, 3)
                     {

@@ -1,4 +1,4 @@
-//! What is refused, and in which words.
+//! Tests which inputs are refused, and with which messages.
 
 use calib_dtw::{
     Branch, Dtw, DtwError, Ends, LocalDistance, Normalisation, PatternSet, Role, Series, Settings,
@@ -69,7 +69,7 @@ fn lengths_beyond_the_slope_limits_say_what_would_do() {
     assert!(message(&error).starts_with(text), "{error}");
     let DtwError::NoPath(no_path) = error else { panic!("{error}") };
     assert_eq!(no_path.reference_limits(), (6, Some(19)));
-    // The limits are what is really possible.
+    // The limits in the message are exactly what is possible.
     assert!(dtw.distance(&[0.0; 10], &[0.0; 19]).is_ok());
     assert!(dtw.distance(&[0.0; 10], &[0.0; 6]).is_ok());
     assert!(dtw.distance(&[0.0; 10], &[0.0; 5]).is_err());

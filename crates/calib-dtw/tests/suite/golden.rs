@@ -1,4 +1,4 @@
-//! Reference values of dtw-python 1.9.0, made by `scripts/golden/dtw.py`.
+//! Tests against reference values of dtw-python 1.9.0, made by `scripts/golden/dtw.py`.
 
 use calib_dtw::{Dtw, DtwError, InstructionSet, Settings, StepPattern};
 use serde_json::Value;
@@ -12,7 +12,8 @@ fn close(ours: f64, theirs: f64) -> bool {
     (ours - theirs).abs() <= 1e-9 * theirs.abs().max(1e-12)
 }
 
-/// Check each result of each case: what was compared, the query, the reference, and what the package found.
+/// Checks each result of each case. `check` receives the settings, the query, the reference, and the
+/// package's result.
 fn check_each(golden: &str, mut check: impl FnMut(Dtw, &[f64], &[f64], &Value)) {
     let golden: Value = serde_json::from_str(golden).expect("JSON");
     for case in golden["cases"].as_array().expect("a list") {

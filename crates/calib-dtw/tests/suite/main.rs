@@ -1,4 +1,4 @@
-//! The public interface against brute force, the whole matrix, and the reference package.
+//! Tests the public interface against brute force, the whole matrix, and the reference package.
 
 mod brute_force;
 mod errors;

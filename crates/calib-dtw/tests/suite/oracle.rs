@@ -1,10 +1,10 @@
-//! The recursion written down literally, for comparison: the whole matrix, one cell at a time.
+//! The recursion written literally, for comparison: the whole matrix, one cell at a time.
 
 use calib_dtw::{
     Branch, Distance, Dtw, Normalisation, Series, Settings, Step, StepPattern, Window,
 };
 
-/// Random walk with exact decimals, so that cases print well.
+/// Returns a random walk with exact decimals, so that cases print well.
 pub(crate) fn series(seed: u64, len: usize) -> Vec<f64> {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03;
     let mut value = 0i64;
@@ -24,7 +24,7 @@ pub(crate) fn open(settings: Settings, i: usize, j: usize, n: usize, m: usize) -
     settings.window == Window::None || settings.window.columns(i, n, m).contains(&j)
 }
 
-/// Cumulated distances of all cells; +∞ where no path leads.
+/// Returns the cumulated distances of all cells; +∞ where no path leads.
 pub(crate) fn cumulated(
     pattern: &StepPattern,
     settings: Settings,
@@ -72,7 +72,7 @@ pub(crate) fn cumulated(
     g
 }
 
-/// The distance by [`cumulated`]; `None` if there is no path.
+/// Returns the distance by [`cumulated`], or `None` if there is no path.
 pub(crate) fn distance(dtw: &Dtw, query: Series<'_>, reference: Series<'_>) -> Option<Distance> {
     let g = cumulated(dtw.pattern(), dtw.settings(), query, reference);
     let n = query.len();
@@ -90,7 +90,7 @@ pub(crate) fn distance(dtw: &Dtw, query: Series<'_>, reference: Series<'_>) -> O
     best.map(|(_, distance)| distance)
 }
 
-/// Patterns that no compiled shape serves.
+/// Returns patterns without a compiled shape.
 pub(crate) fn unusual_patterns() -> Vec<StepPattern> {
     vec![
         pattern("rigid", vec![vec![(1, 1, 1.0)]], Normalisation::Query),
@@ -122,7 +122,7 @@ pub(crate) fn unusual_patterns() -> Vec<StepPattern> {
     ]
 }
 
-/// A pattern whose branches have steps along the query and the reference, with weights.
+/// Returns a pattern whose branches have steps along the query and the reference, with weights.
 fn pattern(
     name: &str,
     branches: Vec<Vec<(usize, usize, f64)>>,

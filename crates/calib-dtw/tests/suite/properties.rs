@@ -1,4 +1,4 @@
-//! What must hold for any series.
+//! Tests properties that hold for any series.
 
 use calib_dtw::{Dtw, Ends, PatternSet, Series, Settings, StepPattern, Window};
 use proptest::prelude::*;

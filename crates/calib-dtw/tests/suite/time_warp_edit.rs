@@ -1,9 +1,9 @@
-//! The time warp edit distance against its definition, cell by cell.
+//! Tests the time warp edit distance against its definition, cell by cell.
 
 use calib_dtw::{DtwError, InstructionSet, Series, TimeWarpEdit};
 use proptest::prelude::*;
 
-/// The recursion as it is written down, with the whole matrix.
+/// Computes the recursion as it is defined, with the whole matrix.
 fn by_definition(x: Series<'_>, y: Series<'_>, stiffness: f64, deletion: f64) -> f64 {
     let zero = vec![0.0; x.channels()];
     let sample = |series: Series<'_>, index: usize| {
@@ -28,7 +28,7 @@ fn by_definition(x: Series<'_>, y: Series<'_>, stiffness: f64, deletion: f64) ->
     g[n][m]
 }
 
-/// The sum of the distances of all channels.
+/// Returns the distance between two samples, summed over all channels.
 fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum()
 }

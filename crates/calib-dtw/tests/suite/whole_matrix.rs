@@ -1,4 +1,4 @@
-//! Pairs long enough for many strips, against the whole matrix; equality is to the bit.
+//! Tests pairs long enough for many strips against the whole matrix. Results must be bit-identical.
 
 use crate::oracle;
 use calib_dtw::{
@@ -7,7 +7,7 @@ use calib_dtw::{
 };
 use proptest::prelude::*;
 
-/// Distance and path against the oracle, for every instruction set.
+/// Compares distance and path with the oracle, for every instruction set.
 fn compare(pattern: &StepPattern, settings: Settings, query: Series<'_>, reference: Series<'_>) {
     let plain = Dtw::with_settings(pattern.clone(), settings);
     let expected = oracle::distance(&plain, query, reference);
@@ -22,7 +22,8 @@ fn compare(pattern: &StepPattern, settings: Settings, query: Series<'_>, referen
     assert_path(pattern, settings, (query, reference), &alignment.path, expected.end, &what());
 }
 
-/// The path walks branches of the pattern from begin to end, and costs what the distance says.
+/// Checks that the path follows branches of the pattern from begin to end, and that its cost is the
+/// distance.
 fn assert_path(
     pattern: &StepPattern,
     settings: Settings,
@@ -36,7 +37,8 @@ fn assert_path(
     };
     assert_eq!(path.last(), Some(&(query.len() - 1, end)), "{what}");
     let g = oracle::cumulated(pattern, settings, query, reference);
-    // Cells by which the path can be explained so far, with their cost; branches list their cells.
+    // The cost of each cell that branches can reach so far along the path. Branches list their
+    // cells.
     let mut reached = vec![f64::INFINITY; path.len() + 1];
     reached[0] = 0.0;
     if !settings.ends.open_begin() {
@@ -47,7 +49,7 @@ fn assert_path(
         for branch in pattern.branches() {
             let to = path[last];
             let (a, b) = branch.origin();
-            // An open begin pays nothing in the virtual row above the first, and does not list it.
+            // An open begin has no cost in the virtual row above the first, and does not list it.
             let real = branch.cells().filter(|cell| cell.query <= to.0).count();
             let Some(first) = (last + 1).checked_sub(real) else { continue };
             let from = match (first, settings.ends.open_begin()) {
