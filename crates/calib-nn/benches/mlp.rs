@@ -1,4 +1,4 @@
-//! One training step of 142-256-256-1 with batch 256, its parts, and the bare products it consists of.
+//! Measures one training step of 142-256-256-1 with batch 256, its parts, and its matrix products alone.
 //!
 //! `cargo bench -p calib-nn --bench mlp`
 
@@ -48,7 +48,8 @@ fn training_step(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The same with products of bfloat16 numbers, by the processor's instruction, if it has one, and without it.
+/// Measures the same step with bfloat16 products: with the processor's instruction, if it has one, and
+/// without it.
 fn rounded_step(criterion: &mut Criterion) {
     let network = Mlp::new(&SIZES, Seed::new(1));
     let rows = 2 * BATCH + 1;
@@ -90,7 +91,8 @@ fn rounded_step(criterion: &mut Criterion) {
     }
 }
 
-/// The first layer of nine networks that share their input: nine products, or one of nine times the width.
+/// Measures the first layer of nine networks that share their input: nine products, or one product of nine
+/// times the width.
 fn shared_input(criterion: &mut Criterion) {
     const NETWORKS: usize = 9;
     let [inputs, units, rows] = [SIZES[0], SIZES[1], 2 * BATCH + 1];
@@ -127,7 +129,7 @@ fn shared_input(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The large products of a step without anything else: what the step is measured against.
+/// Measures the large products of a step alone, as a reference for the whole step.
 fn bare_products(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("gemm");
     // (rows, columns, inner), and whether the left and right operands are transposed.
@@ -145,7 +147,7 @@ fn bare_products(criterion: &mut Criterion) {
         let left_strides = if transposed.0 { (1, m) } else { (k, 1) };
         let right_strides = if transposed.1 { (1, k) } else { (n, 1) };
         move |left: &[f32], right: &[f32]| {
-            // SAFETY: the strides address `[m, k]`, `[k, n]` and `[m, n]` values, which the vectors hold.
+            // SAFETY: the strides address `[m, k]`, `[k, n]` and `[m, n]` values, which the vectors contain.
             unsafe {
                 gemm(
                     m,

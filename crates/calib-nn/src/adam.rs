@@ -26,14 +26,14 @@ impl Default for AdamRule {
     }
 }
 
-/// What [`Adam`] remembers of the gradients it has seen, to be kept with a checkpoint.
+/// The state of [`Adam`], to be stored with a checkpoint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moments {
-    /// The mean of gradients, one a parameter.
+    /// The mean of gradients, one value per parameter.
     pub mean: Vec<f32>,
-    /// The mean of squared gradients, one a parameter.
+    /// The mean of squared gradients, one value per parameter.
     pub square: Vec<f32>,
-    /// β₁ᵗ and β₂ᵗ after t steps, which correct the bias of both.
+    /// β₁ᵗ and β₂ᵗ after t steps, which correct the bias of the means.
     pub powers: (f64, f64),
 }
 
@@ -42,7 +42,7 @@ pub struct Moments {
 /// m ← β₁m + (1−β₁)g, v ← β₂v + (1−β₂)g²,
 /// θ ← (1 − αλ)θ − α/(1−β₁ᵗ) · m / (√(v/(1−β₂ᵗ)) + ε).
 ///
-/// One fused pass over parameters, gradients and both moments. Moments below the least normal number become 0.
+/// One fused pass over parameters, gradients and both moments. Moments below the smallest normal number become 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     rule: AdamRule,
@@ -53,7 +53,7 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// An optimiser of `parameters` parameters with zero moments.
+    /// Creates an optimiser of `parameters` parameters with zero moments.
     pub fn new(rule: AdamRule, parameters: usize) -> Self {
         Self {
             rule,
@@ -63,36 +63,36 @@ impl Adam {
         }
     }
 
-    /// An optimiser that goes on where another one of these [`moments`](Self::moments) stopped.
+    /// Creates an optimiser that continues from these [`moments`](Self::moments).
     ///
     /// # Panics
-    /// If there are not as many means as mean squares.
+    /// If `mean` and `square` differ in length.
     pub fn from_moments(rule: AdamRule, Moments { mean, square, powers }: Moments) -> Self {
         assert_eq!(mean.len(), square.len(), "both moments of every parameter");
         Self { rule, mean: aligned(&mean), square: aligned(&square), powers }
     }
 
-    /// What it remembers: with the parameters, all that a checkpoint must hold.
+    /// Returns the state. With the parameters, this is all that a checkpoint needs.
     pub fn moments(&self) -> Moments {
         Moments { mean: self.mean.to_vec(), square: self.square.to_vec(), powers: self.powers }
     }
 
-    /// Go on with another step size.
+    /// Sets another step size for the next steps.
     pub fn set_learning_rate(&mut self, learning_rate: f64) {
         self.rule.learning_rate = learning_rate;
     }
 
-    /// The hyperparameters.
+    /// Returns the hyperparameters.
     pub fn rule(&self) -> AdamRule {
         self.rule
     }
 
-    /// Go on with another rule (a new learning rate) and the moments as they are.
+    /// Sets another rule (a new learning rate) and keeps the moments.
     pub fn set_rule(&mut self, rule: AdamRule) {
         self.rule = rule;
     }
 
-    /// One step against `gradients`.
+    /// Updates `parameters` by one step against `gradients`.
     ///
     /// # Panics
     /// If the number of parameters or gradients is not that of the moments.
@@ -101,7 +101,7 @@ impl Adam {
         hand_over(self.begin(parameters), gradients);
     }
 
-    /// A step that takes its gradients in pieces.
+    /// Begins a step that takes its gradients in pieces.
     ///
     /// # Panics
     /// If the number of parameters is not that of the moments.
@@ -128,7 +128,7 @@ impl Adam {
     }
 }
 
-/// A step of [`Adam`], under way.
+/// A step of [`Adam`] in progress.
 pub(crate) struct AdamStep<'a> {
     parameters: &'a mut [f32],
     mean: &'a mut [f32],
@@ -158,7 +158,7 @@ impl Sink for AdamStep<'_> {
     }
 }
 
-/// What a step multiplies by.
+/// The factors of a step.
 #[derive(Clone, Copy)]
 struct Rates {
     keep: f32,
@@ -202,8 +202,8 @@ impl Rates {
     }
 }
 
-/// Zero instead of what is subnormal: the moments of a parameter without gradients would stay there, where processors are
-/// many times as slow. No parameter feels the difference, which is far below ε.
+/// Replaces subnormal values by zero. The moments of a parameter without gradients would stay subnormal, where processors
+/// are many times as slow. The change is far below ε, so it does not affect parameters.
 #[expect(clippy::inline_always, reason = "as the step")]
 #[inline(always)]
 fn without_subnormal<S: Simd>(simd: S, values: S::f32s) -> S::f32s {
@@ -215,7 +215,7 @@ fn without_subnormal<S: Simd>(simd: S, values: S::f32s) -> S::f32s {
 mod tests {
     use super::*;
 
-    /// Parameters after each step, by `scripts/golden/nn_adam.py` in double precision.
+    /// Parameters after each step, computed by `scripts/golden/nn_adam.py` in double precision.
     const GOLDEN: &str = include_str!("../tests/golden/adam.txt");
 
     #[test]

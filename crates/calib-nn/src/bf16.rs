@@ -1,12 +1,12 @@
-//! Networks whose products are of bfloat16 numbers, with sums in single precision.
+//! Networks whose matrix products use bfloat16 numbers, with sums in single precision.
 //!
-//! An operand is rounded to nearest, ties to even, when it is made: weights once an update, activations and errors as
-//! they come out of a product. Sums, biases, losses, gradients, moments and the parameters themselves stay in single
+//! Operands are rounded to nearest, ties to even, when they are created: weights once per update, activations and errors as
+//! soon as a product is finished. Sums, biases, losses, gradients, moments and the parameters themselves stay in single
 //! precision.
 //!
-//! A sum goes through its inner index in pairs: `s ← s + a₁b₁`, then `s ← s + a₀b₀`, each a fused multiply-add. That is what
-//! the instruction `vdpbf16ps` computes. Where a processor lacks it, the same operations are made one by one, so that all
-//! processors give the same bytes, and so do all numbers of rows.
+//! A sum visits its inner index in pairs: `s ← s + a₁b₁`, then `s ← s + a₀b₀`, each a fused multiply-add. This is what the
+//! instruction `vdpbf16ps` computes. A processor without it executes the same operations one by one. So all processors give
+//! the same bytes, and the number of rows makes no difference.
 
 mod kernel;
 mod layout;

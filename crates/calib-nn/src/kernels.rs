@@ -1,7 +1,7 @@
-//! Element-wise passes, compiled for the widest vectors the processor has.
+//! Element-wise passes, compiled for the widest vectors of the processor.
 //!
-//! Each is plain Rust under [`pulp`]'s dispatch: the compiler vectorises it, the order of operations
-//! is the one written, so results do not depend on the width of the vectors.
+//! Each is plain Rust under [`pulp`]'s dispatch, and the compiler vectorises it. The order of
+//! operations is the order in the code, so results do not depend on the width of the vectors.
 
 use pulp::{Arch, NullaryFnOnce};
 
@@ -22,19 +22,19 @@ impl<const RECTIFY: bool> NullaryFnOnce for AddBias<'_, RECTIFY> {
         for row in self.outputs.chunks_exact_mut(self.bias.len()) {
             for (output, bias) in row.iter_mut().zip(self.bias) {
                 let sum = *output + bias;
-                // Written so that NaN stays NaN: a diverged network must not look like a dead one.
+                // NaN must stay NaN: a diverged network must not look like a dead one.
                 *output = if RECTIFY && sum < 0.0 { 0.0 } else { sum };
             }
         }
     }
 }
 
-/// `outputs[r, j] += bias[j]`.
+/// Computes `outputs[r, j] += bias[j]`.
 pub(crate) fn add_bias(outputs: &mut [f32], bias: &[f32]) {
     Arch::new().dispatch(AddBias::<false> { outputs, bias });
 }
 
-/// `outputs[r, j] = max(outputs[r, j] + bias[j], 0)`, NaN staying NaN.
+/// Computes `outputs[r, j] = max(outputs[r, j] + bias[j], 0)`. NaN stays NaN.
 pub(crate) fn add_bias_and_rectify(outputs: &mut [f32], bias: &[f32]) {
     Arch::new().dispatch(AddBias::<true> { outputs, bias });
 }
@@ -62,7 +62,7 @@ impl NullaryFnOnce for SumRows<'_> {
     }
 }
 
-/// `sums[j] = Σ_r rows[r, j]`.
+/// Computes `sums[j] = Σ_r rows[r, j]`.
 pub(crate) fn sum_rows(rows: &[f32], sums: &mut [f32]) {
     Arch::new().dispatch(SumRows { rows, sums });
 }
@@ -95,8 +95,8 @@ impl NullaryFnOnce for Mask<'_> {
     }
 }
 
-/// Gradient through `ReLU`: `deltas[r, j] = 0` where the activation is not positive, and its column
-/// sums (the gradient of the bias) in the same pass.
+/// Computes the gradient through `ReLU`: sets `deltas[r, j] = 0` where the activation is not
+/// positive. The same pass computes the column sums, which are the gradient of the bias.
 pub(crate) fn mask_and_sum_rows(deltas: &mut [f32], activations: &[f32], sums: &mut [f32]) {
     assert_eq!(deltas.len(), activations.len());
     Arch::new().dispatch(Mask { deltas, activations, sums });

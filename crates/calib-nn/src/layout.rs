@@ -2,10 +2,11 @@ use calib_files::{Tensor, Tensors};
 
 use crate::Mlp;
 
-/// How the weights and biases of the layers are called.
+/// The names of the weights and biases of the layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Naming {
-    /// As `load_state_dict` of PyTorch's `Sequential(Linear, ReLU, …, Linear)` wants them: `0.weight`, `0.bias`, `2.weight`, …
+    /// The names that `load_state_dict` of PyTorch's `Sequential(Linear, ReLU, …, Linear)` expects: `0.weight`, `0.bias`,
+    /// `2.weight`, …
     Sequential,
     /// `layers.0.weight`, `layers.0.bias`, `layers.1.weight`, …
     Layers,
@@ -20,26 +21,27 @@ impl Naming {
     }
 }
 
-/// Tensors are not those of a network.
+/// The tensors do not form a network.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
-    /// One is missing.
+    /// A tensor is missing.
     #[error("there is no `{0}`; expected a weight and a bias of every layer")]
     Missing(String),
-    /// One has another shape.
+    /// A tensor has the wrong shape.
     #[error("`{name}` has the shape {got:?}, expected {expected}")]
     Shape {
-        /// The tensor.
+        /// Name of the tensor.
         name: String,
-        /// Its shape.
+        /// Shape of the tensor.
         got: Vec<usize>,
-        /// What it should be.
+        /// Expected shape.
         expected: String,
     },
 }
 
 impl Mlp {
-    /// The parameters as PyTorch lays out `Linear`: weights `[outputs, inputs]` and biases `[outputs]`, layer by layer.
+    /// Returns the parameters in PyTorch's layout of `Linear`: weights `[outputs, inputs]` and biases `[outputs]`, layer by
+    /// layer.
     pub fn to_tensors(&self, naming: Naming) -> Vec<Tensor> {
         self.layers()
             .iter()
@@ -59,10 +61,11 @@ impl Mlp {
             .collect()
     }
 
-    /// The network of [these](Self::to_tensors) tensors, whose names may have a `prefix`; layers are counted by their names.
+    /// Creates a network from [such](Self::to_tensors) tensors, whose names may have a `prefix`. The names determine the
+    /// number of layers.
     ///
     /// # Errors
-    /// If a tensor is missing or does not fit the layer before it.
+    /// If a tensor is missing or does not fit the previous layer.
     pub fn from_tensors(
         tensors: &Tensors,
         prefix: &str,
@@ -104,7 +107,7 @@ impl Mlp {
     }
 }
 
-/// `[rows, columns]` as `[columns, rows]`.
+/// Transposes `[rows, columns]` into `[columns, rows]`.
 fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     (0..columns).flat_map(|j| (0..rows).map(move |i| values[i * columns + j])).collect()
 }
@@ -131,7 +134,7 @@ mod tests {
         let names: Vec<&str> = named.iter().map(|parameter| &parameter.name[..]).collect();
         assert_eq!(names, ["0.weight", "0.bias", "2.weight", "2.bias"]);
         assert_eq!(named[0].shape, [4, 3]);
-        // PyTorch: output o from input i is weight[o, i]; ours is weight[i, o].
+        // In PyTorch, output o from input i is weight[o, i]; here it is weight[i, o].
         assert_eq!(named[0].values[2 * 3 + 1], network.parameters()[4 + 2]);
         assert_eq!(read(&named), Ok(network));
         named[2].shape = vec![2, 5];

@@ -1,13 +1,14 @@
 //! Multilayer perceptrons on a GEMM library: forward, backward, Adam, SGD.
 //!
-//! - [`Mlp`]: any depth and width, `ReLU` between layers, linear output, biases. All parameters lie in
-//!   one flat vector ([`Layer`] says where), so that optimisers, copies and checkpoints are one pass.
-//! - [`Workspace`]: every buffer of a training step, allocated once. Small batches of narrow networks have passes of their own, which pack nothing.
-//! - [`Naming`], [`Mlp::to_tensors`]: parameters as other frameworks name and lay them out.
-//! - [`Matrix`], [`multiply`]: the product they consist of, for losses that need one.
+//! - [`Mlp`]: any depth and width, `ReLU` between layers, linear output, biases. All parameters are in one flat vector, and [`Layer`] has
+//!   their positions. So optimisers, copies and checkpoints take one pass.
+//! - [`Workspace`]: every buffer of a training step, allocated once. Small batches of narrow networks have separate passes that do not pack
+//!   operands.
+//! - [`Naming`], [`Mlp::to_tensors`]: parameters with the names and layouts of other frameworks.
+//! - [`Matrix`], [`multiply`]: the matrix product, also for losses that need one.
 //! - [`Optimiser`]: [`Adam`] (optionally with decoupled weight decay) or [`Sgd`].
 //!
-//! The loss lives outside: its gradient with respect to the output is handed to [`Mlp::backward`].
+//! The loss is outside this crate. The caller passes its gradient with respect to the output to [`Mlp::backward`].
 //!
 //! ```
 //! use calib_core::Seed;

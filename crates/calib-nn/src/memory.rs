@@ -1,11 +1,11 @@
-//! What training takes, before it takes it.
+//! Prediction of the memory for training.
 
-/// Copies of the parameters in training: parameters, gradient and two moments; the best so far; a checkpoint while it is
-/// written, as values and as bytes.
+/// Copies of the parameters during training: parameters, gradient and two moments; the best so far; and a checkpoint
+/// during writing, as values and as bytes.
 const COPIES: u128 = 4 + 1 + 6;
 
-/// Bytes that training a network with layers of these sizes takes on mini-batches of `rows`: copies of the parameters, and
-/// of each layer its values and gradients. At most, and without what is learnt from.
+/// Returns the maximum memory for training a network with these layer sizes on mini-batches of `rows`, in bytes. It covers
+/// copies of the parameters, and the values and gradients of each layer. It does not include the training data.
 pub fn training_bytes(sizes: &[usize], rows: usize) -> u64 {
     let sizes: Vec<u128> = sizes.iter().map(|&size| size as u128).collect();
     let parameters: u128 = sizes.windows(2).map(|pair| pair[1] * (pair[0] + 1)).sum();

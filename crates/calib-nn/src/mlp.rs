@@ -12,12 +12,12 @@ use crate::{
     sink::Kept,
 };
 
-/// Where one layer's parameters lie in the flat vector.
+/// The position of one layer's parameters in the flat vector.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layer {
-    /// Values that go in.
+    /// Number of input values.
     pub inputs: usize,
-    /// Values that come out.
+    /// Number of output values.
     pub outputs: usize,
     /// Weights `[inputs, outputs]`, row after row (the transpose of PyTorch's `Linear.weight`).
     pub weights: Range<usize>,
@@ -25,7 +25,7 @@ pub struct Layer {
     pub bias: Range<usize>,
 }
 
-/// Parameters do not fit a network.
+/// The number of parameters does not fit a network.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("a network of layer sizes {sizes:?} has {expected} parameters, got {got}")]
 pub struct ParameterCountError {
@@ -33,13 +33,13 @@ pub struct ParameterCountError {
     pub sizes: Vec<usize>,
     /// Number of parameters of such a network.
     pub expected: usize,
-    /// Number of parameters given.
+    /// Number of parameters that was given.
     pub got: usize,
 }
 
-/// A multilayer perceptron: h₀ = x, hₗ = max(hₗ₋₁ Wₗ + bₗ, 0), output = h W + b without `ReLU`.
+/// A multilayer perceptron: h₀ = x, hₗ = max(hₗ₋₁ Wₗ + bₗ, 0), and output = h W + b without `ReLU`.
 ///
-/// Arithmetic is f32. Same parameters, same input and same number of rows give the same bytes.
+/// Arithmetic is f32. The same parameters, input and number of rows give the same bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mlp {
     layers: Vec<Layer>,
@@ -47,10 +47,10 @@ pub struct Mlp {
 }
 
 impl Mlp {
-    /// A network of the given layer sizes, input first, output last.
+    /// Creates a network of the given layer sizes, input first, output last.
     ///
-    /// Weights and biases of a layer with n inputs are uniform in ±1/√n, PyTorch's default for
-    /// `Linear`, drawn in the order of the flat vector from `seed`.
+    /// Weights and biases of a layer with n inputs are uniform in ±1/√n, PyTorch's default for `Linear`. They are drawn
+    /// from `seed` in the order of the flat vector.
     ///
     /// # Panics
     /// If there are fewer than two sizes or one is zero.
@@ -66,7 +66,7 @@ impl Mlp {
         Self { layers, parameters: aligned(&parameters) }
     }
 
-    /// A network with known parameters, in the order of [`Mlp::layers`].
+    /// Creates a network with known parameters, in the order of [`Mlp::layers`].
     ///
     /// # Errors
     /// If the number of parameters does not fit the sizes.
@@ -86,46 +86,46 @@ impl Mlp {
         }
     }
 
-    /// Layers from input to output.
+    /// Returns the layers from input to output.
     pub fn layers(&self) -> &[Layer] {
         &self.layers
     }
 
-    /// Layer sizes, input first, output last.
+    /// Returns the layer sizes, input first, output last.
     pub fn sizes(&self) -> Vec<usize> {
         let outputs = self.layers.iter().map(|layer| layer.outputs);
         std::iter::once(self.inputs()).chain(outputs).collect()
     }
 
-    /// Values in an input row.
+    /// Returns the number of values in an input row.
     pub fn inputs(&self) -> usize {
         self.layers[0].inputs
     }
 
-    /// Values in an output row.
+    /// Returns the number of values in an output row.
     pub fn outputs(&self) -> usize {
         self.layers[self.layers.len() - 1].outputs
     }
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub fn parameter_count(&self) -> usize {
         self.parameters.len()
     }
 
-    /// All parameters.
+    /// Returns all parameters.
     pub fn parameters(&self) -> &[f32] {
         &self.parameters
     }
 
-    /// All parameters, for an optimiser or a copy.
+    /// Returns all parameters, for an optimiser or a copy.
     pub fn parameters_mut(&mut self) -> &mut [f32] {
         &mut self.parameters
     }
 
-    /// Outputs `[rows, outputs]` for inputs `[rows, inputs]`; both row after row.
+    /// Returns outputs `[rows, outputs]` for inputs `[rows, inputs]`, both row after row.
     ///
     /// # Panics
-    /// If `input` is not whole rows, or more of them than the workspace was made for.
+    /// If `input` is not whole rows, or more rows than the workspace was made for.
     pub fn forward<'w>(&self, input: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
         let rows = rows_of(input, self.inputs(), workspace.capacity());
         let last = self.layers.len() - 1;
@@ -150,15 +150,14 @@ impl Mlp {
         &workspace.activations[last][..rows * self.outputs()]
     }
 
-    /// Gradients of all parameters, in their order, given the gradient of a loss with respect to the
+    /// Returns the gradients of all parameters, in their order. The input is the gradient of a loss with respect to the
     /// output `[rows, outputs]` of the latest [`Mlp::forward`] with this workspace.
     ///
-    /// The gradient may cover only the first `rows` of that forward pass: further rows (targets,
-    /// predictions) then cost nothing here. `input` is that pass's input; the gradient with respect
-    /// to it is not computed.
+    /// The gradient may cover only the first `rows` of that forward pass. Further rows (targets, predictions) then cost
+    /// nothing here. `input` is the input of that pass. The gradient with respect to it is not computed.
     ///
     /// # Panics
-    /// If `output_gradient` is not whole rows, or more of them than `input` has.
+    /// If `output_gradient` is not whole rows, or more rows than `input` has.
     pub fn backward<'w>(
         &self,
         input: &[f32],
@@ -204,7 +203,8 @@ impl Mlp {
         gradients
     }
 
-    /// A step of `adam` against the gradients of [`Mlp::backward`], with the same bytes; the workspace need not keep them.
+    /// Takes a step of `adam` against the gradients of [`Mlp::backward`], with the same bytes. The workspace may not
+    /// contain the gradients afterwards.
     ///
     /// # Panics
     /// As [`Mlp::backward`], or if `adam` has not as many moments as there are parameters.
@@ -227,7 +227,7 @@ impl Mlp {
         }
     }
 
-    /// How many rows a gradient covers.
+    /// Returns the number of rows that a gradient covers.
     fn gradient_rows(&self, input: &[f32], gradient: &[f32], workspace: &Workspace) -> usize {
         let rows = rows_of(gradient, self.outputs(), workspace.capacity());
         assert!(

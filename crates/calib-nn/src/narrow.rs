@@ -1,8 +1,8 @@
-//! Passes of small batches through narrow networks.
+//! Passes for small batches through narrow networks.
 //!
-//! Their weights stay in the processor's nearest cache, and packing them takes as long as the products. So rows of weights are read
-//! where they lie. Every sum has the order of [`multiply`](crate::multiply), one multiply-add after another, without the products of what `ReLU`
-//! has set to zero. That changes no finite sum, on no processor.
+//! Their weights stay in the processor's nearest cache, and packing them takes as long as the products. So rows of weights are read in
+//! place. Every sum has the order of [`multiply`](crate::multiply), one multiply-add after another, but skips the products of units that
+//! `ReLU` has set to zero. This changes no finite sum, on any processor.
 
 mod backward;
 mod forward;
@@ -19,38 +19,38 @@ pub(crate) use backward::{Backward, NarrowBuffers};
 pub(crate) use forward::Forward;
 use products::{GROUP, WORD};
 
-/// Most units of a hidden layer.
+/// Maximum number of units in a hidden layer.
 const UNITS: usize = 128;
 
-/// Most inputs and outputs of a network, few of which are zero.
+/// Maximum number of inputs and outputs of a network, few of which are zero.
 const INPUTS: usize = 32;
 const OUTPUTS: usize = 8;
 
-/// Most rows of a batch; beyond that packing pays, and a column has more than one word of bits.
+/// Maximum number of rows in a batch. Above it packing pays, and a column needs more than one word of bits.
 const ROWS: usize = WORD;
 
 /// Buffers of passes through a narrow network.
 #[derive(Clone, Debug)]
 pub(crate) struct Narrow {
-    /// Which inputs of the network count: all.
+    /// The mask of the network's inputs: all are used.
     all: Vec<u64>,
-    /// Which units of each hidden layer are not zero, `[rows, words]`.
+    /// The units of each hidden layer that are not zero, as bits `[rows, words]`.
     active: Vec<Vec<u64>>,
-    /// Weights of the last layer, their rows filled up.
+    /// Weights of the last layer, with padded rows.
     output_weights: Aligned<f32>,
     /// Weights of the layers after the first, transposed.
     transposed: Vec<Aligned<f32>>,
-    /// Which errors of a layer are not zero, `[rows, words]`, and of the layer before.
+    /// The errors that are not zero, as bits `[rows, words]`, of a layer and of the previous one.
     errors: [Vec<u64>; 2],
-    /// In which rows an input of a layer is not zero, a word for each input.
+    /// The rows in which each input of a layer is not zero: one word of bits per input.
     columns: Vec<u64>,
     bias_gradient: Aligned<f32>,
-    /// The gradient of the last layer's weights, transposed, and as the weights lie.
+    /// The gradient of the last layer's weights, transposed, and in the layout of the weights.
     output_gradient: [Aligned<f32>; 2],
 }
 
 impl Narrow {
-    /// Buffers for batches of so many rows, if a network of these layers is narrow.
+    /// Creates buffers for batches of this many rows, if a network of these layers is narrow.
     pub(crate) fn new(layers: &[Layer], rows: usize) -> Option<Self> {
         let (output, hidden) = layers.split_last()?;
         let inputs = hidden.first()?.inputs;
@@ -77,13 +77,13 @@ impl Narrow {
         })
     }
 
-    /// Whether gradients over so many rows have the order of sums that these passes have.
+    /// Whether gradients over this many rows have the same order of sums in these passes.
     pub(crate) fn learns_from(layers: &[Layer], rows: usize) -> bool {
         rows > 1 && layers[1..].iter().all(|layer| rows * layer.inputs > FEW)
     }
 }
 
-/// Words with a bit for each of so many units.
+/// Returns the number of words with one bit for each of `count` units.
 fn words_of(count: usize) -> usize {
     count.div_ceil(WORD)
 }

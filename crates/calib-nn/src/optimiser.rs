@@ -1,6 +1,6 @@
 use crate::{Adam, AdamRule, Moments, Sgd, SgdRule};
 
-/// How parameters follow gradients.
+/// The rule by which parameters follow gradients.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Optimiser {
     /// Adam, with its moments.
@@ -10,12 +10,13 @@ pub enum Optimiser {
 }
 
 impl Optimiser {
-    /// Adam for `parameters` parameters, with zero moments.
+    /// Creates Adam for `parameters` parameters, with zero moments.
     pub fn adam(rule: AdamRule, parameters: usize) -> Self {
         Self::Adam(Adam::new(rule, parameters))
     }
 
-    /// The same optimiser, going on from `moments`; descent has none and stays as it is.
+    /// Returns the same optimiser, continuing from `moments`. Gradient descent has none and stays
+    /// unchanged.
     #[must_use]
     pub fn with_moments(self, moments: Moments) -> Self {
         match self {
@@ -24,7 +25,7 @@ impl Optimiser {
         }
     }
 
-    /// What it remembers, if it does.
+    /// Returns the moments, if the optimiser has any.
     pub fn moments(&self) -> Option<Moments> {
         match self {
             Self::Adam(adam) => Some(adam.moments()),
@@ -32,12 +33,12 @@ impl Optimiser {
         }
     }
 
-    /// Gradient descent.
+    /// Creates gradient descent.
     pub fn sgd(rule: SgdRule) -> Self {
         Self::Sgd(Sgd::new(rule))
     }
 
-    /// Go on with another step size.
+    /// Sets another step size for the next steps.
     pub fn set_learning_rate(&mut self, learning_rate: f64) {
         match self {
             Self::Adam(adam) => adam.set_learning_rate(learning_rate),
@@ -45,7 +46,7 @@ impl Optimiser {
         }
     }
 
-    /// One step of `parameters` against `gradients`. Allocates nothing.
+    /// Updates `parameters` by one step against `gradients`. Allocates nothing.
     ///
     /// # Panics
     /// If the numbers of parameters and gradients differ, or are not those of the moments.

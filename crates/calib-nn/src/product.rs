@@ -1,4 +1,4 @@
-//! Matrix products with one order of sums for every processor.
+//! Matrix products with the same order of sums on every processor.
 
 mod thin;
 
@@ -16,16 +16,16 @@ pub struct Matrix<'a> {
 }
 
 impl<'a> Matrix<'a> {
-    /// `values` as `[rows, columns]`, row after row.
+    /// Creates a matrix from `values` as `[rows, columns]`, row after row.
     ///
     /// # Panics
-    /// If there are not as many values.
+    /// If the number of values is not `rows · columns`.
     pub fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
         assert_eq!(values.len(), rows * columns, "a matrix covers its values");
         Self { values, rows, columns, row_stride: columns, column_stride: 1 }
     }
 
-    /// The transpose, over the same values.
+    /// Returns the transpose, over the same values.
     #[must_use]
     pub fn transposed(self) -> Self {
         Self {
@@ -42,30 +42,31 @@ impl<'a> Matrix<'a> {
         self.values[row * self.row_stride + column * self.column_stride]
     }
 
-    /// One row of a matrix whose rows lie in order.
+    /// Returns one row of a matrix whose rows are contiguous.
     fn row(&self, row: usize) -> &'a [f32] {
         debug_assert_eq!(self.column_stride, 1, "rows lie in order");
         &self.values[row * self.row_stride..][..self.columns]
     }
 }
 
-/// Longest chain of multiply-adds. The library never cuts a shorter one, whatever the caches of the processor.
+/// Maximum length of a chain of multiply-adds. The library never splits a shorter one, whatever the caches of the
+/// processor.
 const CHAIN: usize = 512;
 
-/// Results of at most so many values, from operands that both lie along the inner size, are dot products.
+/// Up to this many result values are computed as dot products, if both operands are contiguous along the inner size.
 pub(crate) const FEW: usize = 256;
 
-/// `out` = `left` · `right`, with `out` as `[left.rows, right.columns]`, row after row.
+/// Computes `out` = `left` · `right`, with `out` as `[left.rows, right.columns]`, row after row.
 ///
-/// Every value is a sum in an order that follows from the shapes and layouts alone, so that all processors give the
-/// same bytes. With k the inner size:
+/// Every value is a sum in an order that depends only on shapes and layouts. So all processors give the same bytes.
+/// With k the inner size:
 ///
-/// - one row or column, or at most 256 values, where both operands lie along k: sixteen partial sums by fused
-///   multiply-adds, product l to sum l mod 16, added by halves;
-/// - otherwise fused multiply-adds one after another from 0; if neither operand is a row or column and k is above 512,
-///   in ⌈k / 512⌉ equal parts (the last one may be shorter), which are added one after another.
+/// - one row or column, or at most 256 values, if both operands are contiguous along k: sixteen partial sums by fused
+///   multiply-adds, product l in sum l mod 16, added by halves;
+/// - otherwise fused multiply-adds one after another from 0. If neither operand is a row or column and k is above 512,
+///   there are ⌈k / 512⌉ equal parts (the last one may be shorter), which are added one after another.
 ///
-/// One thread: populations and runs are parallel outside, where nothing must be synchronised.
+/// Uses one thread. Callers run populations and training runs in parallel, which needs no synchronisation.
 ///
 /// # Panics
 /// If the sizes do not agree.
@@ -87,7 +88,8 @@ pub fn multiply(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     } else if n == 1 {
         thin::combine(out, right.transposed(), left.transposed());
     } else if k <= 2 || matches!(Arch::new(), Arch::Scalar) {
-        // The library begins the former with a product instead of 0, and does not fuse where the processor cannot.
+        // For k ≤ 2 the library starts a sum with a product instead of 0. Without fused multiply-adds in the processor,
+        // it does not fuse.
         chains(out, left, right);
     } else {
         let part = k.div_ceil(k.div_ceil(CHAIN));
@@ -97,17 +99,17 @@ pub fn multiply(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     }
 }
 
-/// Sets `out` to the product over the inner indices `first..first + count`, or adds it where `first` is not 0.
+/// Sets `out` to the product over the inner indices `first..first + count`. Adds to `out` instead if `first` is not 0.
 fn add_part(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>, first: usize, count: usize) {
     let m = left.rows;
     let n = right.columns;
     assert!(first + count <= left.columns && left.columns == right.rows && out.len() == m * n);
     let left_values = &left.values[first * left.column_stride..];
     let right_values = &right.values[first * right.row_stride..];
-    // SAFETY: `Matrix::new` proved that every (i, j) of both operands lies inside their slices, and
-    // transposing keeps the set of addresses. `count` columns of the left and rows of the right operand from `first` on
-    // are among them by the assertion, which covers `out`, too; `out` is
-    // borrowed exclusively and so overlaps neither operand. It is read only where it was written before.
+    // SAFETY: `Matrix::new` proved that every (i, j) of both operands lies inside their slices, and transposing keeps
+    // the set of addresses. By the assertion, `count` columns of the left and rows of the right operand from `first` on
+    // are among them. The assertion covers `out` too. `out` is borrowed exclusively and so overlaps neither operand. It
+    // is read only where it was written before.
     unsafe {
         gemm(
             m,
@@ -133,7 +135,8 @@ fn add_part(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>, first: usize, 
     }
 }
 
-/// The definition, loop by loop: for processors without fused multiply-adds, and for products that are hardly any.
+/// Computes the product by definition, loop by loop: for processors without fused multiply-adds, and for degenerate
+/// products.
 fn chains(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     Arch::new().dispatch(Chains { out, left, right });
 }

@@ -18,26 +18,26 @@ pub struct Sgd {
 }
 
 impl Sgd {
-    /// An optimiser for any number of parameters.
+    /// Creates an optimiser for any number of parameters.
     pub fn new(rule: SgdRule) -> Self {
         Self { rule }
     }
 
-    /// Go on with another step size.
+    /// Sets another step size for the next steps.
     pub fn set_learning_rate(&mut self, learning_rate: f64) {
         self.rule.learning_rate = learning_rate;
     }
 
-    /// One step against `gradients`.
+    /// Updates `parameters` by one step against `gradients`.
     ///
     /// # Panics
-    /// If there is not one gradient a parameter.
+    /// If there is not one gradient per parameter.
     pub fn step(&self, parameters: &mut [f32], gradients: &[f32]) {
         assert_eq!(parameters.len(), gradients.len(), "one gradient a parameter");
         hand_over(self.begin(parameters), gradients);
     }
 
-    /// A step that takes its gradients in pieces.
+    /// Begins a step that takes its gradients in pieces.
     pub(crate) fn begin<'a>(&self, parameters: &'a mut [f32]) -> SgdStep<'a> {
         SgdStep {
             parameters,
@@ -47,7 +47,7 @@ impl Sgd {
     }
 }
 
-/// A step of [`Sgd`], under way.
+/// A step of [`Sgd`] in progress.
 pub(crate) struct SgdStep<'a> {
     parameters: &'a mut [f32],
     keep: f32,

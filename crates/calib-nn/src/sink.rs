@@ -1,17 +1,18 @@
-//! Where gradients go.
+//! The consumers of gradients.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Takes the gradients of all parameters, each of them once, in any order.
+/// A consumer of the gradients of all parameters. It receives each of them once, in any order.
 pub(crate) trait Sink {
-    /// What those of `count` parameters from `at` on change.
+    /// Returns the values that the gradients of `count` parameters from `at` on change.
     fn touched(&self, at: usize, count: usize) -> impl Iterator<Item = &[f32]>;
 
-    /// Take those of parameters from `at` on. Implementations are inlined always: only then are they compiled for the processor.
+    /// Consumes the gradients of parameters from `at` on. Implementations must be inlined always; only then are they compiled
+    /// for the processor.
     fn take<S: Simd>(&mut self, simd: S, at: usize, gradients: &[f32]);
 }
 
-/// Hand over all gradients at once.
+/// Passes all gradients at once.
 pub(crate) fn hand_over(to: impl Sink, gradients: &[f32]) {
     Arch::new().dispatch(All { to, gradients });
 }
@@ -31,7 +32,7 @@ impl<T: Sink> WithSimd for All<'_, T> {
     }
 }
 
-/// Gradients that are kept.
+/// A consumer that stores the gradients.
 pub(crate) struct Kept<'a>(pub(crate) &'a mut [f32]);
 
 impl Sink for Kept<'_> {

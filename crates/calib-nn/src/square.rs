@@ -1,15 +1,16 @@
-//! Squares of sixteen vectors of AVX-512.
+//! Transposes of squares of sixteen AVX-512 vectors.
 
 use std::arch::x86_64::__m512i;
 
 use pulp::x86::V4;
 
-/// Rows and columns of a square.
+/// Number of rows and columns of a square.
 pub(crate) const SIDE: usize = 16;
 
-/// The transpose: four rows of four become four columns, in each quarter of the vectors; then quarters change places in the same way.
+/// Returns the transpose. Four rows of four become four columns, in each quarter of the vectors. Then the quarters are exchanged in
+/// the same way.
 ///
-/// Loops rather than closures, which are compiled without vectors where they are not inlined.
+/// The code uses loops rather than closures, which are compiled without vectors if they are not inlined.
 #[inline(always)]
 pub(crate) fn turn(simd: V4, rows: [__m512i; SIDE]) -> [__m512i; SIDE] {
     const FIRSTS: i32 = 0b10_00_10_00;

@@ -6,22 +6,22 @@ use crate::{
 
 /// Every buffer of a forward and backward pass, allocated once and reused.
 ///
-/// Networks of the same layer sizes can share one, one after the other.
+/// Networks of the same layer sizes can use it in turn.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     capacity: usize,
     /// Outputs of each layer, `[capacity, outputs]`.
     pub(crate) activations: Vec<Aligned<f32>>,
-    /// Gradients with respect to the outputs of the present and the previous layer.
+    /// Gradients with respect to the outputs of the current and the previous layer.
     pub(crate) deltas: [Aligned<f32>; 2],
     /// Gradients of all parameters, in their order.
     pub(crate) gradients: Aligned<f32>,
-    /// What a narrow network needs besides.
+    /// Additional buffers of a narrow network.
     pub(crate) narrow: Option<Box<Narrow>>,
 }
 
 impl Workspace {
-    /// Buffers for up to `rows` input rows of networks shaped like `network`.
+    /// Creates buffers for up to `rows` input rows of networks shaped like `network`.
     pub fn new(network: &Mlp, rows: usize) -> Self {
         let layers = network.layers();
         let widest = layers.iter().map(|layer| layer.outputs).max().unwrap_or(0);
@@ -34,13 +34,13 @@ impl Workspace {
         }
     }
 
-    /// The gradients of the latest [`Mlp::backward`], which losses over several workspaces may add up.
+    /// Returns the gradients of the latest [`Mlp::backward`]. Losses over several workspaces may add them up.
     pub fn gradients_mut(&mut self) -> &mut [f32] {
         &mut self.gradients
     }
 
-    /// What a pass back through a narrow network needs, and where it may keep gradients; none where a network of these layers does not
-    /// learn from so many rows in that way.
+    /// Returns the buffers of a backward pass through a narrow network, and the place for its gradients. Returns `None` if a network
+    /// of these layers does not use that pass for this many rows.
     pub(crate) fn narrow_buffers(
         &mut self,
         layers: &[Layer],
@@ -51,7 +51,7 @@ impl Workspace {
         Some((NarrowBuffers { activations, deltas, narrow }, gradients))
     }
 
-    /// The most rows of a pass.
+    /// Returns the maximum number of rows per pass.
     pub fn capacity(&self) -> usize {
         self.capacity
     }

@@ -1,4 +1,4 @@
-//! The sums of a tile, for processors without the instruction. `x86.rs` has those that have it.
+//! The sums of a tile, for processors without the instruction. `x86.rs` is for those that have it.
 
 use pulp::{Scalar, Simd};
 
@@ -7,18 +7,18 @@ use super::{
     number::{firsts, join, seconds},
 };
 
-/// Rows of a tile at most.
+/// Maximum number of rows in a tile.
 pub(super) const ROWS: usize = 8;
 
-/// Sums of some rows and of the columns of a panel.
+/// Sums of some rows and the columns of one panel.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub(super) struct Tile(pub(super) [[f32; PANEL]; ROWS]);
 
-/// Half a block of pairs of so many rows.
+/// Half a block of pairs, for sixteen rows.
 pub(super) type Square = [[u32; HALF]; HALF];
 
-/// Some rows of a left operand: pair p of row i is `pairs[i * row_stride + p * pair_stride]`.
+/// Rows of a left operand: pair p of row i is `pairs[i * row_stride + p * pair_stride]`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Left<'a> {
     pub(super) pairs: &'a [u32],
@@ -27,7 +27,7 @@ pub(super) struct Left<'a> {
 }
 
 impl Left<'_> {
-    /// Whether all pairs of so many rows lie inside.
+    /// Whether all pairs of this many rows lie inside the operand.
     pub(super) fn holds(&self, rows: usize, pairs: usize) -> bool {
         let row = rows.saturating_sub(1) * self.row_stride;
         row + pairs.saturating_sub(1) * self.pair_stride < self.pairs.len()
@@ -40,21 +40,21 @@ pub(super) type Vector<K> = <<K as Kernel>::Simd as Simd>::f32s;
 /// A vector of pairs.
 pub(super) type Pairs<K> = <<K as Kernel>::Simd as Simd>::u32s;
 
-/// A way to add up products, all with the same bytes.
+/// A method for summing products. All methods give the same bytes.
 pub(super) trait Kernel: Copy {
-    /// Vectors for everything but the sums.
+    /// Vectors for all operations but the sums.
     type Simd: Simd;
 
-    /// Vectors for everything but the sums.
+    /// Returns the vectors for all operations but the sums.
     fn simd(self) -> Self::Simd;
 
-    /// These will soon be read: they may be brought near.
+    /// Hints that these values are read soon, so that the cache may load them.
     fn prefetch<T>(self, _values: &[T]) {}
 
-    /// Pairs of two vectors, rounded, the first in the lower halves; see [`join`].
+    /// Returns pairs of two vectors, rounded. The first vector is in the lower halves; see [`join`].
     fn join(self, first: Vector<Self>, second: Vector<Self>) -> Pairs<Self>;
 
-    /// The transpose.
+    /// Returns the transpose.
     #[expect(clippy::inline_always, reason = "as the sums")]
     #[inline(always)]
     fn turn(self, square: &Square) -> Square {
@@ -67,8 +67,8 @@ pub(super) trait Kernel: Copy {
         turned
     }
 
-    /// `begin`\[j\] + Σₚ left(i, p) · panel\[p\]\[j\] for the first `COUNT` rows: to `begin` is added, for one p after the
-    /// other, the product of the second numbers, then that of the first, each by a fused multiply-add.
+    /// Computes `begin`\[j\] + Σₚ left(i, p) · panel\[p\]\[j\] for the first `COUNT` rows. For one p after the other, it adds the
+    /// product of the second numbers, then that of the first, each by a fused multiply-add.
     fn sum<const COUNT: usize>(
         self,
         begin: &[f32; PANEL],
@@ -77,11 +77,11 @@ pub(super) trait Kernel: Copy {
         sums: &mut Tile,
     );
 
-    /// Σₚ a\[p\] · b\[p\] in sixteen sums, pair p in sum p mod 16, which are added by halves.
+    /// Computes Σₚ a\[p\] · b\[p\] in sixteen sums, with pair p in sum p mod 16. The sums are added by halves.
     fn dot(self, a: &[[u32; HALF]], b: &[[u32; HALF]]) -> f32;
 }
 
-/// With fused multiply-adds of the processor's vectors.
+/// A kernel that uses fused multiply-adds of the processor's vectors.
 #[derive(Clone, Copy)]
 pub(super) struct Fused<S>(pub(super) S);
 
@@ -112,7 +112,7 @@ impl<S: Simd> Kernel for Fused<S> {
         panel: &[[u32; PANEL]],
         sums: &mut Tile,
     ) {
-        // As many rows at a time as registers hold sums of.
+        // As many rows at a time as the registers can hold sums for.
         let at_once = const { if S::F32_LANES >= 16 { 4 } else { 2 } };
         let whole = COUNT - COUNT % at_once;
         for row in (0..whole).step_by(at_once) {
@@ -151,7 +151,7 @@ impl<S: Simd> Kernel for Fused<S> {
 }
 
 impl<S: Simd> Fused<S> {
-    /// The sums of `COUNT` rows from this one on; see [`Kernel::sum`].
+    /// Computes the sums of `COUNT` rows, starting with this one; see [`Kernel::sum`].
     #[expect(clippy::inline_always, reason = "as the sums")]
     #[inline(always)]
     fn sum_rows<const COUNT: usize>(
@@ -190,7 +190,7 @@ impl<S: Simd> Fused<S> {
     }
 }
 
-/// For processors without fused multiply-adds, by way of double precision.
+/// A kernel for processors without fused multiply-adds, which uses double precision.
 #[derive(Clone, Copy)]
 pub(super) struct Widened;
 
@@ -239,15 +239,16 @@ fn add_pair(a: u32, b: u32, sum: f32) -> f32 {
     widened(firsts(Scalar, a), firsts(Scalar, b), sum)
 }
 
-/// `a` · `b` + `c`, rounded once, for bfloat16 `a` and `b`.
+/// Returns `a` · `b` + `c`, rounded once, for bfloat16 `a` and `b`.
 ///
-/// The product has 16 significant bits, `c` has 24. Their sum in double precision, 53 bits, is exact unless one of the two
-/// lies wholly below the 28th bit of the other. Such a sum is no tie of single precision, and rounding it twice is rounding it once.
+/// The product has 16 significant bits and `c` has 24. Their sum in double precision, 53 bits, is exact unless one of the two lies
+/// wholly below the 28th bit of the other. Such a sum is not a tie of single precision, so rounding it twice is the same as rounding
+/// it once.
 fn widened(a: f32, b: f32, c: f32) -> f32 {
     (f64::from(a) * f64::from(b) + f64::from(c)) as f32
 }
 
-/// The sum of sixteen, by halves.
+/// Returns the sum of sixteen values, added by halves.
 #[expect(clippy::inline_always, reason = "as its callers")]
 #[inline(always)]
 pub(super) fn by_halves(sums: [f32; HALF]) -> f32 {

@@ -1,12 +1,12 @@
-//! Where pairs of bfloat16 numbers lie, so that a product reads both operands in order.
+//! The memory layout of bfloat16 pairs, in which a product reads both operands in order.
 //!
-//! The inner index of a product is cut into pairs, in the same way for both operands:
+//! The inner index of a product is divided into pairs, in the same way for both operands:
 //!
 //! - features (the columns of inputs and activations) in blocks of 32. The first half of a block is paired with the second,
 //!   number i with number i + 16, so that pairs are made of whole vectors. A last, shorter block of m is halved at ⌈m / 2⌉;
 //! - rows of a batch in neighbours, 2p and 2p + 1.
 //!
-//! What is missing of a last pair is 0.
+//! If a last pair is incomplete, its second number is 0.
 
 use pulp::Simd;
 
@@ -17,23 +17,23 @@ use super::{
 };
 use crate::aligned::{Aligned, filled};
 
-/// Columns of a panel: two vectors of AVX-512.
+/// Number of columns of a panel: two AVX-512 vectors.
 pub(super) const PANEL: usize = 32;
 
-/// Pairs of a whole block of features.
+/// Number of pairs in a whole block of features.
 pub(super) const HALF: usize = PANEL / 2;
 
-/// Pairs of so many features.
+/// Returns the number of pairs of `count` features.
 pub(super) fn feature_pairs(count: usize) -> usize {
     count / PANEL * HALF + (count % PANEL).div_ceil(2)
 }
 
-/// Pairs of the block of features that begins at `first`, of `count` in all.
+/// Returns the number of pairs in the block of features that begins at `first`, of `count` in all.
 pub(super) fn half_of_block(first: usize, count: usize) -> usize {
     PANEL.min(count - first).div_ceil(2)
 }
 
-/// A matrix by rows, in pairs of features: the left operand of products over its columns.
+/// A matrix stored by rows, in pairs of features. It is the left operand of products over its columns.
 #[derive(Clone, Debug)]
 pub(super) struct Rows {
     pairs: Aligned<[u32; HALF]>,
@@ -41,27 +41,27 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// Zeros.
+    /// Creates a matrix of zeros.
     pub(super) fn new(rows: usize, columns: usize) -> Self {
         Self { pairs: filled([0; HALF], rows * columns.div_ceil(PANEL)), columns }
     }
 
-    /// Number of features.
+    /// Returns the number of features.
     pub(super) fn columns(&self) -> usize {
         self.columns
     }
 
-    /// Blocks from one row to the next.
+    /// Returns the number of blocks from one row to the next.
     pub(super) fn stride(&self) -> usize {
         self.columns.div_ceil(PANEL)
     }
 
-    /// The rows from this one on, block after block.
+    /// Returns the rows from this one on, block after block.
     pub(super) fn from(&self, row: usize) -> &[[u32; HALF]] {
         &self.pairs[row * self.stride()..]
     }
 
-    /// One block of each row from this one on.
+    /// Returns one block of each row, from this row on.
     pub(super) fn blocks_mut(
         &mut self,
         row: usize,
@@ -71,7 +71,7 @@ impl Rows {
         self.pairs[row * stride + block..].iter_mut().step_by(stride)
     }
 
-    /// Set the first rows to these values.
+    /// Sets the first rows to these values.
     #[expect(
         clippy::inline_always,
         reason = "only what is inlined into the dispatch is compiled for the processor"
@@ -88,7 +88,7 @@ impl Rows {
     }
 }
 
-/// The pairs of a block of features.
+/// Returns the pairs of a block of features.
 #[expect(clippy::inline_always, reason = "as what calls it")]
 #[inline(always)]
 fn block_of<K: Kernel>(kernel: K, values: &[f32]) -> [u32; HALF] {
@@ -106,14 +106,14 @@ pub(super) fn halves(block: &[f32; PANEL]) -> [&[f32; HALF]; 2] {
     [&halves[0], &halves[1]]
 }
 
-/// `values`, at most half a panel, and zeros.
+/// Returns `values`, at most half a panel, padded with zeros.
 pub(super) fn part(values: &[f32]) -> [f32; HALF] {
     let mut part = [0.0; HALF];
     part[..values.len()].copy_from_slice(values);
     part
 }
 
-/// `values`, at most a panel, themselves where they are one, or copied to `room`, which holds zeros.
+/// Returns `values` if they are a whole panel. Otherwise copies them to `room`, which must contain zeros, and returns that.
 #[expect(clippy::inline_always, reason = "as what calls it")]
 #[inline(always)]
 fn whole<'a>(values: &'a [f32], room: &'a mut [f32; PANEL]) -> &'a [f32; PANEL] {
@@ -124,7 +124,7 @@ fn whole<'a>(values: &'a [f32], room: &'a mut [f32; PANEL]) -> &'a [f32; PANEL] 
     room
 }
 
-/// Pairs of first and second numbers.
+/// Returns the pairs of first and second numbers.
 #[expect(clippy::inline_always, reason = "as what calls it")]
 #[inline(always)]
 fn joined<K: Kernel>(kernel: K, [first, second]: [&[f32; HALF]; 2]) -> [u32; HALF] {
@@ -141,12 +141,12 @@ fn joined<K: Kernel>(kernel: K, [first, second]: [&[f32; HALF]; 2]) -> [u32; HAL
     pairs
 }
 
-/// How the rows of [`Panels`] are paired.
+/// The way in which the rows of [`Panels`] are paired.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pairing {
-    /// They are features.
+    /// The rows are features.
     Features,
-    /// They are rows of a batch.
+    /// The rows belong to a batch.
     Neighbours,
 }
 
@@ -158,7 +158,7 @@ impl Pairing {
         }
     }
 
-    /// The two rows of a pair, of so many; the second may be missing.
+    /// Returns the two rows of a pair, of `rows` in all. The second may be missing.
     fn rows(self, pair: usize, rows: usize) -> (usize, Option<usize>) {
         let (first, second) = match self {
             Self::Features => {
@@ -172,36 +172,37 @@ impl Pairing {
     }
 }
 
-/// A matrix by panels of [`PANEL`] columns, in pairs of rows.
+/// A matrix stored in panels of [`PANEL`] columns, in pairs of rows.
 ///
-/// It is an operand of products over its rows: on the right with its columns, on the left with its columns for rows.
+/// It is an operand of products over its rows. As a right operand it has its own columns; as a left operand, its columns
+/// serve as rows.
 #[derive(Clone, Debug)]
 pub(super) struct Panels {
-    /// `[panels][pairs][PANEL]`.
+    /// The blocks, `[panels][pairs][PANEL]`.
     blocks: Aligned<[u32; PANEL]>,
     pairing: Pairing,
-    /// Pairs of a column.
+    /// Number of pairs per column.
     pairs: usize,
 }
 
 impl Panels {
-    /// Zeros, with room for so many rows and columns.
+    /// Creates a matrix of zeros with capacity for this many rows and columns.
     pub(super) fn new(pairing: Pairing, rows: usize, columns: usize) -> Self {
         let pairs = pairing.pairs(rows);
         Self { blocks: filled([0; PANEL], columns.div_ceil(PANEL) * pairs), pairing, pairs }
     }
 
-    /// Take in so many rows from now on, at most as many as there is room for. What was there is lost.
+    /// Sets the number of rows, at most the capacity. The old content is lost.
     pub(super) fn set_rows(&mut self, rows: usize) {
         self.pairs = self.pairing.pairs(rows);
     }
 
-    /// One panel, pair after pair.
+    /// Returns one panel, pair after pair.
     pub(super) fn panel(&self, panel: usize) -> &[[u32; PANEL]] {
         &self.blocks[panel * self.pairs..][..self.pairs]
     }
 
-    /// One panel, if it exists, in at most `count` parts.
+    /// Returns one panel, if it exists, in at most `count` parts.
     pub(super) fn shares(
         &self,
         panel: usize,
@@ -211,12 +212,12 @@ impl Panels {
         blocks.unwrap_or_default().chunks(self.pairs.div_ceil(count.max(1)).max(1))
     }
 
-    /// One panel, pair after pair.
+    /// Returns one panel, pair after pair.
     pub(super) fn panel_mut(&mut self, panel: usize) -> &mut [[u32; PANEL]] {
         &mut self.blocks[panel * self.pairs..][..self.pairs]
     }
 
-    /// Set to rows of `columns` values each.
+    /// Sets the matrix to rows of `columns` values each.
     #[expect(clippy::inline_always, reason = "as that of rows")]
     #[inline(always)]
     fn fill<K: Kernel>(&mut self, kernel: K, values: &[f32], columns: usize) {
@@ -243,7 +244,7 @@ impl Panels {
         }
     }
 
-    /// Set to the transpose of rows of `columns` features each: columns become rows.
+    /// Sets the matrix to the transpose of rows of `columns` features each: columns become rows.
     #[expect(clippy::inline_always, reason = "as that of rows")]
     #[inline(always)]
     fn fill_transposed<K: Kernel>(&mut self, kernel: K, values: &[f32], columns: usize) {
@@ -266,18 +267,18 @@ impl Panels {
     }
 }
 
-/// Something that is set to rounded values.
+/// A matrix that is set to rounded values.
 pub(super) enum Fill<'a> {
-    /// The first rows.
+    /// Sets the first rows.
     Rows(&'a mut Rows),
-    /// All rows, of so many columns.
+    /// Sets all rows, with this many columns.
     Panels(&'a mut Panels, usize),
-    /// The transpose of such rows.
+    /// Sets the transpose of rows with this many columns.
     Transposed(&'a mut Panels, usize),
 }
 
 impl Fill<'_> {
-    /// Round and lay out.
+    /// Rounds the values and writes them in this layout.
     pub(super) fn with(self, processor: Processor, values: &[f32]) {
         processor.run(Filling { to: self, values });
     }

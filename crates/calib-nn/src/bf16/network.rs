@@ -17,9 +17,9 @@ use crate::{
 
 /// The weights of an [`Mlp`] with hidden layers and one output, rounded to bfloat16 and laid out for its products.
 ///
-/// The network itself keeps its parameters in single precision; after each change of them [`Bf16Network::set`] rounds
-/// them anew. Outputs and gradients are single precision. The output of a row does not depend on other
-/// rows, the gradient of a batch only on the rows that it covers.
+/// The network itself keeps its parameters in single precision. After each change, [`Bf16Network::set`] rounds them again. Outputs and
+/// gradients are in single precision. The output of a row does not depend on other rows. The gradient of a batch depends only on the
+/// rows that it covers.
 #[derive(Clone, Debug)]
 pub struct Bf16Network {
     processor: Processor,
@@ -32,26 +32,26 @@ struct HiddenLayer {
     inputs: usize,
     outputs: usize,
     weights: Panels,
-    /// The transpose; of the first layer, whose inputs have no errors, nothing.
+    /// The transpose. It is empty for the first layer, whose inputs need no errors.
     transposed: Panels,
-    /// Filled up with zeros to whole panels.
+    /// The bias, padded with zeros to whole panels.
     bias: Vec<[f32; PANEL]>,
-    /// Where the gradients lie.
+    /// The positions of the gradients.
     places: Layer,
 }
 
 #[derive(Clone, Debug)]
 struct OutputLayer {
-    /// One row.
+    /// The weights, one row.
     weights: Rows,
-    /// The transpose, of one column.
+    /// The transpose, with one column.
     transposed: Panels,
     bias: f32,
     places: Layer,
 }
 
 impl Bf16Network {
-    /// The rounded weights of `network`.
+    /// Rounds the weights of `network`.
     ///
     /// # Panics
     /// If it has no hidden layer, or more than one output.
@@ -59,7 +59,7 @@ impl Bf16Network {
         Self::on(Processor::detect(), network)
     }
 
-    /// The same, with the products of a processor without instructions for them: slower, and the same bytes.
+    /// Rounds the weights, but multiplies as a processor without the special instructions: slower, with the same bytes.
     ///
     /// # Panics
     /// As [`Bf16Network::new`].
@@ -100,7 +100,7 @@ impl Bf16Network {
         rounded
     }
 
-    /// Round the parameters of `network`, which has the shape of the first one.
+    /// Rounds the parameters of `network`, which must have the shape of the first one.
     pub fn set(&mut self, network: &Mlp) {
         let parameters = network.parameters();
         for (number, layer) in self.hidden.iter_mut().enumerate() {
@@ -122,12 +122,12 @@ impl Bf16Network {
         *of_output = bias(parameters[places.bias.start]);
     }
 
-    /// The outputs for `rows` of a batch, single precision.
+    /// Returns the outputs for `rows` of a batch, in single precision.
     ///
-    /// If they begin with the first row, the next [`Bf16Network::backward`] can learn from the batch.
+    /// If `rows` starts at the first row, the next [`Bf16Network::backward`] can use this pass.
     ///
     /// # Panics
-    /// If there are fewer rows in the batch, or more than the workspace was made for.
+    /// If the batch has fewer rows, or `rows` exceeds the workspace's capacity.
     pub fn forward<'w>(
         &self,
         batch: &Bf16Batch,
@@ -163,13 +163,13 @@ impl Bf16Network {
         &values[..count]
     }
 
-    /// Set `gradients` to those of all parameters, in their order, given the gradient of a loss with respect to the outputs of the rows
-    /// that are learnt from, of the latest [`Bf16Network::forward`] with this workspace.
+    /// Writes the gradients of all parameters, in their order, to `gradients`. The input is the gradient of a loss with respect to the
+    /// outputs of the training rows in the latest [`Bf16Network::forward`] with this workspace.
     ///
-    /// Those of biases are sums of errors that are not rounded.
+    /// The gradients of biases are sums of errors before rounding.
     ///
     /// # Panics
-    /// If there is not one value for each row that is learnt from, or not one gradient a parameter.
+    /// If there is not one value for each training row, or not one gradient per parameter.
     pub fn backward(
         &self,
         batch: &Bf16Batch,
@@ -182,14 +182,14 @@ impl Bf16Network {
         self.descend(batch, output_gradient, workspace, &mut Kept(gradients));
     }
 
-    /// One step of `optimiser` for `network`, whose parameters these are, rounded, against the gradients that
-    /// [`Bf16Network::backward`] would give; then those are rounded that the step led to.
+    /// Takes one step of `optimiser` for `network`, against the gradients of [`Bf16Network::backward`], and then rounds its new
+    /// parameters. `self` must contain the rounded parameters of `network`.
     ///
-    /// It is the same as to ask for the gradients, to hand them to [`Optimiser::step`] and to [`Bf16Network::set`] the
-    /// outcome, without a pass over all gradients and moments: they are followed tile by tile, as they come out of the products.
+    /// The result is the same as computing the gradients, passing them to [`Optimiser::step`], and calling [`Bf16Network::set`]. This
+    /// method avoids a pass over all gradients and moments: it updates each tile as soon as the products provide its gradients.
     ///
     /// # Panics
-    /// If there is not one value for each row that is learnt from, or not one moment a parameter.
+    /// If there is not one value for each training row, or not one moment per parameter.
     pub fn learn(
         &mut self,
         network: &mut Mlp,
@@ -210,7 +210,7 @@ impl Bf16Network {
         self.set(network);
     }
 
-    /// Hand the gradients of all parameters on.
+    /// Passes the gradients of all parameters to a sink.
     fn descend<S: Sink>(
         &self,
         batch: &Bf16Batch,
@@ -272,7 +272,7 @@ impl Bf16Network {
     }
 }
 
-/// All pairs of one row.
+/// Returns all pairs of one row.
 fn row_of(rows: &Rows, row: usize) -> &[[u32; HALF]] {
     &rows.from(row)[..rows.stride()]
 }

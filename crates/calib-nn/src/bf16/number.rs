@@ -2,9 +2,9 @@ use pulp::{Simd, cast};
 
 /// Smaller magnitudes count as zero: 2⁻⁵⁵, about 2.8e-17.
 ///
-/// A product of two numbers that are not smaller is a multiple of 2⁻¹²⁴, since each has eight significant bits, and so is
-/// every sum of such products, rounded as it may be. No sum is then below the normal numbers except 0, and
-/// it makes no difference that `vdpbf16ps` takes subnormal numbers for zeros.
+/// The product of two numbers that are not smaller is a multiple of 2⁻¹²⁴, because each has eight significant bits. So is
+/// every sum of such products, with any rounding. So no sum except 0 is subnormal, and it makes no difference that
+/// `vdpbf16ps` treats subnormal numbers as zeros.
 const SMALLEST: u32 = 0x2400_0000;
 
 const MAGNITUDE: u32 = 0x7fff_ffff;
@@ -12,7 +12,7 @@ const INFINITY: u32 = 0x7f80_0000;
 const QUIET: u32 = 0x0040_0000;
 const UPPER: u32 = 0xffff_0000;
 
-/// `values` without those below [`SMALLEST`], which become 0. NaN stays NaN.
+/// Returns `values` with those below [`SMALLEST`] set to 0. NaN stays NaN.
 #[expect(
     clippy::inline_always,
     reason = "only what is inlined into the dispatch is compiled for the processor"
@@ -24,18 +24,19 @@ pub(super) fn without_small<S: Simd>(simd: S, values: S::f32s) -> S::f32s {
     simd.select_f32s(small, simd.splat_f32s(0.0), values)
 }
 
-/// `values` without those below [`SMALLEST`] and all negative ones, which become 0. NaN stays NaN.
+/// Returns `values` with those below [`SMALLEST`] and all negative ones set to 0. NaN stays NaN.
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 pub(super) fn rectified<S: Simd>(simd: S, values: S::f32s) -> S::f32s {
-    // Written so that NaN stays NaN: a diverged network must not look like a dead one.
+    // NaN must stay NaN: a diverged network must not look like a dead one.
     let smallest = simd.splat_f32s(f32::from_bits(SMALLEST));
     let less = simd.less_than_f32s(values, smallest);
     simd.select_f32s(less, simd.splat_f32s(0.0), values)
 }
 
-/// `values`, none of which is subnormal, as bfloat16 numbers, to nearest, ties to even, each in the upper half of a word
-/// whose lower half is 0. What is too large becomes infinite. NaN stays NaN, quiet, with what fits of its payload.
+/// Rounds `values` to bfloat16, to nearest and ties to even. No value may be subnormal. Each result is in the upper half
+/// of a word whose lower half is 0. Values that are too large become infinite. NaN stays NaN, quiet, with as much of its
+/// payload as fits.
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 fn upper<S: Simd>(simd: S, values: S::f32s) -> S::u32s {
@@ -49,7 +50,7 @@ fn upper<S: Simd>(simd: S, values: S::f32s) -> S::u32s {
     simd.and_u32s(simd.select_u32s(nan, quiet, number), word(UPPER))
 }
 
-/// Pairs of two vectors, rounded, the first in the lower halves. No value is subnormal.
+/// Returns pairs of two vectors, rounded, the first in the lower halves. No value may be subnormal.
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 pub(super) fn join<S: Simd>(simd: S, first: S::f32s, second: S::f32s) -> S::u32s {
@@ -57,21 +58,21 @@ pub(super) fn join<S: Simd>(simd: S, first: S::f32s, second: S::f32s) -> S::u32s
     simd.or_u32s(first, upper(simd, second))
 }
 
-/// The first numbers of pairs, in single precision.
+/// Returns the first numbers of pairs, in single precision.
 #[expect(clippy::inline_always, reason = "as the conversion itself")]
 #[inline(always)]
 pub(super) fn firsts<S: Simd>(simd: S, pairs: S::u32s) -> S::f32s {
     cast(simd.wrapping_dyn_shl_u32s(pairs, simd.splat_u32s(16)))
 }
 
-/// The second numbers of pairs, in single precision.
+/// Returns the second numbers of pairs, in single precision.
 #[expect(clippy::inline_always, reason = "as the conversion itself")]
 #[inline(always)]
 pub(super) fn seconds<S: Simd>(simd: S, pairs: S::u32s) -> S::f32s {
     cast(simd.and_u32s(pairs, simd.splat_u32s(UPPER)))
 }
 
-/// A bias: single precision, with the same smallest magnitude.
+/// Returns a bias: in single precision, with the same smallest magnitude.
 pub(super) fn bias(value: f32) -> f32 {
     if value.abs() < f32::from_bits(SMALLEST) { 0.0 } else { value }
 }
@@ -87,12 +88,12 @@ mod tests {
         f32::from_bits(upper(Scalar, without_small(Scalar, value)))
     }
 
-    /// The nearest of the two neighbours by distance in double precision.
+    /// Returns the nearer of the two adjacent bfloat16 numbers, measured in double precision.
     fn nearest(value: f32) -> f32 {
         let below = value.to_bits() & UPPER;
         let (below, above) = (f32::from_bits(below), f32::from_bits(below.wrapping_add(0x1_0000)));
         let distance = |other: f32| {
-            // Beyond the largest number the next step would be 2¹²⁸.
+            // Beyond the largest number, the next step would be 2¹²⁸.
             let other = if other.is_infinite() { 2_f64.powi(128) } else { f64::from(other.abs()) };
             (f64::from(value.abs()) - other).abs()
         };

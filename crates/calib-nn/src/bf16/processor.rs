@@ -1,4 +1,4 @@
-//! What computes; all of it gives the same bytes.
+//! The implementations for different processors. All give the same bytes.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -6,26 +6,27 @@ use super::kernel::{Fused, Kernel, Widened};
 #[cfg(target_arch = "x86_64")]
 use super::x86::Hardware;
 
-/// Something to compute, compiled for each processor.
+/// A computation that is compiled for each processor.
 pub(super) trait Task {
     type Output;
 
-    /// Compute it. Implementations are inlined always: only then are they compiled for the processor.
+    /// Runs the computation. Implementations must be inlined always; only then are they compiled for
+    /// the processor.
     fn run<K: Kernel>(self, kernel: K) -> Self::Output;
 }
 
-/// What this machine computes with.
+/// The implementation that this machine uses.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Processor {
     /// An instruction for two products and their sums.
     #[cfg(target_arch = "x86_64")]
     Hardware(Hardware),
-    /// Fused multiply-adds of these vectors, or what is the same.
+    /// Fused multiply-adds of these vectors, or an equivalent.
     Portable(Arch),
 }
 
 impl Processor {
-    /// The fastest of this machine.
+    /// Returns the fastest one of this machine.
     pub(super) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(hardware) = Hardware::detect() {
@@ -34,7 +35,7 @@ impl Processor {
         Self::Portable(Arch::new())
     }
 
-    /// All that this machine can be, the fastest first.
+    /// Returns all that this machine supports, the fastest first.
     #[cfg(test)]
     pub(super) fn all() -> Vec<Self> {
         let mut all =

@@ -1,4 +1,4 @@
-//! Products of tiles, and what becomes of their sums.
+//! Products of tiles, and the further processing of their sums.
 
 use super::{
     kernel::{Kernel, Left, ROWS, Tile},
@@ -6,18 +6,18 @@ use super::{
     processor::Task,
 };
 
-/// What becomes of the sums of a tile.
+/// The processing of a tile's sums.
 pub(super) trait Finish {
-    /// What the sums of a panel of columns begin with.
+    /// Returns the initial values of the sums of a panel of columns.
     fn begin(&self, _panel: usize) -> [f32; PANEL] {
         [0.0; PANEL]
     }
 
-    /// The sums of `rows` rows come next.
+    /// Announces that the sums of `rows` rows come next.
     fn prepare<K: Kernel>(&self, _kernel: K, _first_row: usize, _rows: usize, _panel: usize) {}
 
-    /// Take the sums of some rows, the first of which has an even number. There is room for what becomes of them: to change
-    /// them in place would be to write parts of vectors, which a processor does not read again before they are in its cache.
+    /// Processes the sums of some rows. The first row number is even. The results are written to separate memory. Changing
+    /// the sums in place would write parts of vectors, and a processor cannot read those again before they are in its cache.
     fn finish<K: Kernel>(
         &mut self,
         kernel: K,
@@ -31,11 +31,11 @@ pub(super) trait Finish {
 /// The left operand of a product.
 #[derive(Clone, Copy)]
 pub(super) enum LeftOperand<'a> {
-    /// The rows of a matrix from this one on.
+    /// The rows of a matrix, from this one on.
     Rows(&'a Rows, usize),
     /// The columns of a matrix.
     Columns(&'a Panels),
-    /// One row of these pairs.
+    /// One row, with these pairs.
     Row(&'a [u32]),
 }
 
@@ -71,7 +71,7 @@ pub(super) struct Product<'a, F> {
 impl<F: Finish> Task for Product<'_, F> {
     type Output = ();
 
-    /// Tile by tile: all rows with one panel of columns, then with the next one.
+    /// Computes tile by tile: all rows with one panel of columns, then with the next.
     #[expect(
         clippy::inline_always,
         reason = "only what is inlined into the dispatch is compiled for the processor"
@@ -100,7 +100,7 @@ impl<F: Finish> Task for Product<'_, F> {
                     7 => kernel.sum::<7>(&begin, left, right, &mut sums),
                     _ => kernel.sum::<ROWS>(&begin, left, right, &mut sums),
                 }
-                // Most tiles are whole: then the compiler knows how many rows there are.
+                // Most tiles are whole. Then the compiler knows the number of rows.
                 if count == ROWS {
                     finish.finish(kernel, &sums.0, &mut room, first_row, panel);
                 } else {
@@ -111,7 +111,7 @@ impl<F: Finish> Task for Product<'_, F> {
     }
 }
 
-/// The product of two rows.
+/// The dot product of two rows.
 pub(super) struct Dot<'a> {
     pub(super) a: &'a [[u32; HALF]],
     pub(super) b: &'a [[u32; HALF]],

@@ -1,4 +1,4 @@
-//! What becomes of the sums of each product of a network.
+//! The processing of the sums of each product of a network.
 
 use pulp::Simd;
 
@@ -10,17 +10,17 @@ use super::{
 };
 use crate::sink::Sink;
 
-/// Where numbers go as operands of the products to come.
+/// The matrices that receive rounded values, as operands of later products.
 pub(super) struct Operands<'a> {
-    /// For products over features.
+    /// The operand of products over features.
     pub(super) rows: &'a mut Rows,
-    /// For products over rows of the batch, of the first `learnt` of which they take the numbers.
+    /// The operand of products over rows of the batch. It receives only the first `learnt` rows.
     pub(super) panels: &'a mut Panels,
     pub(super) learnt: usize,
 }
 
 impl Operands<'_> {
-    /// Round these rows, the first of which has an even number.
+    /// Rounds and stores these rows. The first row number is even.
     #[expect(clippy::inline_always, reason = "as the product")]
     #[inline(always)]
     fn take<K: Kernel>(
@@ -38,9 +38,9 @@ impl Operands<'_> {
     }
 }
 
-/// Activations of a hidden layer: sums that begin with the bias, without what is below 0, rounded.
+/// Activations of a hidden layer: sums that begin with the bias, with negative values set to 0, rounded.
 pub(super) struct Activations<'a> {
-    /// Filled up with zeros to whole panels.
+    /// The bias, padded with zeros to whole panels.
     pub(super) bias: &'a [[f32; PANEL]],
     pub(super) to: Operands<'a>,
 }
@@ -73,9 +73,9 @@ impl Finish for Activations<'_> {
 /// Errors of a hidden layer: zero where its activation is not positive.
 pub(super) struct Errors<'a> {
     pub(super) activations: &'a Rows,
-    /// Their sums over the rows, before they are rounded.
+    /// The sums of the errors over the rows, before rounding.
     pub(super) bias_gradient: &'a mut [[f32; PANEL]],
-    /// For the gradient of this layer's weights, and for the errors of the layer before.
+    /// The operand for the gradient of this layer's weights, and for the errors of the previous layer.
     pub(super) to: Operands<'a>,
 }
 
@@ -119,14 +119,14 @@ impl Finish for Errors<'_> {
 /// The gradient of weights `[inputs, outputs]`.
 pub(super) struct Gradient<'a, S> {
     pub(super) sink: &'a mut S,
-    /// Where the weights lie among the parameters.
+    /// Position of the weights among the parameters.
     pub(super) start: usize,
-    /// The outputs.
+    /// Number of outputs.
     pub(super) columns: usize,
 }
 
 impl<S> Gradient<'_, S> {
-    /// Where the first weight of a row of a tile lies, and how many there are.
+    /// Returns the position of the first weight of a tile's row, and the number of weights.
     #[expect(clippy::inline_always, reason = "as the product")]
     #[inline(always)]
     fn place(&self, row: usize, panel: usize) -> (usize, usize) {
@@ -157,7 +157,7 @@ impl<S: Sink> Finish for Gradient<'_, S> {
     ) {
         for (row, sums) in sums.iter().enumerate() {
             let (at, width) = self.place(first_row + row, panel);
-            // Whole panels are vectors; a slice of unknown length is a loop or a call.
+            // A whole panel is processed as vectors. A slice of unknown length would become a loop or a call.
             if width == PANEL {
                 self.sink.take(kernel.simd(), at, sums);
             } else {
@@ -167,7 +167,7 @@ impl<S: Sink> Finish for Gradient<'_, S> {
     }
 }
 
-/// A block of a row in single precision, feature after feature; the rest are zeros.
+/// Returns a block of a row in single precision, feature after feature, padded with zeros.
 #[expect(clippy::inline_always, reason = "as the product")]
 #[inline(always)]
 fn numbers<K: Kernel>(kernel: K, rows: &Rows, row: usize, block: usize) -> [f32; PANEL] {
@@ -189,7 +189,7 @@ fn numbers<K: Kernel>(kernel: K, rows: &Rows, row: usize, block: usize) -> [f32;
     numbers
 }
 
-/// Rows of a tile, features paired.
+/// Stores the rows of a tile with features paired.
 #[expect(clippy::inline_always, reason = "as the product")]
 #[inline(always)]
 fn into_rows<K: Kernel>(
@@ -213,7 +213,7 @@ fn into_rows<K: Kernel>(
     }
 }
 
-/// Rows of a tile, the first of which has an even number, paired with their neighbours; a missing last one is zeros.
+/// Stores the rows of a tile with adjacent rows paired. The first row number is even. A missing last row is zeros.
 #[expect(clippy::inline_always, reason = "as the product")]
 #[inline(always)]
 fn into_panels<K: Kernel>(
@@ -233,7 +233,7 @@ fn into_panels<K: Kernel>(
     }
 }
 
-/// Pairs of first and second numbers.
+/// Returns the pairs of first and second numbers.
 #[expect(clippy::inline_always, reason = "as the product")]
 #[inline(always)]
 fn join_all<K: Kernel>(kernel: K, first: &[f32], second: &[f32], to: &mut [u32]) {

@@ -4,7 +4,7 @@ use super::{
 };
 use crate::Mlp;
 
-/// Input rows in bfloat16, which any number of networks share.
+/// Input rows in bfloat16, which any number of networks can share.
 #[derive(Clone, Debug)]
 pub struct Bf16Batch {
     processor: Processor,
@@ -16,17 +16,17 @@ pub struct Bf16Batch {
 }
 
 impl Bf16Batch {
-    /// Room for `rows` rows of `width` values, of which at most the first `learnt` are learnt from.
+    /// Creates a batch with capacity for `rows` rows of `width` values. At most the first `learnt` rows are training rows.
     pub fn new(width: usize, rows: usize, learnt: usize) -> Self {
         let rows = Rows::new(rows, width);
         let panels = Panels::new(Pairing::Neighbours, learnt, width);
         Self { processor: Processor::detect(), width, count: 0, learnt: 0, rows, panels }
     }
 
-    /// Round these values, row after row; gradients will be those of the first `learnt` rows.
+    /// Rounds these values, row after row. Gradients will cover the first `learnt` rows.
     ///
     /// # Panics
-    /// If they are not whole rows, or more than there is room for.
+    /// If the values are not whole rows, or exceed the capacity.
     pub fn set(&mut self, values: &[f32], learnt: usize) {
         let count = values.len() / self.width;
         assert_eq!(values.len(), count * self.width, "values come in whole rows of {}", self.width);
@@ -37,7 +37,7 @@ impl Bf16Batch {
             .with(self.processor, &values[..learnt * self.width]);
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.count
     }
@@ -47,7 +47,7 @@ impl Bf16Batch {
         self.count == 0
     }
 
-    /// Number of rows that are learnt from.
+    /// Returns the number of training rows.
     pub fn learnt(&self) -> usize {
         self.learnt
     }
@@ -55,31 +55,32 @@ impl Bf16Batch {
 
 /// Every buffer of a forward and backward pass in bfloat16, allocated once and reused.
 ///
-/// Networks of the same layer sizes can share one, one after the other.
+/// Networks of the same layer sizes can use it in turn.
 #[derive(Clone, Debug)]
 pub struct Bf16Workspace {
     pub(super) hidden: Vec<Buffers>,
     /// Outputs of the network.
     pub(super) values: Vec<f32>,
-    /// Gradients with respect to the outputs, pair after pair and as a matrix of one column.
+    /// Gradients with respect to the outputs: as pairs, and as a matrix of one column.
     pub(super) output_pairs: Vec<u32>,
     pub(super) output_rows: Rows,
-    /// Gradients of the biases of one layer, whole panels.
+    /// Gradients of the biases of one layer, in whole panels.
     pub(super) bias_gradient: Vec<[f32; PANEL]>,
 }
 
-/// Of a hidden layer.
+/// The buffers of a hidden layer.
 #[derive(Clone, Debug)]
 pub(super) struct Buffers {
     pub(super) activations: Rows,
-    /// Those of the rows that are learnt from.
+    /// The activations of the training rows.
     pub(super) learnt: Panels,
     pub(super) error_rows: Rows,
     pub(super) error_panels: Panels,
 }
 
 impl Bf16Workspace {
-    /// Buffers for up to `rows` input rows, the first `learnt` of which may be learnt from, of networks shaped like `network`.
+    /// Creates buffers for up to `rows` input rows of networks shaped like `network`. The first `learnt` rows may be training
+    /// rows.
     pub fn new(network: &Mlp, rows: usize, learnt: usize) -> Self {
         let layers = network.layers();
         let hidden = layers[..layers.len() - 1].iter().map(|layer| Buffers {
@@ -98,7 +99,7 @@ impl Bf16Workspace {
         }
     }
 
-    /// The most rows of a pass.
+    /// Returns the maximum number of rows per pass.
     pub fn capacity(&self) -> usize {
         self.values.len()
     }

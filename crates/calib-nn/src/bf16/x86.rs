@@ -1,4 +1,4 @@
-//! The sums of a tile by `vdpbf16ps`.
+//! The sums of a tile, computed with `vdpbf16ps`.
 
 use std::{
     arch::x86_64::{
@@ -21,23 +21,23 @@ use crate::{
     square::{SIDE, turn},
 };
 
-/// That the processor has AVX-512 with bfloat16 products. Only [`Hardware::detect`] makes one.
+/// Proof that the processor has AVX-512 with bfloat16 products. Only [`Hardware::detect`] creates one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hardware(V4);
 
 impl Hardware {
-    /// Asks the processor.
+    /// Detects the features of the processor.
     pub(super) fn detect() -> Option<Self> {
         V4::try_new().filter(|_| std::is_x86_feature_detected!("avx512bf16")).map(Self)
     }
 
-    /// Compute something, all of it compiled for such a processor.
+    /// Runs a computation that is compiled for such a processor.
     pub(super) fn run<T: Task>(self, task: T) -> T::Output {
         #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx512bf16,fma")]
         fn inside<T: Task>(hardware: Hardware, task: T) -> T::Output {
             task.run(hardware)
         }
-        // SAFETY: there is a `Hardware` only where these features were detected.
+        // SAFETY: a `Hardware` exists only where these features were detected.
         unsafe { inside(self, task) }
     }
 }
@@ -56,7 +56,7 @@ impl Kernel for Hardware {
     fn prefetch<T>(self, values: &[T]) {
         for at in (0..size_of_val(values)).step_by(LINE) {
             let line = values.as_ptr().wrapping_byte_add(at);
-            // SAFETY: to prefetch changes nothing, and no address is wrong.
+            // SAFETY: prefetching changes nothing, and every address is valid for it.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(line.cast()) };
         }
     }
@@ -64,7 +64,7 @@ impl Kernel for Hardware {
     #[expect(clippy::inline_always, reason = "as the sums")]
     #[inline(always)]
     fn join(self, first: f32x16, second: f32x16) -> u32x16 {
-        // SAFETY: there is a `Hardware` only where the features were detected.
+        // SAFETY: a `Hardware` exists only where the features were detected.
         unsafe { join(first, second) }
     }
 
@@ -95,19 +95,20 @@ impl Kernel for Hardware {
         sums: &mut Tile,
     ) {
         assert!(left.holds(COUNT, panel.len()), "a tile lies inside the left operand");
-        // SAFETY: there is a `Hardware` only where the features were detected; the assertion is what `sum` asks for.
+        // SAFETY: a `Hardware` exists only where the features were detected; the assertion ensures what `sum`
+        // requires.
         unsafe { sum::<COUNT>(begin, left, panel, sums) }
     }
 
     #[expect(clippy::inline_always, reason = "as above")]
     #[inline(always)]
     fn dot(self, a: &[[u32; HALF]], b: &[[u32; HALF]]) -> f32 {
-        // SAFETY: there is a `Hardware` only where the features were detected.
+        // SAFETY: a `Hardware` exists only where the features were detected.
         unsafe { dot(a, b) }
     }
 }
 
-/// Rounds both, then puts number i of the first below number i of the second.
+/// Rounds both vectors, then puts number i of the first below number i of the second.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512bf16")]
 fn join(first: f32x16, second: f32x16) -> u32x16 {
@@ -148,7 +149,8 @@ unsafe fn sum<const COUNT: usize>(
 ) {
     let Left { pairs, row_stride, pair_stride } = left;
     let mut kept = [halves(begin); COUNT];
-    // A pointer for each row: the address of one that waits for the sum of another is a chain as long as the products.
+    // Each row has its own pointer. If the address of one row depended on another row's sum, they would form a chain
+    // as long as the products.
     let rows: [_; COUNT] = std::array::from_fn(|row| pairs.as_ptr().wrapping_add(row * row_stride));
     let mut at = 0;
     for block in panel {
@@ -164,7 +166,7 @@ unsafe fn sum<const COUNT: usize>(
     }
     for (kept, sums) in kept.iter().zip(&mut sums.0) {
         let (first, second) = sums.split_at_mut(16);
-        // SAFETY: both halves hold sixteen values.
+        // SAFETY: both halves contain sixteen values.
         unsafe {
             _mm512_storeu_ps(first.as_mut_ptr(), kept[0]);
             _mm512_storeu_ps(second.as_mut_ptr(), kept[1]);
@@ -188,14 +190,14 @@ fn dot(a: &[[u32; HALF]], b: &[[u32; HALF]]) -> f32 {
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn halves(row: &[f32; PANEL]) -> [__m512; 2] {
-    // SAFETY: a row holds 32 values.
+    // SAFETY: a row contains 32 values.
     unsafe { [_mm512_loadu_ps(row.as_ptr()), _mm512_loadu_ps(row.as_ptr().add(16))] }
 }
 
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn bf16_halves(block: &[u32; PANEL]) -> [__m512bh; 2] {
-    // SAFETY: a block holds 32 pairs.
+    // SAFETY: a block contains 32 pairs.
     unsafe {
         let pairs = block.as_ptr();
         [bf16(_mm512_loadu_si512(pairs.cast())), bf16(_mm512_loadu_si512(pairs.add(16).cast()))]

@@ -2,7 +2,7 @@ use calib_core::Rng;
 
 use super::*;
 
-/// The same network in f64 by its definition: the loss Σ gᵣⱼ outputᵣⱼ for fixed g.
+/// Computes the same network in f64 by definition: the loss Σ gᵣⱼ outputᵣⱼ for fixed g.
 fn reference_loss(network: &Mlp, parameters: &[f64], input: &[f32], gradient: &[f32]) -> f64 {
     let mut loss = 0.0;
     for (row, gradient) in

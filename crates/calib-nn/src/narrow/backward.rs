@@ -12,7 +12,7 @@ use crate::{
     sink::{Kept, Sink},
 };
 
-/// What [`Backward`] reads and writes beside gradients.
+/// The buffers of [`Backward`] besides gradients.
 pub(crate) struct NarrowBuffers<'a> {
     pub(crate) activations: &'a [Aligned<f32>],
     pub(crate) deltas: &'a mut [Aligned<f32>; 2],
@@ -20,7 +20,7 @@ pub(crate) struct NarrowBuffers<'a> {
 }
 
 impl NarrowBuffers<'_> {
-    /// Prepare for [`Backward`], which no longer reads the weights.
+    /// Prepares for [`Backward`], which no longer reads the weights.
     pub(crate) fn set_weights(&mut self, layers: &[Layer], parameters: &[f32]) {
         for (transposed, layer) in self.narrow.transposed.iter_mut().zip(&layers[1..]) {
             transpose(&parameters[layer.weights.clone()], layer.inputs, layer.outputs, transposed);
@@ -28,7 +28,8 @@ impl NarrowBuffers<'_> {
     }
 }
 
-/// The pass from the gradient of outputs to those of all parameters, which go to a sink.
+/// The backward pass, from the gradient of the outputs to those of all parameters. It passes them
+/// to a sink.
 pub(crate) struct Backward<'a, T> {
     pub(crate) layers: &'a [Layer],
     pub(crate) input: &'a [f32],
@@ -185,10 +186,10 @@ impl<T: Sink> Backward<'_, T> {
     }
 }
 
-/// In which rows each column is not zero.
+/// Writes for each column the rows in which it is not zero, as bits.
 #[inline(always)]
 fn by_columns(values: &[f32], width: usize, columns: &mut [u64]) {
-    // Half a word has as many bits as a value: vectors hold as many of both.
+    // Half a word has as many bits as a value, so a vector contains equally many of both.
     const HALF: usize = WORD / 2;
     const AT_ONCE: usize = 64;
     for (half, values) in values.chunks(HALF * width).enumerate() {
@@ -208,12 +209,12 @@ fn by_columns(values: &[f32], width: usize, columns: &mut [u64]) {
     }
 }
 
-/// Errors of a hidden layer: nothing where its activation is not positive.
+/// Errors of a hidden layer: zero where its activation is not positive.
 struct Errors<'a> {
     activation: &'a [f32],
     width: usize,
     out: &'a mut [f32],
-    /// Their sums.
+    /// The sums of the errors.
     bias_gradient: &'a mut [f32],
     bits: &'a mut [u64],
     words: usize,

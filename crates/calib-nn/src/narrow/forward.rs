@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{Layer, aligned::Aligned};
 
-/// The pass from inputs to outputs.
+/// The forward pass, from inputs to outputs.
 pub(crate) struct Forward<'a> {
     pub(crate) layers: &'a [Layer],
     pub(crate) parameters: &'a [f32],
@@ -74,7 +74,7 @@ impl Finish for Rectified<'_> {
         let mut bits = 0;
         for (vector, &sum) in sums.iter().enumerate() {
             let sum = simd.add_f32s(sum, bias[vector]);
-            // Written so that NaN stays NaN: a diverged network must not look like a dead one.
+            // NaN must stay NaN: a diverged network must not look like a dead one.
             let value = simd.select_f32s(simd.less_than_f32s(sum, zero), zero, sum);
             output[vector] = value;
             bits |= nonzero(simd, value) << (vector * S::F32_LANES);
@@ -83,7 +83,8 @@ impl Finish for Rectified<'_> {
     }
 }
 
-/// Rows of `columns` values in rows of [`GROUP`]; what is beyond them is anything.
+/// Copies rows of `columns` values into rows of [`GROUP`]. The values beyond `columns` are
+/// arbitrary.
 #[expect(clippy::inline_always, reason = "as the products")]
 #[inline(always)]
 fn pad(values: &[f32], columns: usize, padded: &mut [f32]) {
@@ -96,7 +97,8 @@ fn pad(values: &[f32], columns: usize, padded: &mut [f32]) {
     }
 }
 
-/// Outputs of the last layer: few columns, so that several rows are summed at a time.
+/// Computes the outputs of the last layer. There are few columns, so several rows are summed at a
+/// time.
 #[expect(clippy::inline_always, reason = "as the products")]
 #[inline(always)]
 fn outputs<S: Simd>(

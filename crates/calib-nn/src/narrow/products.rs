@@ -1,17 +1,17 @@
-//! Rows of a product, as sums of those rows of the right operand whose factor is not zero.
+//! Rows of a product, as sums of the rows of the right operand whose factor is not zero.
 
 use pulp::{Simd, bytemuck};
 
-/// Columns of a vector of AVX-512. Rows of right operands are whole groups.
+/// Number of columns of an AVX-512 vector. Rows of right operands are whole groups.
 pub(super) const GROUP: usize = 16;
 
-/// Most columns at a time: their sums stay in registers.
+/// Maximum number of columns at a time, so that their sums stay in registers.
 const PANEL: usize = 64;
 
 /// Bits of a word.
 pub(super) const WORD: usize = u64::BITS as usize;
 
-/// Sums of the columns of a panel, in its first vectors.
+/// Sums of the columns of a panel, stored in the first vectors.
 type Sums<S> = [<S as Simd>::f32s; PANEL];
 
 /// A left operand: element (i, l) is `values[i * row_stride + l * column_stride]`.
@@ -20,26 +20,27 @@ pub(super) struct Left<'a> {
     pub(super) values: &'a [f32],
     pub(super) row_stride: usize,
     pub(super) column_stride: usize,
-    /// Which elements of row i count: bits of the words from `i * word_stride` on.
+    /// The elements of row i to use: bits of the words from `i * word_stride` on.
     pub(super) bits: &'a [u64],
     pub(super) words: usize,
     pub(super) word_stride: usize,
 }
 
-/// A right operand: rows in order, as wide as `stride`.
+/// A right operand with rows in order, each `stride` wide.
 #[derive(Clone, Copy)]
 pub(super) struct Right<'a> {
     pub(super) values: &'a [f32],
     pub(super) stride: usize,
 }
 
-/// What becomes of the sums of a row, from a column on.
+/// The processing of the sums of a row, from a column on.
 pub(super) trait Finish {
-    /// Implementations are inlined always: only then are they compiled for the processor.
+    /// Processes the sums. Implementations must be inlined always; only then are they compiled for
+    /// the processor.
     fn finish<S: Simd>(&mut self, simd: S, row: usize, column: usize, sums: &[S::f32s]);
 }
 
-/// Every row of `left` · `right`, panel by panel.
+/// Computes every row of `left` · `right`, panel by panel.
 #[expect(
     clippy::inline_always,
     reason = "only what is inlined into the dispatch is compiled for the processor"
@@ -77,7 +78,8 @@ fn panel<S: Simd, F: Finish, const GROUPS: usize>(
     finish: &mut F,
 ) {
     let vectors = const { GROUPS * GROUP / S::F32_LANES };
-    // Two rows at a time where registers hold the sums of both: the sums of one wait for each other.
+    // Two rows at a time if the registers can hold the sums of both, because additions to one row
+    // depend on each other.
     let two = const { S::F32_LANES >= GROUP };
     let mut row = 0;
     while two && row + 2 <= rows {
@@ -141,7 +143,7 @@ fn two_rows<S: Simd, const GROUPS: usize>(
     [first, second]
 }
 
-/// Add to `sums` the rows whose bits are set.
+/// Adds the rows whose bits are set to `sums`.
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 fn add_rows<S: Simd, const GROUPS: usize>(
@@ -159,7 +161,7 @@ fn add_rows<S: Simd, const GROUPS: usize>(
     }
 }
 
-/// That both operands have what the highest bit asks for.
+/// Checks that both operands contain the row of the highest bit.
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 fn check<const GROUPS: usize>(bits: u64, factors: Factors<'_>, right: Right<'_>) {
@@ -172,7 +174,7 @@ fn check<const GROUPS: usize>(bits: u64, factors: Factors<'_>, right: Right<'_>)
 }
 
 /// # Safety
-/// The place is that of a bit for which [`check`] found both operands to have a row.
+/// `place` must be that of a bit for which [`check`] found that both operands contain its row.
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 unsafe fn add_row<S: Simd, const GROUPS: usize>(
@@ -184,7 +186,7 @@ unsafe fn add_row<S: Simd, const GROUPS: usize>(
 ) {
     let width = const { GROUPS * GROUP };
     let place = place as usize;
-    // SAFETY: the caller checked that they lie inside.
+    // SAFETY: the caller checked that both lie inside.
     let (factor, row) = unsafe {
         let first = place * right.stride;
         (
@@ -199,7 +201,7 @@ unsafe fn add_row<S: Simd, const GROUPS: usize>(
     }
 }
 
-/// The factors of a word of a row.
+/// The factors of one word of a row.
 #[derive(Clone, Copy)]
 struct Factors<'a> {
     values: &'a [f32],
@@ -222,7 +224,7 @@ impl<'a> Left<'a> {
 }
 
 impl<'a> Right<'a> {
-    /// The rows of a word, from a column on.
+    /// Returns the rows of a word, from a column on.
     #[expect(clippy::inline_always, reason = "as above")]
     #[inline(always)]
     fn at(&self, word: usize, column: usize) -> Right<'a> {
@@ -231,7 +233,7 @@ impl<'a> Right<'a> {
     }
 }
 
-/// A bit for each value of a vector that is not zero.
+/// Returns a bit for each value of a vector that is not zero.
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 pub(super) fn nonzero<S: Simd>(simd: S, values: S::f32s) -> u64 {
@@ -248,7 +250,7 @@ pub(super) fn nonzero<S: Simd>(simd: S, values: S::f32s) -> u64 {
     bits
 }
 
-/// Set the bits of a panel, which begins at this column. Panels follow one another.
+/// Sets the bits of a panel, which begins at this column. Panels must be processed in order.
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 pub(super) fn put(words: &mut [u64], column: usize, bits: u64) {

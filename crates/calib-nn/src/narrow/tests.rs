@@ -66,7 +66,7 @@ fn few_rows_learn_as_others_do() {
     plain.narrow = None;
     let mut adam = Adam::new(AdamRule::default(), network.parameter_count());
     let mut other_adam = adam.clone();
-    // Errors of eight rows of 32 units are summed in another order, and a single row has only one product for each weight.
+    // The errors of eight rows of 32 units are summed in another order. A single row has only one product for each weight.
     for rows in [8, 1, 0] {
         let input = vec![0.5; rows * 3];
         let gradient = vec![0.25; rows * 2];

@@ -1,4 +1,4 @@
-/// `[rows, columns]` as `[columns, rows]`.
+/// Transposes `[rows, columns]` into `[columns, rows]`.
 pub(super) fn transpose(values: &[f32], rows: usize, columns: usize, out: &mut [f32]) {
     assert!(values.len() == rows * columns && out.len() == values.len());
     #[cfg(target_arch = "x86_64")]

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// Small integers: exact in any order of summation.
+/// Returns small integers, which are exact in any order of summation.
 fn integers(rows: usize, columns: usize, salt: usize) -> Vec<f32> {
     (0..rows * columns).map(|i| ((i * 37 + salt * 11) % 19) as f32 - 9.0).collect()
 }
@@ -13,7 +13,7 @@ fn numbers(count: usize, seed: u64) -> Vec<f32> {
     (0..count).map(|_| rng.uniform(-1.0, 1.0) as f32).collect()
 }
 
-/// Both layouts of a matrix of these values.
+/// Returns both layouts of a matrix of these values.
 fn layouts(values: &[f32], rows: usize, columns: usize) -> [Matrix<'_>; 2] {
     [Matrix::new(values, rows, columns), Matrix::new(values, columns, rows).transposed()]
 }
@@ -24,7 +24,7 @@ fn product(left: Matrix<'_>, right: Matrix<'_>) -> Vec<f32> {
     out
 }
 
-/// The order of sums that is promised, value by value, whatever the processor.
+/// Computes each value in the documented order of sums, on any processor.
 fn promised(left: Matrix<'_>, right: Matrix<'_>) -> Vec<f32> {
     let places = (0..left.rows).flat_map(|i| (0..right.columns).map(move |j| (i, j)));
     places.map(|(i, j)| promised_value(left, right, i, j)).collect()
@@ -53,7 +53,7 @@ fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|value| value.to_bits()).collect()
 }
 
-/// Every layout of both operands, to the byte.
+/// Checks every layout of both operands, byte by byte.
 fn assert_promised(m: usize, k: usize, n: usize) {
     let a = numbers(m * k, 1);
     let b = numbers(k * n, 2);
@@ -110,7 +110,7 @@ fn long_sums_are_in_the_promised_order() {
 #[test]
 fn batches_of_all_sizes_are_in_the_promised_order() {
     for rows in [1, 2, 3, 15, 16, 17, 63, 64, 65, 129, 256, 511, 512, 513] {
-        // Forward, weights, errors; of a wide and of a narrow layer.
+        // Forward pass, weights and errors, of a wide and of a narrow layer.
         for (inputs, outputs) in [(142, 64), (24, 16), (16, 16), (33, 1)] {
             assert_promised(rows, inputs, outputs);
             assert_promised(inputs, rows, outputs);

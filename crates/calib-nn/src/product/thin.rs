@@ -1,18 +1,19 @@
-//! Products with one row or column, or with few values: the library sums them by the processor's vectors.
+//! Products with one row or column, or with few values. The library would sum them in an order that depends on the processor's
+//! vectors.
 //!
-//! Loops rather than iterator closures: a closure that is not inlined is compiled without vectors.
+//! The code uses loops rather than iterator closures, because a closure that is not inlined is compiled without vectors.
 
 use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 
 use super::Matrix;
 
-/// Partial sums of a dot product, whatever the processor's vectors hold.
+/// Number of partial sums of a dot product, for any width of the processor's vectors.
 const SUMS: usize = 16;
 
-/// Vectors that are taken at a time: their sums, or the weights of them, stay in registers.
+/// Number of vectors that are processed at a time. Their sums or weights stay in registers.
 const BLOCK: usize = 4;
 
-/// Each value as a dot product of a row of `left` and a column of `right`, both of which lie in order.
+/// Computes each value as a dot product of a row of `left` and a column of `right`, both contiguous.
 pub(super) fn dots(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     let m = left.rows;
     let n = right.columns;
@@ -24,7 +25,7 @@ pub(super) fn dots(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     });
 }
 
-/// `out[i * strides[0] + j * strides[1]]` = row i of `many` · row j of `few`.
+/// Computes `out[i * strides[0] + j * strides[1]]` = row i of `many` · row j of `few`.
 struct Dots<'a> {
     out: &'a mut [f32],
     many: Matrix<'a>,
@@ -59,8 +60,8 @@ impl WithSimd for Dots<'_> {
     }
 }
 
-/// Product l is added to sum l mod 16 by a fused multiply-add, and the sums are added by halves. What is left over of
-/// the vectors is filled up with zeros.
+/// Adds product l to sum l mod 16 by a fused multiply-add, and then adds the sums by halves. Incomplete vectors are padded
+/// with zeros.
 #[expect(
     clippy::inline_always,
     reason = "only what is inlined into the dispatch is compiled for the processor"
@@ -108,7 +109,7 @@ fn dot_products<S: Simd, const ROWS: usize>(
     values
 }
 
-/// `values`, fewer than [`SUMS`], and zeros.
+/// Returns `values`, fewer than [`SUMS`], padded with zeros.
 #[expect(clippy::inline_always, reason = "as the loops around it")]
 #[inline(always)]
 fn padded(values: &[f32]) -> [f32; SUMS] {
@@ -117,7 +118,7 @@ fn padded(values: &[f32]) -> [f32; SUMS] {
     padded
 }
 
-/// Each row of the result as a sum of the rows of `right`, which lie in order, one after another.
+/// Computes each row of the result as a sum of the rows of `right`, which are contiguous, one after another.
 pub(super) fn combine(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
     Arch::new().dispatch(Combine { out, left, right });
 }
@@ -168,7 +169,8 @@ impl NullaryFnOnce for Combine<'_> {
     }
 }
 
-/// `out` += Σ `weights`ₗ · `rows`ₗ, one row after the other, by fused multiply-adds; what was there does not count if `FRESH`.
+/// Computes `out` += Σ `weights`ₗ · `rows`ₗ, one row after the other, by fused multiply-adds. The old content is ignored if
+/// `FRESH`.
 #[expect(
     clippy::inline_always,
     reason = "only what is inlined into the dispatch is compiled for the processor"

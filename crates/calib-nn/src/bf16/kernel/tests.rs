@@ -11,29 +11,29 @@ use super::super::{
 use super::*;
 use crate::sink::Kept;
 
-/// Which operands are drawn.
+/// The range from which operands are drawn.
 #[derive(Clone, Copy, Debug)]
 enum Range {
-    /// As those of a network.
+    /// Values typical of a network.
     Usual,
-    /// From the smallest on, and so large that products overflow.
+    /// From the smallest magnitude up to values so large that products overflow.
     Wide,
-    /// Anything, with infinities and NaN.
+    /// Any bits, including infinities and NaN.
     Any,
 }
 
-/// Values of single precision that are no subnormal bfloat16 numbers.
+/// Returns single-precision values that are not subnormal as bfloat16 numbers.
 fn values(count: usize, range: Range, seed: u64) -> Vec<f32> {
     let mut rng = Seed::new(seed).rng();
     let mut values: Vec<f32> = (0..count).map(|_| number(&mut rng, range)).collect();
-    // Cancellation: sums that come to nearly nothing.
+    // Cancellation: sums that are nearly zero.
     for place in (3..count).step_by(4) {
         values[place] = -values[place - 3];
     }
     values
 }
 
-/// A number whose sign, exponent and mantissa are drawn.
+/// Returns a number with random sign, exponent and mantissa.
 fn number(rng: &mut Rng, range: Range) -> f32 {
     let sign = rng.below(2) as u32;
     let mantissa = rng.below(1 << 23) as u32;
@@ -45,7 +45,7 @@ fn number(rng: &mut Rng, range: Range) -> f32 {
     f32::from_bits(sign << 31 | (exponent as u32) << 23 | mantissa)
 }
 
-/// The definition, one value: operands in the order of the inner index.
+/// Computes one value by definition: operands in the order of the inner index.
 fn defined(begin: f32, a: &[u32], b: &[u32]) -> f32 {
     a.iter().zip(b).fold(begin, |sum, (&a, &b)| {
         let sum = seconds(Scalar, a).mul_add(seconds(Scalar, b), sum);
@@ -53,12 +53,12 @@ fn defined(begin: f32, a: &[u32], b: &[u32]) -> f32 {
     })
 }
 
-/// NaN is NaN; everything else is compared by its bytes.
+/// Whether two values are equal: all NaN are equal, and other values are compared by their bytes.
 fn same(left: f32, right: f32) -> bool {
     left.to_bits() == right.to_bits() || (left.is_nan() && right.is_nan())
 }
 
-/// Every processor's product of `[rows, inner]` and `[inner, columns]` against the definition.
+/// Compares every processor's product of `[rows, inner]` and `[inner, columns]` with the definition.
 fn assert_defined(rows: usize, inner: usize, columns: usize, range: Range) {
     let a = values(rows * inner, range, 1);
     let b = values(inner * columns, range, 2);
@@ -135,12 +135,12 @@ fn sums_begin_with_a_bias() {
     assert_eq!(sums.0[0], [0.125 + 3.0 - 0.5; PANEL]);
 }
 
-/// What a product takes for `value`: a bfloat16 number that is not too small.
+/// Returns `value` as a product uses it: a bfloat16 number that is not too small.
 fn as_operand(value: f32) -> f32 {
     seconds(Scalar, join(Scalar, 0.0, without_small(Scalar, value)))
 }
 
-/// The sum of two numbers may be a tie only after it was rounded to double precision; that of these never is.
+/// A sum of two arbitrary numbers may become a tie by rounding to double precision. These sums never do.
 #[test]
 fn going_by_double_precision_rounds_once() {
     let operands = values(40_000, Range::Wide, 5);

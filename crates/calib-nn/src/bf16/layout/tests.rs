@@ -4,12 +4,12 @@ use pulp::Scalar;
 use super::super::number::{firsts, seconds};
 use super::*;
 
-/// Small integers, which are kept as they are, all different from their neighbours.
+/// Returns small integers, which rounding does not change. Adjacent values differ.
 fn values(rows: usize, columns: usize) -> Vec<f32> {
     (0..rows * columns).map(|place| (place % 127 + 1) as f32).collect()
 }
 
-/// The numbers of a column of pairs in the order of `pairing`, and what the pairs have too many.
+/// Returns the numbers of a column of pairs in the order of `pairing`, followed by the padding.
 fn numbers(pairs: &[u32], pairing: Pairing, count: usize) -> Vec<f32> {
     let mut numbers = vec![0.0; count];
     for (place, &pair) in pairs.iter().enumerate() {

@@ -13,13 +13,13 @@ fn positive(count: usize, seed: u64) -> Vec<f32> {
     numbers(count, seed).iter().map(|value| value.abs() + 0.01).collect()
 }
 
-/// −1, 0 and 1, most of them 0: products of a few such layers are small integers, which bfloat16 numbers hold.
+/// Returns −1, 0 and 1, mostly 0. The products of a few such layers are small integers, which bfloat16 represents exactly.
 fn signs(count: usize, seed: u64) -> Vec<f32> {
     let mut rng = Seed::new(seed).rng();
     (0..count).map(|_| [0.0, 0.0, 1.0, -1.0][rng.below(4)]).collect()
 }
 
-/// Outputs for all rows and the gradient of the first `learnt`.
+/// Returns outputs for all rows and the gradient of the first `learnt`.
 fn pass(
     processor: Processor,
     network: &Mlp,
@@ -52,14 +52,14 @@ fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|value| value.to_bits()).collect()
 }
 
-/// The same in single precision.
+/// Computes the same in single precision.
 fn single(network: &Mlp, input: &[f32], output_gradient: &[f32]) -> (Vec<f32>, Vec<f32>) {
     let mut workspace = Workspace::new(network, input.len() / network.inputs());
     let outputs = network.forward(input, &mut workspace).to_vec();
     (outputs, network.backward(input, output_gradient, &mut workspace).to_vec())
 }
 
-/// 1 − the cosine of the angle between two vectors.
+/// Returns 1 − the cosine of the angle between two vectors.
 fn apart(left: &[f32], right: &[f32]) -> f64 {
     1.0 - dot(left, right) / (dot(left, left) * dot(right, right)).sqrt()
 }
@@ -112,7 +112,7 @@ proptest! {
             let (mut by_parts, mut parts) = (network.clone(), optimiser.clone());
             let (mut at_once, mut whole) = (network.clone(), optimiser.clone());
             let mut rounded = Bf16Network::on(processor, &network);
-            // The second step has moments, and weights that were rounded anew.
+            // The second step has nonzero moments and newly rounded weights.
             for _ in 0..2 {
                 let before = Bf16Network::on(processor, &by_parts);
                 let expected = before.forward(&batch, 0..learnt, &mut workspace).to_vec();
@@ -143,12 +143,13 @@ proptest! {
     }
 }
 
-/// What rounding to eight significant bits changes at most, relatively.
+/// Maximum relative change by rounding to eight significant bits.
 const ROUNDING: f64 = 1.0 / 256.0;
 
-/// How far the output for `input` may be from that of exact arithmetic: rounded operands, and sums of single precision, layer by layer.
+/// Returns the output for `input`, and a bound on its error compared with exact arithmetic. The bound covers rounded operands and
+/// single-precision sums, layer by layer.
 fn bound(network: &Mlp, input: &[f32]) -> (f64, f64) {
-    // Values, and how far from them what is computed may be.
+    // Values, and the bounds on their errors.
     let mut values: Vec<(f64, f64)> = input.iter().map(|&value| (f64::from(value), 0.0)).collect();
     for (number, layer) in network.layers().iter().enumerate() {
         let weights = &network.parameters()[layer.weights.clone()];
@@ -165,7 +166,7 @@ fn bound(network: &Mlp, input: &[f32]) -> (f64, f64) {
     values[0]
 }
 
-/// The sum of a bias and weighted values, each of which may be off, and how far from it what is computed may be.
+/// Returns the sum of a bias and weighted values, each with an error bound, and a bound on the error of the result.
 fn sum_bound<'a>(
     values: &[(f64, f64)],
     weights: impl Iterator<Item = &'a f32>,
@@ -204,7 +205,7 @@ proptest! {
         }
     }
 
-    /// Nothing cancels, and all units are active: each value is a sum of products of 2L rounded numbers at most.
+    /// No term cancels, and all units are active. So each value is a sum of products of at most 2L rounded numbers.
     #[test]
     fn gradients_of_positive_numbers_are_as_near_as_their_operands(
         inputs in 1_usize..80,
@@ -242,7 +243,7 @@ fn it_is_close_to_single_precision() {
     for layer in network.layers() {
         for part in [layer.weights.clone(), layer.bias.clone()] {
             let apart = apart(&gradients[part.clone()], &expected_gradients[part]);
-            // Where a sum is nearly 0 a unit may be active in one of them only, and so its error is there or not.
+            // If a sum is nearly 0, its unit may be active in only one of the two networks. Then only one of them has its error.
             assert!(apart < 4e-3, "{layer:?}: {apart}");
         }
     }
