@@ -1,9 +1,9 @@
-//! Updates a second of GRU training on one thread, as one line of JSON, to be compared with other implementations of the same step.
+//! Measures updates per second of GRU training on one thread, to compare with other implementations. Prints one line of JSON.
 //!
 //!     RAYON_NUM_THREADS=1 cargo run --release -p calib-dynamics --example gru_speed -- [UNITS [BATCH [UPDATES]]]
 //!
-//! One update: BATCH sequences of 20 states of 142 columns through two layers of UNITS and a linear head, the mean squared error of every next
-//! state, its gradient through the whole sequence, Adam.
+//! One update passes BATCH sequences of 20 states of 142 columns through two layers of UNITS and a linear head. It computes the mean
+//! squared error of every next state and the gradient through the whole sequence, and takes a step of Adam.
 
 #![expect(clippy::print_stdout, reason = "the figure is what it is for")]
 #![expect(clippy::disallowed_methods, reason = "it measures time")]

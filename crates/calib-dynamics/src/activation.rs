@@ -1,13 +1,14 @@
-//! Sigmoid and tanh in arithmetic that gives the same bytes on every processor, and that compilers vectorise.
+//! Sigmoid and tanh in arithmetic that gives the same bytes on every processor and that compilers can
+//! vectorise.
 
-/// e^x within 2e-7 of it, relatively; 0 below -87 and e^87 above 87.
+/// Returns e^x with a relative error below 2e-7. The result is 0 below -87, and e^87 above 87.
 ///
-/// e^x = 2^k · e^r with |r| ≤ ln 2 / 2, and e^r by its series to the sixth power.
+/// e^x = 2^k · e^r with |r| ≤ ln 2 / 2, and e^r is its series up to the sixth power.
 #[inline(always)]
 fn exp(x: f32) -> f32 {
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;
-    // Adding and taking away this rounds to a whole number.
+    // Adding and subtracting this constant rounds to a whole number.
     const ROUNDER: f32 = 12_582_912.0;
     let x = x.clamp(-87.0, 87.0);
     let k = (x * std::f32::consts::LOG2_E + ROUNDER) - ROUNDER;
@@ -19,14 +20,14 @@ fn exp(x: f32) -> f32 {
     series * f32::from_bits(((k as i32 + 127) as u32) << 23)
 }
 
-/// 1 / (1 + e^−x).
+/// Returns 1 / (1 + e^−x).
 #[expect(clippy::inline_always, reason = "loops over it are only vectorised where it is inlined")]
 #[inline(always)]
 pub(crate) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// 1 − 2 / (1 + e^2x), within 2e-7.
+/// Returns 1 − 2 / (1 + e^2x), within 2e-7 of tanh.
 #[expect(clippy::inline_always, reason = "loops over it are only vectorised where it is inlined")]
 #[inline(always)]
 pub(crate) fn tanh(x: f32) -> f32 {

@@ -86,7 +86,7 @@ impl DynamicsConfig {
         *noise == Noise::None
     }
 
-    /// Check what can be checked before data is read. The upper ends turn slips of the finger into messages.
+    /// Checks what can be checked before data is read. The upper limits catch typing errors.
     ///
     /// # Errors
     /// If a value is outside its range.
@@ -121,7 +121,7 @@ impl DynamicsConfig {
     }
 }
 
-/// That `key` is not what is expected of it.
+/// Returns the error that `key` is not as expected.
 fn refused_number(key: &'static str, expected: &str, got: f64) -> DynamicsError {
     DynamicsError::Config { key, expected: expected.to_owned(), got: format!("{got:?}") }
 }
@@ -137,7 +137,7 @@ mod tests {
         config.check().expect("defaults are valid");
     }
 
-    /// Why a section is refused.
+    /// Returns the error message for a section.
     fn refusal(text: &str) -> String {
         let config: DynamicsConfig = toml::from_str(text).expect("readable");
         config.check().expect_err(text).to_string()

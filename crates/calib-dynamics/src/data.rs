@@ -4,7 +4,7 @@ use calib_core::{States, TransitionIndex, Transitions};
 
 use crate::DynamicsError;
 
-/// The transitions of a training range, split in time: the first part is learnt from, the last validates.
+/// The transitions of a training range, split in time: the first part is for training, the last for validation.
 #[derive(Clone, Copy, Debug)]
 pub struct Transitioning<'a> {
     states: &'a States,
@@ -13,7 +13,7 @@ pub struct Transitioning<'a> {
 }
 
 impl<'a> Transitioning<'a> {
-    /// The last `validation_fraction` of the transitions, in time order, are held back.
+    /// Splits the transitions in time order. The last `validation_fraction` is the validation part.
     ///
     /// # Errors
     /// If one of the parts is empty.
@@ -32,32 +32,32 @@ impl<'a> Transitioning<'a> {
         Ok(Self { states, transitions, learnt })
     }
 
-    /// Values in a state.
+    /// Returns the number of values in a state.
     pub fn columns(&self) -> usize {
         self.states.columns()
     }
 
-    /// The states.
+    /// Returns the states.
     pub fn states(&self) -> &'a States {
         self.states
     }
 
-    /// All transitions.
+    /// Returns all transitions.
     pub fn transitions(&self) -> &'a Transitions {
         self.transitions
     }
 
-    /// Transitions that are learnt from.
+    /// Returns the transitions for training.
     pub fn training(&self) -> Range<usize> {
         0..self.learnt
     }
 
-    /// Transitions that validate.
+    /// Returns the transitions for validation.
     pub fn validation(&self) -> Range<usize> {
         self.learnt..self.transitions.len()
     }
 
-    /// The validation loss of predicting that nothing changes: what a model has to beat.
+    /// Returns the validation loss of predicting that nothing changes. A model has to be better than this.
     pub fn persistence_loss(&self) -> f64 {
         let mut squares = 0.0;
         for transition in self.validation() {
@@ -68,7 +68,7 @@ impl<'a> Transitioning<'a> {
         squares / (self.validation().len() * self.columns()) as f64
     }
 
-    /// Copy the source states of `transitions` to `inputs` and their next states to `targets`.
+    /// Copies the source states of `transitions` to `inputs` and their next states to `targets`.
     pub fn gather(&self, transitions: &[u32], inputs: &mut Vec<f32>, targets: &mut Vec<f32>) {
         inputs.clear();
         targets.clear();
@@ -80,8 +80,8 @@ impl<'a> Transitioning<'a> {
     }
 }
 
-/// First transitions of all sequences of `length` successive transitions of one segment inside `part`, from each
-/// segment's first one on every `stride`-th.
+/// Returns the first transition of every sequence: `length` successive transitions of one segment inside `part`.
+/// Each segment's sequences start at its first transition and then at every `stride`-th.
 pub fn sequences(
     transitions: &Transitions,
     part: Range<usize>,
@@ -91,7 +91,7 @@ pub fn sequences(
     let mut starts = Vec::new();
     let sources = &transitions.sources()[part.clone()];
     let mut first = part.start;
-    // Within a segment sources are successive rows; between segments a row is left out.
+    // Within a segment, sources are successive rows. Between segments a row is skipped.
     for run in sources.chunk_by(|now, then| *then == now + 1) {
         let last = (run.len() + 1).saturating_sub(length);
         starts.extend((0..last).step_by(stride).map(|offset| (first + offset) as u32));
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn sequences_stay_in_their_segment_and_part() {
         let transitions = Transitions::new(Segments::from_lengths([7, 2, 5]).expect("valid"));
-        // Transitions 0..6 of the first segment, 6 of the second, 7..11 of the third.
+        // Transitions 0..6 belong to the first segment, 6 to the second, and 7..11 to the third.
         assert_eq!(sequences(&transitions, 0..11, 3, 1), [0, 1, 2, 3, 7, 8]);
         assert_eq!(sequences(&transitions, 0..11, 3, 2), [0, 2, 7]);
         assert_eq!(sequences(&transitions, 4..9, 2, 1), [4, 7]);

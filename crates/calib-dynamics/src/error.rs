@@ -1,7 +1,7 @@
 use calib_core::Cancelled;
 use calib_files::FileError;
 
-/// Why there is no parametric model, or no rollout of it.
+/// An error of a parametric model or of its rollouts.
 #[derive(Debug, thiserror::Error)]
 pub enum DynamicsError {
     /// A value is outside its range.
@@ -9,18 +9,18 @@ pub enum DynamicsError {
     Config {
         /// The key.
         key: &'static str,
-        /// What it may be.
+        /// The expected values.
         expected: String,
-        /// What it is.
+        /// The value that was given.
         got: String,
     },
-    /// Too few transitions to learn from and to validate with.
+    /// There are too few transitions for training and validation.
     #[error(
         "{transitions} transitions cannot be split into a training part and the last {fraction} of them \
          for validation; give more data"
     )]
     TooFewTransitions {
-        /// Transitions of the training range.
+        /// Number of transitions of the training range.
         transitions: usize,
         /// The validation fraction.
         fraction: f64,
@@ -31,34 +31,34 @@ pub enum DynamicsError {
          data with fewer gaps"
     )]
     NoSequence {
-        /// Training or validation.
+        /// The part: training or validation.
         part: &'static str,
-        /// Transitions of a sequence.
+        /// Number of transitions in a sequence.
         length: usize,
     },
-    /// Training left the finite numbers.
+    /// The training loss is not finite.
     #[error("the loss of epoch {epoch} is {loss}; lower `learning_rate`, now {learning_rate}")]
     Diverged {
         /// The epoch, counted from 1.
         epoch: usize,
-        /// Its loss.
+        /// The loss of the epoch.
         loss: f64,
         /// The step size.
         learning_rate: f64,
     },
-    /// Weights that do not make a model of the study.
+    /// The weights do not form a model of this study.
     #[error("the weights do not fit: {reason}")]
     Weights {
-        /// What is wrong.
+        /// What does not fit.
         reason: String,
     },
-    /// A model that is run by another library failed.
+    /// A model that another library runs has failed.
     #[error("{0}")]
     Backend(String),
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The observer asked to stop.
+    /// The monitor interrupted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -2,14 +2,15 @@ use calib_nn::{Mlp, Workspace};
 
 use crate::{Dynamics, DynamicsError, LANES, Walk};
 
-/// The NN baseline: a feed-forward network with `ReLU` between layers whose output is the next state.
+/// The NN baseline: a feed-forward network with `ReLU` between layers, whose output is the next
+/// state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeedForward {
     network: Mlp,
 }
 
 impl FeedForward {
-    /// The model of a network.
+    /// Creates a model from a network.
     ///
     /// # Errors
     /// If it does not map states to states.
@@ -23,7 +24,7 @@ impl FeedForward {
         Ok(Self { network })
     }
 
-    /// The network.
+    /// Returns the network.
     pub fn network(&self) -> &Mlp {
         &self.network
     }

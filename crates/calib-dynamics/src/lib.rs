@@ -1,16 +1,16 @@
-//! Parametric dynamics models: networks that predict the next state, their training and their rollouts.
+//! Parametric dynamics models: networks that predict the next state, with their training and their rollouts.
 //!
-//! They are the baselines of the paper: a feed-forward network (NN) and a recurrent one (GRU), trained on one-step
-//! prediction and rolled out by feeding predictions back. Unlike a nearest-neighbour model they can leave the data.
+//! They are the baselines of the paper: a feed-forward network (NN) and a recurrent one (GRU). They are trained on one-step prediction, and
+//! rolled out by feeding predictions back. Unlike a nearest-neighbour model, they can leave the data.
 //!
 //! - [`DynamicsConfig`]: the `[dynamics]` section of a study.
-//! - [`Dynamics`], [`Walk`]: any such model: state in, next state out, perhaps with a hidden state.
-//!   [`FeedForward`] and [`Recurrent`] are in this crate; others may come from elsewhere.
-//! - [`Transitioning`]: the transitions that are learnt from and those that are held back, split in time.
-//! - [`Trainer`], [`FeedForwardTrainer`], [`RecurrentTrainer`], [`TrainingRecord`], [`TrainingState`]: training by epochs, which can be put aside and resumed
-//!   to the same bytes.
-//! - [`predict`], [`Rollouts`], [`Prediction`], [`Ended`]: rollouts in lockstep, one matrix product for many.
-//! - [`Residuals`], [`Noise`]: what a network leaves unexplained, put back into its rollouts.
+//! - [`Dynamics`], [`Walk`]: any such model: state in, next state out, perhaps with a hidden state. [`FeedForward`] and [`Recurrent`] are
+//!   in this crate. Other crates may add more.
+//! - [`Transitioning`]: the transitions for training and for validation, split in time.
+//! - [`Trainer`], [`FeedForwardTrainer`], [`RecurrentTrainer`], [`TrainingRecord`], [`TrainingState`]: training by epochs. It can be
+//!   interrupted and resumed, with the same bytes as the result.
+//! - [`predict`], [`Rollouts`], [`Prediction`], [`Ended`]: rollouts in lockstep, with one matrix product for many.
+//! - [`Residuals`], [`Noise`]: the prediction errors of a network, which rollouts can add as noise.
 //!
 //! ```
 //! use calib_core::{RowIndex, Seed, Segments, Silent, States, Transitions};

@@ -2,21 +2,22 @@ use std::fmt;
 
 use crate::DynamicsError;
 
-/// Rollouts that are taken one step in one matrix product.
+/// Number of rollouts that take a step with one matrix product.
 ///
-/// Every product has this many rows, whether so many rollouts are wanted or not: then a rollout is the same to the
-/// bit alone and among others.
+/// Every product has this many rows, even if fewer rollouts are needed. So a rollout is bit-identical alone and
+/// among others.
 pub const LANES: usize = 16;
 
 /// A model of the plant's dynamics: states in, next states out, in normalised units.
 pub trait Dynamics: fmt::Debug + Send + Sync {
-    /// Values in a state.
+    /// Returns the number of values in a state.
     fn columns(&self) -> usize;
 
-    /// How many recorded states before its start a rollout may see to fill the hidden state; 0 for models without.
+    /// Returns how many recorded states before its start a rollout may use to fill the hidden state; 0 for models
+    /// without one.
     fn history(&self) -> usize;
 
-    /// Begin [`LANES`] rollouts with empty hidden states.
+    /// Begins [`LANES`] rollouts with empty hidden states.
     ///
     /// # Errors
     /// If the model cannot be run.
@@ -25,12 +26,12 @@ pub trait Dynamics: fmt::Debug + Send + Sync {
 
 /// [`LANES`] rollouts in progress.
 pub trait Walk {
-    /// Write the states that follow `states`, both `[LANES, columns]`, and move the hidden states on.
+    /// Writes the states that follow `states`, both `[LANES, columns]`, and updates the hidden states.
     ///
     /// # Errors
-    /// If the model cannot be run. Values that are not finite are no error here.
+    /// If the model cannot be run. Values that are not finite are not an error here.
     fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError>;
 
-    /// Empty the hidden state of one lane.
+    /// Empties the hidden state of one lane.
     fn forget(&mut self, lane: usize);
 }

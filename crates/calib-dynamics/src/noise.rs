@@ -1,7 +1,7 @@
-//! What a network leaves unexplained, and rollouts that put it back.
+//! Prediction errors of a network, which rollouts can add as noise.
 //!
-//! A network that is trained on squared errors predicts conditional means. Fed back, means come to rest: rollouts stand
-//! still where the plant does not. Recorded residuals added to each prediction keep the variance that one step has.
+//! A network that is trained on squared errors predicts conditional means. When means are fed back, rollouts become
+//! constant where the plant does not. Adding recorded residuals to each prediction keeps the variance of one step.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Dynamics, DynamicsError, Transitioning, predict};
 
-/// Steps of a block on average.
+/// Mean number of steps in a block.
 const BLOCK: f64 = 36.0;
 
 /// The noise that rollouts add to predictions.
@@ -28,18 +28,19 @@ pub enum Noise {
     Block,
 }
 
-/// Recorded next states minus predicted ones, over the validation part.
+/// The recorded next states minus the predicted ones, over the validation part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Residuals {
     columns: usize,
-    /// `[row, column]`.
+    /// The residuals, `[row, column]`.
     values: Vec<f32>,
-    /// Rows that follow each other in time.
+    /// Ranges of rows that follow each other in time.
     pieces: Vec<Range<usize>>,
 }
 
 impl Residuals {
-    /// Of the model's predictions of each validation transition, from the recorded state before it.
+    /// Computes the residuals of the model's predictions for each validation transition, from the recorded state before
+    /// it.
     ///
     /// # Errors
     /// If the model cannot be run, or a prediction is not finite.
@@ -70,7 +71,7 @@ impl Residuals {
         Ok(Self { columns: data.columns(), values, pieces })
     }
 
-    /// Transitions that they are of.
+    /// Returns the number of transitions with residuals.
     pub fn rows(&self) -> usize {
         self.values.len() / self.columns
     }
@@ -79,7 +80,7 @@ impl Residuals {
         &self.values[row * self.columns..][..self.columns]
     }
 
-    /// As tensors: `residuals` `[rows, columns]`, and the pieces in the metadata.
+    /// Returns the residuals as tensors: `residuals` `[rows, columns]`, with the pieces in the metadata.
     pub fn to_tensors(&self) -> Tensors {
         let ends: Vec<usize> = self.pieces.iter().map(|piece| piece.end).collect();
         Tensors {
@@ -92,7 +93,7 @@ impl Residuals {
         }
     }
 
-    /// What [`to_tensors`](Self::to_tensors) gave.
+    /// Reads the tensors of [`to_tensors`](Self::to_tensors).
     ///
     /// # Errors
     /// If they are not residuals of `columns` values.
@@ -118,12 +119,12 @@ fn not_residuals() -> DynamicsError {
     DynamicsError::Weights { reason: "they are no residuals of it".to_owned() }
 }
 
-/// Residuals on their way into one rollout.
+/// The noise of one rollout.
 pub(crate) struct NoiseSource<'a> {
     noise: Noise,
     residuals: &'a Residuals,
     rng: Rng,
-    /// The next row of a block, and where its piece ends.
+    /// The next row of a block, and the end of its piece.
     next: Range<usize>,
 }
 
@@ -132,7 +133,7 @@ impl<'a> NoiseSource<'a> {
         Self { noise, residuals, rng, next: 0..0 }
     }
 
-    /// Add the next residual to a predicted state.
+    /// Adds the next residual to a predicted state.
     pub(crate) fn add_to(&mut self, predicted: &mut [f32]) {
         let row = match self.noise {
             Noise::None => return,
@@ -156,18 +157,18 @@ impl<'a> NoiseSource<'a> {
     }
 }
 
-/// How rollouts of a model of these states are made.
+/// The inputs of rollouts: a model, recorded states and noise.
 #[derive(Clone, Copy, Debug)]
 pub struct Rollouts<'a> {
-    /// What predicts.
+    /// The model that predicts.
     pub model: &'a dyn Dynamics,
-    /// The states that it starts from.
+    /// The states from which rollouts start.
     pub states: &'a States,
-    /// Which of them follow each other.
+    /// The segments of the states.
     pub segments: &'a Segments,
-    /// What is added to predictions.
+    /// The noise that is added to predictions.
     pub noise: Noise,
-    /// Where that is drawn from; without it nothing is added.
+    /// The residuals from which noise is drawn. Without them no noise is added.
     pub residuals: Option<&'a Residuals>,
 }
 
@@ -179,7 +180,7 @@ mod tests {
     use super::*;
     use crate::{FeedForward, Start};
 
-    /// x' = x / 2 + noise, and the model that knows it.
+    /// Returns the plant x' = x / 2 + noise, and its exact model.
     fn plant(rows: usize) -> (States, Transitions, FeedForward) {
         let mut rng = Seed::new(3).rng();
         let mut values = vec![0.0_f32];

@@ -5,13 +5,13 @@ use rayon::prelude::*;
 
 use crate::{Dynamics, DynamicsError, LANES, Noise, Rollouts, noise::NoiseSource};
 
-/// Steps between two looks at the monitor.
+/// Steps between two checks for an interruption.
 const STEPS_PER_LOOK: usize = 256;
 
-/// A trajectory that a model predicts, from a recorded state on.
+/// A trajectory that a model predicts, starting from a recorded state.
 ///
-/// State 0 is the start; every further one is what the model makes of the one before. States are normalised, and
-/// need not look like anything that was recorded.
+/// State 0 is the start. Each further state is the model's prediction from the previous one. States are normalised, and
+/// need not resemble any recorded state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
     start: RowIndex,
@@ -20,14 +20,14 @@ pub struct Prediction {
     ended: Ended,
 }
 
-/// How a rollout ended.
+/// The end of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// After all the steps that were asked for.
+    /// The rollout took all the requested steps.
     Complete,
-    /// Before this step, because its state would have had a value that is not finite.
+    /// The rollout stopped before this step, because its state would contain a value that is not finite.
     NotFinite {
-        /// The step that is not there, counted from 1.
+        /// Number of the missing step, counted from 1.
         step: usize,
         /// The first column that is not finite.
         column: usize,
@@ -35,38 +35,38 @@ pub enum Ended {
 }
 
 impl Prediction {
-    /// The recorded row that it starts from.
+    /// Returns the recorded row of the start.
     pub fn start(&self) -> RowIndex {
         self.start
     }
 
-    /// Steps taken: states but the start.
+    /// Returns the number of steps taken: the number of states without the start.
     pub fn steps(&self) -> usize {
         self.states.len() / self.columns - 1
     }
 
-    /// Values in a state.
+    /// Returns the number of values in a state.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// The state after `step` steps.
+    /// Returns the state after `step` steps.
     pub fn state(&self, step: usize) -> &[f32] {
         &self.states[step * self.columns..][..self.columns]
     }
 
-    /// One column, from the start on.
+    /// Returns the values of one column, from the start on.
     pub fn column(&self, column: usize) -> impl Iterator<Item = f32> + '_ {
         self.states.iter().skip(column).step_by(self.columns).copied()
     }
 
-    /// How it ended.
+    /// Returns how the rollout ended.
     pub fn ended(&self) -> Ended {
         self.ended
     }
 }
 
-/// A prediction as a stream for an agent, in one unbroken piece.
+/// A prediction as a stream for an agent, in one unbroken segment.
 #[derive(Clone, Debug)]
 pub struct PredictedStream {
     prediction: Arc<Prediction>,
@@ -74,7 +74,7 @@ pub struct PredictedStream {
 }
 
 impl PredictedStream {
-    /// The stream of a prediction.
+    /// Creates the stream of a prediction.
     pub fn new(prediction: Arc<Prediction>) -> Self {
         let piece = 0..prediction.steps() + 1;
         Self { prediction, piece }
@@ -99,7 +99,7 @@ impl Stream for PredictedStream {
     }
 }
 
-/// Roll `model` out from each of the recorded `starts` for `steps` steps, feeding predictions back, with nothing added.
+/// Rolls `model` out from each of the recorded `starts` for `steps` steps, feeding predictions back, without noise.
 ///
 /// # Errors
 /// As [`Rollouts::predict`].
@@ -119,21 +119,21 @@ pub fn predict(
     rollouts.predict(&starts, steps, monitor)
 }
 
-/// Where a rollout begins, and by which numbers noise is drawn.
+/// The start of a rollout, and the seed of its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// The recorded row.
     pub row: RowIndex,
-    /// Of the noise, if there is any.
+    /// The seed of the noise, if there is any.
     pub seed: Seed,
 }
 
 impl Rollouts<'_> {
-    /// Roll the model out from each of `starts` for `steps` steps, feeding predictions back.
+    /// Rolls the model out from each of `starts` for `steps` steps, feeding predictions back.
     ///
-    /// A model with a hidden state first sees the recorded states before the start, as many as it wants and the segment
-    /// has (our choice: the hidden state is then as in training). A rollout depends on its start alone, to the bit: not on
-    /// the others, nor on the number of threads. Progress counts steps.
+    /// A model with a hidden state first processes the recorded states before the start: as many as it needs and the
+    /// segment has (our choice: the hidden state is then as in training). A rollout depends only on its own start, bit for
+    /// bit. It does not depend on the other starts or on the number of threads. Progress counts steps.
     ///
     /// # Errors
     /// If the model does not fit the states or cannot be run, or the monitor is interrupted.
@@ -160,7 +160,8 @@ impl Rollouts<'_> {
         Ok(lockstep?.into_iter().flatten().collect())
     }
 
-    /// As [`predict`](Self::predict), on the calling thread alone, of at most [`LANES`] starts. The caller begins the task.
+    /// Predicts as [`predict`](Self::predict), from at most [`LANES`] starts and only on the calling thread. The caller
+    /// begins the task.
     ///
     /// # Errors
     /// If the model cannot be run, or the monitor is interrupted.
@@ -231,7 +232,7 @@ impl Rollouts<'_> {
                 }
             }
             std::mem::swap(&mut current, &mut next);
-            // Lanes that nobody wants stay where they are.
+            // Unused lanes stay at zero.
             current[rollouts.len() * columns..].fill(0.0);
             if step % STEPS_PER_LOOK == 0 || step == steps {
                 monitor.check()?;
@@ -243,7 +244,7 @@ impl Rollouts<'_> {
     }
 }
 
-/// Rows of the start's segment before it.
+/// Returns the number of rows before the start in its segment.
 fn history(segments: &Segments, start: RowIndex) -> usize {
     let position = segments.position_of(start.get()).expect("a start is a row of the data");
     start.get() - segments.as_slice()[position].start as usize
@@ -303,7 +304,7 @@ mod tests {
         };
         assert_eq!(roll(&[30], 20), roll(&[14, 16], 20), "six rows back, no more");
         assert!(roll(&[30], 20) != roll(&[15, 15], 20), "five rows back");
-        // By hand: the walk over the recorded rows.
+        // The expected result, computed directly: the model runs over the recorded rows.
         let mut walk = model.walk().expect("it runs");
         let mut next = vec![0.0; LANES * 3];
         for row in 15..=20 {
@@ -314,7 +315,7 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_ends_a_rollout() {
-        // x grows tenfold each step and leaves the range of f32 after 38 steps or so.
+        // x grows tenfold per step, and leaves the range of f32 after about 38 steps.
         let network = Mlp::from_parameters(&[1, 1], &[10.0, 0.0]).expect("two parameters");
         let model = FeedForward::new(network).expect("square");
         let states = States::new(vec![1.0, 0.0], 2, 1).expect("finite");

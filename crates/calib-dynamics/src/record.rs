@@ -4,23 +4,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::{DynamicsConfig, DynamicsError, Keep};
 
-/// Losses of one epoch: mean squared errors over transitions and columns, normalised units.
+/// Losses of one epoch: mean squared errors over transitions and columns, in normalised units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpochLoss {
-    /// Over the mini-batches of the epoch, each before its update.
+    /// The loss over the mini-batches of the epoch, each before its update.
     pub training: f64,
-    /// Over the validation part, after the epoch.
+    /// The loss over the validation part, after the epoch.
     pub validation: f64,
 }
 
-/// What training did so far.
+/// The history of training so far.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrainingRecord {
-    /// Losses of each epoch.
+    /// The losses of each epoch.
     pub epochs: Vec<EpochLoss>,
-    /// Updates made.
+    /// Number of updates so far.
     pub updates: u64,
-    /// The epoch whose weights are kept, counted from 1; 0 before the first.
+    /// The epoch whose weights are kept, counted from 1; 0 before the first epoch.
     pub kept: usize,
 }
 
@@ -30,7 +30,7 @@ impl TrainingRecord {
         self.epochs.len() >= config.epochs
     }
 
-    /// Add an epoch; whether its weights are now those to keep.
+    /// Adds an epoch. Returns whether its weights are now the ones to keep.
     ///
     /// # Errors
     /// If a loss is not finite.
@@ -56,44 +56,45 @@ impl TrainingRecord {
     }
 }
 
-/// Training of a model, epoch by epoch.
+/// The training of a model, epoch by epoch.
 ///
-/// An epoch is a pure function of the state before it, so training that was put aside in a
+/// An epoch is a pure function of the state before it. So training that is saved in a
 /// [`checkpoint`](Self::checkpoint) and resumed ends with the same bytes.
 pub trait Trainer {
-    /// Updates of one epoch; they measure progress.
+    /// Returns the number of updates per epoch, the unit of progress.
     fn updates_per_epoch(&self) -> usize;
 
-    /// What was done so far.
+    /// Returns the history of the training.
     fn record(&self) -> &TrainingRecord;
 
-    /// Train for one epoch. The monitor advances by its updates; the caller begins the task.
+    /// Trains for one epoch. The monitor advances by its updates. The caller begins the task.
     ///
     /// # Errors
-    /// [`DynamicsError::Diverged`], or [`DynamicsError::Cancelled`]; then the trainer is of no more use.
+    /// [`DynamicsError::Diverged`], or [`DynamicsError::Cancelled`]. The trainer cannot be used
+    /// afterwards.
     fn epoch(&mut self, monitor: &dyn Monitor) -> Result<EpochLoss, DynamicsError>;
 
-    /// Everything that the next epoch follows from.
+    /// Returns the full state, from which the next epoch follows.
     ///
     /// # Errors
-    /// If the weights cannot be had from where they are.
+    /// If the weights cannot be read from their device.
     fn checkpoint(&self) -> Result<Tensors, DynamicsError>;
 
-    /// The weights that are kept.
+    /// Returns the weights that are kept.
     ///
     /// # Errors
-    /// If the weights cannot be had from where they are.
+    /// If the weights cannot be read from their device.
     fn weights(&self) -> Result<Tensors, DynamicsError>;
 }
 
-/// The order in which items are learnt from in epoch `epoch` (from 0): the same for every backend.
+/// Returns the order of the training items in epoch `epoch` (from 0). It is the same for every backend.
 pub(crate) fn epoch_order(items: impl Iterator<Item = u32>, seed: Seed, epoch: usize) -> Vec<u32> {
     let mut order: Vec<u32> = items.collect();
     seed.child("epoch").number(epoch as u64).rng().shuffle(&mut order);
     order
 }
 
-/// The seed of the first parameters: the same for every backend.
+/// Returns the seed of the initial parameters. It is the same for every backend.
 pub fn seed_of_parameters(seed: Seed) -> Seed {
     seed.child("parameters")
 }

@@ -6,7 +6,7 @@ use crate::{
     recurrent_pass::{Activated, Products, activate},
 };
 
-/// One layer of a GRU, with PyTorch's layout: rows are the reset, update and new gates, each of `hidden` units.
+/// One layer of a GRU, in PyTorch's layout. The rows are the reset, update and new gates, each with `hidden` units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GruLayer {
     /// Weights of the input, `[3 · hidden, inputs]`.
@@ -19,8 +19,8 @@ pub struct GruLayer {
     pub bias_hh: Vec<f32>,
 }
 
-/// The GRU baseline: layers of gated recurrent units (Cho et al. 2014, as PyTorch computes them) and a linear output,
-/// which is the next state.
+/// The GRU baseline: layers of gated recurrent units (Cho et al. 2014, as PyTorch computes them) and a linear output.
+/// The output is the next state.
 ///
 /// ```text
 /// r = σ(W_ir x + b_ir + W_hr h + b_hr), z = σ(W_iz x + b_iz + W_hz h + b_hz),
@@ -31,14 +31,14 @@ pub struct Recurrent {
     columns: usize,
     hidden: usize,
     layers: Vec<GruLayer>,
-    /// `[columns, hidden]`.
+    /// The weights of the output, `[columns, hidden]`.
     head_weight: Vec<f32>,
     head_bias: Vec<f32>,
     history: usize,
 }
 
 impl Recurrent {
-    /// The model of these weights; `history` recorded states before a start fill the hidden state.
+    /// Creates a model with these weights. `history` recorded states before a start fill the hidden state.
     ///
     /// # Errors
     /// If the sizes do not agree.
@@ -73,7 +73,7 @@ impl Recurrent {
         Ok(Self { columns, hidden, layers, head_weight, head_bias, history })
     }
 
-    /// A model with PyTorch's default parameters: uniform in ±1/√hidden, drawn in the order of [`Self::flat`].
+    /// Creates a model with PyTorch's default parameters: uniform in ±1/√hidden, drawn in the order of [`Self::flat`].
     ///
     /// # Panics
     /// If a size is zero.
@@ -106,8 +106,8 @@ impl Recurrent {
         Self { columns, hidden, layers, head_weight, head_bias, history }
     }
 
-    /// All parameters in one vector: of each layer `weight_ih`, `weight_hh`, `bias_ih` and `bias_hh`, then weights and
-    /// biases of the output.
+    /// Returns all parameters in one vector: `weight_ih`, `weight_hh`, `bias_ih` and `bias_hh` of each layer, then
+    /// weights and biases of the output.
     pub fn flat(&self) -> Vec<f32> {
         let layers = self.layers.iter();
         let layers = layers
@@ -115,10 +115,10 @@ impl Recurrent {
         layers.chain([&self.head_weight, &self.head_bias]).flatten().copied().collect()
     }
 
-    /// The same model with other parameters, in the order of [`Self::flat`].
+    /// Returns the same model with other parameters, in the order of [`Self::flat`].
     ///
     /// # Panics
-    /// If there are not as many.
+    /// If the number of parameters differs.
     #[must_use]
     pub fn with_flat(&self, flat: &[f32]) -> Self {
         let mut model = self.clone();
@@ -140,17 +140,17 @@ impl Recurrent {
         model
     }
 
-    /// The layers, input first.
+    /// Returns the layers, input first.
     pub fn layers(&self) -> &[GruLayer] {
         &self.layers
     }
 
-    /// Units of each layer.
+    /// Returns the number of units per layer.
     pub fn hidden(&self) -> usize {
         self.hidden
     }
 
-    /// Weights `[columns, hidden]` and biases `[columns]` of the output.
+    /// Returns the weights `[columns, hidden]` and biases `[columns]` of the output.
     pub fn head(&self) -> (&[f32], &[f32]) {
         (&self.head_weight, &self.head_bias)
     }
@@ -182,7 +182,7 @@ struct RecurrentWalk<'a> {
     hidden: Vec<Vec<f32>>,
     of_input: Vec<f32>,
     of_hidden: Vec<f32>,
-    /// Of one lane: the gates, the hidden part of the new one, and the hidden state before.
+    /// Buffers of one lane: the gates, the hidden part of the new gate, and the previous hidden state.
     gates: [Vec<f32>; 5],
 }
 
@@ -241,7 +241,7 @@ impl Walk for RecurrentWalk<'_> {
 mod tests {
     use super::*;
 
-    /// σ by its definition.
+    /// Returns σ by its definition.
     fn logistic(x: f64) -> f64 {
         1.0 / (1.0 + (-x).exp())
     }

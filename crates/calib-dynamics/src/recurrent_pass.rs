@@ -1,4 +1,5 @@
-//! A GRU over whole sequences: its outputs, and the gradient of their squared error back through time.
+//! A pass of a GRU over whole sequences: its outputs, and the gradient of their squared error by back-propagation through
+//! time.
 
 use std::ops::Range;
 
@@ -9,7 +10,7 @@ use crate::{
     activation::{sigmoid, tanh},
 };
 
-/// Where the parameters of a layer lie in the flat vector of a model.
+/// The positions of a layer's parameters in the flat vector of a model.
 #[derive(Clone, Debug)]
 struct LayerPlace {
     inputs: usize,
@@ -19,7 +20,7 @@ struct LayerPlace {
     bias_hh: Range<usize>,
 }
 
-/// The sizes of a GRU, and where its parameters lie in the order of [`Recurrent::flat`].
+/// The sizes of a GRU, and the positions of its parameters in the order of [`Recurrent::flat`].
 #[derive(Clone, Debug)]
 pub(crate) struct GruShape {
     pub(crate) columns: usize,
@@ -60,7 +61,7 @@ impl GruShape {
 /// Activations of one layer over a sequence, each `[step, sequence, unit]`.
 #[derive(Clone, Debug, Default)]
 struct LayerPass {
-    /// Products of the inputs with the three gates; later the gradients with respect to them.
+    /// Products of the inputs with the three gates. Later the gradients with respect to these products.
     of_input: Vec<f32>,
     /// Gradients with respect to the products of the hidden state.
     of_hidden: Vec<f32>,
@@ -69,24 +70,24 @@ struct LayerPass {
     new: Vec<f32>,
     /// `W_hn h + b_hn`.
     new_hidden: Vec<f32>,
-    /// The hidden state after each step, with zeros for what was before the first.
+    /// The hidden state after each step. It starts with zeros for the state before the first step.
     hidden: Vec<f32>,
     /// Gradient with respect to the hidden state after each step.
     d_hidden: Vec<f32>,
 }
 
-/// Room for a pass of some sequences, and the gradient that it leaves.
+/// Buffers for a pass over some sequences, and its gradient.
 #[derive(Clone, Debug)]
 pub(crate) struct GruPass {
     layers: Vec<LayerPass>,
     /// Products of one step.
     step: Vec<f32>,
     outputs: Vec<f32>,
-    /// In the order of [`Recurrent::flat`].
+    /// The gradient, in the order of [`Recurrent::flat`].
     pub(crate) gradient: Vec<f32>,
 }
 
-/// Sequences to learn from, `[step, sequence, column]`.
+/// Training sequences, `[step, sequence, column]`.
 #[derive(Clone, Copy)]
 pub(crate) struct Sequences<'a> {
     pub(crate) inputs: &'a [f32],
@@ -105,7 +106,7 @@ impl GruPass {
         }
     }
 
-    /// The sum of squared errors of all outputs, each sequence from an empty hidden state.
+    /// Returns the sum of squared errors of all outputs. Each sequence starts with an empty hidden state.
     pub(crate) fn squared_error(
         &mut self,
         shape: &GruShape,
@@ -184,7 +185,8 @@ impl GruPass {
         squares
     }
 
-    /// The gradient of `scale` times half the squared error that [`squared_error`](Self::squared_error) has just computed.
+    /// Computes the gradient of `scale` times half the squared error of the preceding call of
+    /// [`squared_error`](Self::squared_error).
     pub(crate) fn back(
         &mut self,
         shape: &GruShape,
@@ -288,7 +290,7 @@ pub(crate) struct Products<'a> {
     pub(crate) bias_hh: &'a [f32],
 }
 
-/// What they come to.
+/// The activations of one row, for writing.
 pub(crate) struct Activated<'a> {
     pub(crate) reset: &'a mut [f32],
     pub(crate) keep: &'a mut [f32],
@@ -297,7 +299,7 @@ pub(crate) struct Activated<'a> {
     pub(crate) hidden: &'a mut [f32],
 }
 
-/// The gates and the new hidden state of one row.
+/// Computes the gates and the new hidden state of one row.
 pub(crate) fn activate(products: Products<'_>, past: &[f32], to: Activated<'_>) {
     let Products { of_input, of_hidden, bias_ih, bias_hh } = products;
     let Activated { reset, keep, new, new_hidden, hidden: next } = to;
@@ -325,7 +327,7 @@ pub(crate) fn activate(products: Products<'_>, past: &[f32], to: Activated<'_>) 
     }
 }
 
-/// What the activations of one row were, and the hidden state before them.
+/// The activations of one row, and the hidden state before them.
 #[derive(Clone, Copy)]
 struct Past<'a> {
     reset: &'a [f32],
@@ -335,8 +337,8 @@ struct Past<'a> {
     hidden: &'a [f32],
 }
 
-/// Gradients with respect to the products of the gates, from that of the hidden state, which becomes what reaches the hidden
-/// state before directly.
+/// Computes the gradients with respect to the products of the gates, from the gradient of the hidden state. Replaces the
+/// latter by the direct gradient of the previous hidden state.
 fn differentiate(
     d_hidden: &mut [f32],
     past: Past<'_>,
@@ -362,7 +364,7 @@ fn differentiate(
     }
 }
 
-/// Sums over rows, one a column.
+/// Computes the sum of each column over the rows.
 fn sum_rows(rows: &[f32], sums: &mut [f32]) {
     sums.fill(0.0);
     for row in rows.chunks_exact(sums.len()) {

@@ -7,12 +7,12 @@ use crate::{
     train::{Learnable, NativeTrainer, Parts},
 };
 
-/// Trains the GRU baseline: the mean squared error of every next state of a sequence that begins with an empty hidden
-/// state (burn-in 0, the paper), by back-propagation through the whole sequence; Adam, shuffled mini-batches of
+/// Trains the GRU baseline on the mean squared error of every next state of a sequence, by back-propagation through the whole
+/// sequence. Each sequence begins with an empty hidden state (burn-in 0, the paper). Uses Adam and shuffled mini-batches of
 /// sequences.
 pub type RecurrentTrainer<'a> = NativeTrainer<Gru<'a>>;
 
-/// A GRU and the sequences that it learns.
+/// A GRU and its training sequences.
 #[derive(Debug)]
 pub struct Gru<'a> {
     data: Transitioning<'a>,
@@ -21,7 +21,7 @@ pub struct Gru<'a> {
     length: usize,
 }
 
-/// Buffers of some sequences of a mini-batch.
+/// Buffers for some sequences of a mini-batch.
 #[derive(Debug)]
 pub struct GruWorkspace {
     inputs: Vec<f32>,
@@ -77,7 +77,7 @@ impl Learnable for Gru<'_> {
 }
 
 impl<'a> RecurrentTrainer<'a> {
-    /// Training from the start: parameters as [`Recurrent::random`] draws them.
+    /// Starts training with parameters drawn by [`Recurrent::random`].
     ///
     /// # Errors
     /// If no sequence fits into a part of the data.
@@ -109,13 +109,14 @@ impl<'a> RecurrentTrainer<'a> {
         Ok(Self::with(gru, config, seed, parts, parameters))
     }
 
-    /// The model as it is now.
+    /// Returns the current model.
     pub fn present(&self) -> Recurrent {
         self.learnable().start.with_flat(self.parameters())
     }
 }
 
-/// Bytes that training a GRU takes beside the states: activations and gradients of a mini-batch, and copies of the parameters.
+/// Returns the memory for training a GRU without the states, in bytes: activations and gradients of a mini-batch, and copies
+/// of the parameters.
 pub fn recurrent_training_bytes(config: &DynamicsConfig, columns: usize) -> u64 {
     let units = config.hidden_units;
     let rows = config.batch_size.saturating_mul(config.sequence_length);
@@ -123,14 +124,14 @@ pub fn recurrent_training_bytes(config: &DynamicsConfig, columns: usize) -> u64 
     let of_layer = |inputs: usize| 3 * units * (inputs + units + 2);
     let above = (config.hidden_layers - 1).saturating_mul(of_layer(units));
     let parameters = of_layer(columns) + above + columns * (units + 1);
-    // Parameters, those kept, two moments, and a gradient for each half of a mini-batch.
+    // The parameters, the kept parameters, two moments, and a gradient for each half of a mini-batch.
     float_bytes(activations)
         .saturating_mul(config.hidden_layers as u64)
         .saturating_add(float_bytes(rows.saturating_mul(3 * columns)))
         .saturating_add(6 * float_bytes(parameters))
 }
 
-/// Bytes of `count` numbers in single precision.
+/// Returns the bytes of `count` single-precision numbers.
 fn float_bytes(count: usize) -> u64 {
     4 * count as u64
 }
@@ -150,7 +151,7 @@ mod tests {
         columns: usize,
         layers: usize,
         steps: usize,
-        /// `[sequences][length + 1][columns]`.
+        /// The states, `[sequences][length + 1][columns]`.
         states: Vec<Vec<Vec<f32>>>,
         tensors: BTreeMap<String, Vec<f32>>,
         gru: Case,
@@ -158,7 +159,7 @@ mod tests {
 
     #[derive(Deserialize)]
     struct Case {
-        /// `[sequences][length][columns]`.
+        /// The predictions, `[sequences][length][columns]`.
         predictions: Vec<Vec<Vec<f64>>>,
         loss: f64,
         gradients: BTreeMap<String, Vec<f64>>,
@@ -209,7 +210,7 @@ mod tests {
         }
     }
 
-    /// What a flat vector holds, by PyTorch's names.
+    /// Returns the parts of a flat vector by PyTorch's names.
     fn named(model: &Recurrent, flat: &[f32]) -> BTreeMap<String, Vec<f32>> {
         let tensors = model.with_flat(flat).to_tensors().tensors;
         tensors.into_iter().map(|tensor| (tensor.name, tensor.values)).collect()
@@ -225,7 +226,7 @@ mod tests {
         }
     }
 
-    /// Gradients and a training of 20 updates as PyTorch computes them: `scripts/golden/gru.py`.
+    /// Compares gradients and training of 20 updates with PyTorch: `scripts/golden/gru.py`.
     #[test]
     fn a_gru_learns_as_in_pytorch() {
         let golden = Golden::read();
@@ -262,7 +263,7 @@ mod tests {
         assert!((loss - golden.gru.loss_after).abs() < 1e-6, "{loss}");
     }
 
-    /// A wave of which the state shows the height alone: what comes next takes memory.
+    /// Returns a wave whose state shows only the height, so that prediction needs memory.
     fn wave(rows: usize) -> (States, Transitions) {
         let values = (0..rows).map(|t| (t as f32 * 0.3).sin()).collect();
         let states = States::new(values, rows, 1).expect("finite");

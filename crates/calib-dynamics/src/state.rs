@@ -1,4 +1,4 @@
-//! Training between two epochs, whatever it computes with.
+//! The state of training between two epochs, for any backend.
 
 use std::collections::BTreeMap;
 
@@ -8,15 +8,15 @@ use calib_nn::Moments;
 
 use crate::{DynamicsError, TrainingRecord, record::epoch_order};
 
-/// Text of a checkpoint that holds everything but arrays.
+/// Key of the checkpoint's text with all values but the arrays.
 const PROGRESS: &str = "progress";
 
-/// All that a training needs to go on: what a checkpoint holds, of every [`Trainer`](crate::Trainer).
+/// The state from which a training resumes. It is the content of a checkpoint, for every [`Trainer`](crate::Trainer).
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainingState {
-    /// The parameters as they are.
+    /// The current parameters.
     pub parameters: Vec<f32>,
-    /// Those of the epoch that is kept.
+    /// The parameters of the epoch that is kept.
     pub kept: Vec<f32>,
     /// Adam's moments and powers.
     pub moments: Moments,
@@ -25,7 +25,7 @@ pub struct TrainingState {
 }
 
 impl TrainingState {
-    /// The state as a checkpoint.
+    /// Returns the state as a checkpoint.
     pub fn into_tensors(self) -> Tensors {
         let Moments { mean, square, powers } = self.moments;
         let progress = serde_json::json!((&self.record, powers)).to_string();
@@ -40,10 +40,10 @@ impl TrainingState {
         }
     }
 
-    /// The state of a checkpoint of a network with `count` parameters.
+    /// Reads the state from a checkpoint of a network with `count` parameters.
     ///
     /// # Errors
-    /// If the checkpoint is not one of such a training.
+    /// If the checkpoint does not belong to such training.
     pub fn from_tensors(checkpoint: &Tensors, count: usize) -> Result<Self, DynamicsError> {
         let array = |name: &str| match checkpoint.get(name) {
             Some(found) if found.values.len() == count => Ok(found.values.clone()),
@@ -68,8 +68,8 @@ fn wrong(reason: &str) -> DynamicsError {
     DynamicsError::Weights { reason: reason.to_owned() }
 }
 
-/// One pass over `items`, transitions or first ones of sequences, in the order of the epoch: `update` is called with each
-/// mini-batch and returns its loss before the update. The mean of the losses over the items.
+/// Makes one pass over `items` (transitions, or first transitions of sequences), in the order of the epoch. Calls
+/// `update` with each mini-batch; it returns the loss before the update. Returns the mean loss over the items.
 ///
 /// # Errors
 /// If an update fails, or the monitor is interrupted.

@@ -7,21 +7,21 @@ use crate::{
     Transitioning, pass, seed_of_parameters,
 };
 
-/// Fewest items of a mini-batch of which two threads take a half each.
+/// Minimum number of items in a mini-batch that is shared by two threads.
 const WORTH_SHARING: usize = 64;
 
-/// A network, and what it learns: items are transitions, or first transitions of sequences.
+/// A network and its training data. Items are transitions, or first transitions of sequences.
 pub trait Learnable: Sync {
-    /// Buffers of a pass, and the gradient that it leaves.
+    /// The buffers of a pass, and its gradient.
     type Workspace: Send;
 
-    /// Buffers for up to so many items.
+    /// Creates buffers for up to `items` items.
     fn workspace(&self, items: usize) -> Self::Workspace;
 
-    /// Numbers that are predicted for an item.
+    /// Returns the number of predicted values per item.
     fn outputs_per_item(&self) -> usize;
 
-    /// The sum of squared errors over the items. With a scale, the gradient of half of it times the scale is left.
+    /// Returns the sum of squared errors over the items. If there is a scale, also computes the gradient of half the sum times the scale.
     fn squared_error(
         &self,
         parameters: &[f32],
@@ -30,25 +30,25 @@ pub trait Learnable: Sync {
         workspace: &mut Self::Workspace,
     ) -> f64;
 
-    /// The gradient that the last pass left.
+    /// Returns the gradient of the last pass.
     fn gradient<'w>(&self, workspace: &'w mut Self::Workspace) -> &'w mut [f32];
 
-    /// Parameters with their names.
+    /// Returns the parameters with their names.
     fn weights(&self, parameters: &[f32]) -> Tensors;
 }
 
-/// What is learnt from and what validates.
+/// The items for training and for validation.
 #[derive(Clone, Debug)]
 pub(crate) struct Parts {
     pub(crate) training: Vec<u32>,
     pub(crate) validation: Vec<u32>,
 }
 
-/// Trains a network on this machine's processor: Adam on the mean squared error, shuffled mini-batches (the last one of
-/// an epoch may be smaller).
+/// Trains a network on this machine's CPU: Adam on the mean squared error, with shuffled mini-batches. The last batch of an epoch may be
+/// smaller.
 ///
-/// A mini-batch is cut into two halves whose gradients are added, always the same way, so that the result does not
-/// depend on the number of threads.
+/// A mini-batch is always split into the same two halves, whose gradients are added. So the result does not depend on the number of
+/// threads.
 #[derive(Debug)]
 pub struct NativeTrainer<L: Learnable> {
     learnable: L,
@@ -63,7 +63,7 @@ pub struct NativeTrainer<L: Learnable> {
 }
 
 impl<L: Learnable> NativeTrainer<L> {
-    /// Training from these parameters.
+    /// Starts training with these parameters.
     pub(crate) fn with(
         learnable: L,
         config: &DynamicsConfig,
@@ -86,10 +86,10 @@ impl<L: Learnable> NativeTrainer<L> {
         }
     }
 
-    /// The same training, as far as it had come when [`checkpoint`](Trainer::checkpoint) was taken, with the same data, configuration and seed.
+    /// Returns the training as it was at this [`checkpoint`](Trainer::checkpoint). Data, configuration and seed must be the same.
     ///
     /// # Errors
-    /// If the checkpoint is not one of such a training.
+    /// If the checkpoint does not belong to such training.
     pub fn resumed(mut self, checkpoint: &Tensors) -> Result<Self, DynamicsError> {
         let state = TrainingState::from_tensors(checkpoint, self.parameters.len())?;
         self.parameters = state.parameters;
@@ -107,7 +107,7 @@ impl<L: Learnable> NativeTrainer<L> {
         &self.parameters
     }
 
-    /// One update on these items; the mean squared error before it.
+    /// Makes one update on these items. Returns the mean squared error before it.
     pub fn update(&mut self, items: &[u32]) -> f64 {
         let scale = 2.0 / (items.len() * self.learnable.outputs_per_item()) as f32;
         let squares = self.squared_error(items, Some(scale));
@@ -123,7 +123,7 @@ impl<L: Learnable> NativeTrainer<L> {
         squares / (items.len() * self.learnable.outputs_per_item()) as f64
     }
 
-    /// The sum of squared errors; with a scale the halves hold the gradients of their share of it.
+    /// Returns the sum of squared errors. If there is a scale, each half computes the gradient of its share.
     fn squared_error(&mut self, items: &[u32], scale: Option<f32>) -> f64 {
         let learnable = &self.learnable;
         let parameters = &self.parameters[..];
@@ -149,7 +149,7 @@ impl<L: Learnable> NativeTrainer<L> {
     }
 }
 
-/// Items of a mini-batch that the first half takes.
+/// Returns the number of items in the first half of a mini-batch.
 fn cut(items: usize) -> usize {
     if items < WORTH_SHARING { items } else { items.div_ceil(2) }
 }
@@ -190,18 +190,18 @@ impl<L: Learnable> Trainer for NativeTrainer<L> {
     }
 }
 
-/// Trains a [`FeedForward`] network: the mean squared error of the next state over transitions and columns.
+/// Trains a [`FeedForward`] network on the mean squared error of the next state, over transitions and columns.
 pub type FeedForwardTrainer<'a> = NativeTrainer<NextState<'a>>;
 
-/// A feed-forward network and the transitions that it learns.
+/// A feed-forward network and its training transitions.
 #[derive(Debug)]
 pub struct NextState<'a> {
     data: Transitioning<'a>,
-    /// The shape; its parameters are those that it began with.
+    /// The shape of the network. Its parameters are the initial ones.
     network: Mlp,
 }
 
-/// Buffers of some transitions of a mini-batch.
+/// Buffers for some transitions of a mini-batch.
 #[derive(Debug)]
 pub struct NextStateWorkspace {
     inputs: Vec<f32>,
@@ -269,7 +269,7 @@ impl NextState<'_> {
 }
 
 impl<'a> FeedForwardTrainer<'a> {
-    /// Training from the start: parameters as [`Mlp::new`] draws them.
+    /// Starts training with parameters drawn by [`Mlp::new`].
     pub fn new(data: &Transitioning<'a>, config: &DynamicsConfig, seed: Seed) -> Self {
         let mut sizes = vec![config.hidden_units; config.hidden_layers + 2];
         sizes[0] = data.columns();
@@ -283,12 +283,12 @@ impl<'a> FeedForwardTrainer<'a> {
         Self::with(NextState { data: *data, network }, config, seed, parts, parameters)
     }
 
-    /// The network as it is now.
+    /// Returns the current network.
     pub fn network(&self) -> Mlp {
         self.learnable.model(&self.parameters).network().clone()
     }
 
-    /// The model of the weights that are kept.
+    /// Returns the model of the weights that are kept.
     pub fn model(&self) -> FeedForward {
         self.learnable.model(&self.kept)
     }

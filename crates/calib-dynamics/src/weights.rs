@@ -7,9 +7,9 @@ use calib_nn::{Mlp, Naming};
 
 use crate::{DynamicsError, FeedForward, GruLayer, Recurrent};
 
-/// Text that says of which kind the weights are.
+/// Key of the text with the kind of the weights.
 const KIND: &str = "kind";
-/// Text with the states that fill a hidden state.
+/// Key of the text with the number of states that fill the hidden state.
 const HISTORY: &str = "history";
 
 fn wrong(reason: impl Into<String>) -> DynamicsError {
@@ -33,13 +33,13 @@ fn check_kind(tensors: &Tensors, expected: &str) -> Result<(), DynamicsError> {
 }
 
 impl FeedForward {
-    /// The weights: `layers.N.weight` `[outputs, inputs]` and `layers.N.bias`, as PyTorch has them.
+    /// Returns the weights with PyTorch's names: `layers.N.weight` `[outputs, inputs]` and `layers.N.bias`.
     pub fn to_tensors(&self) -> Tensors {
         let metadata = BTreeMap::from([(KIND.to_owned(), "nn".to_owned())]);
         Tensors { tensors: self.network().to_tensors(Naming::Layers), metadata }
     }
 
-    /// The model of [these](Self::to_tensors) weights.
+    /// Creates a model from [such](Self::to_tensors) weights.
     ///
     /// # Errors
     /// If they are of another kind, or of sizes that do not agree.
@@ -51,7 +51,8 @@ impl FeedForward {
 }
 
 impl Recurrent {
-    /// The weights, named as in PyTorch: `gru.weight_ih_l0` … of a `GRU`, `head.weight` and `head.bias` of a `Linear`.
+    /// Returns the weights with PyTorch's names: `gru.weight_ih_l0` … of a `GRU`, and `head.weight` and `head.bias` of
+    /// a `Linear`.
     pub fn to_tensors(&self) -> Tensors {
         let units = self.hidden();
         let columns = self.head().1.len();
@@ -77,7 +78,7 @@ impl Recurrent {
         Tensors { tensors, metadata: BTreeMap::from(metadata) }
     }
 
-    /// The model of [these](Self::to_tensors) weights.
+    /// Creates a model from [such](Self::to_tensors) weights.
     ///
     /// # Errors
     /// If they are of another kind, or of sizes that do not agree.
@@ -106,7 +107,7 @@ mod tests {
 
     use super::*;
 
-    /// A layer of four units.
+    /// Returns a layer of four units.
     fn layer(inputs: usize) -> GruLayer {
         GruLayer {
             weight_ih: (0..12 * inputs).map(|v| v as f32).collect(),

@@ -1,4 +1,4 @@
-//! Predictions and gradients as PyTorch computes them: `scripts/golden/gru.py`.
+//! Tests predictions and gradients against PyTorch: `scripts/golden/gru.py`.
 
 use calib_dynamics::{Dynamics as _, FeedForward, LANES};
 use calib_nn::{Adam, AdamRule, Mlp, Workspace};
@@ -11,7 +11,7 @@ const TOLERANCE: f64 = 5e-7;
 struct Golden {
     columns: usize,
     steps: usize,
-    /// `[sequences][length + 1][columns]`.
+    /// The states, `[sequences][length + 1][columns]`.
     states: Vec<Vec<Vec<f32>>>,
     nn_sizes: Vec<usize>,
     nn_parameters: Vec<f32>,
@@ -20,7 +20,7 @@ struct Golden {
 
 #[derive(Deserialize)]
 struct NnCase {
-    /// `[sequences * length][columns]`.
+    /// The predictions, `[sequences * length][columns]`.
     predictions: Vec<Vec<f64>>,
     loss: f64,
     gradients: Vec<f64>,

@@ -3,7 +3,7 @@ use calib_core::{Segments, Silent, States, Transitions};
 use super::*;
 use crate::Keep;
 
-/// Rotation by a fixed angle: what comes next is a linear function of the state.
+/// Returns a rotation by a fixed angle: the next state is a linear function of the state.
 fn rotation(rows: usize) -> (States, Transitions) {
     let values = (0..rows).flat_map(|t| [(t as f32 * 0.3).sin(), (t as f32 * 0.3).cos()]).collect();
     let states = States::new(values, rows, 2).expect("finite");
