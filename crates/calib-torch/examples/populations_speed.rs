@@ -1,9 +1,9 @@
-//! Updates a second of value networks that learn side by side, as one line of JSON, to be compared with other implementations of the same step.
+//! Measures updates per second of value networks that train side by side, to compare with other implementations. Prints one line of JSON.
 //!
 //!     bash scripts/libtorch.sh cargo run --release -p calib-torch --features libtorch --example populations_speed -- cpu|cuda|native [RUNS [LEARNERS [STEPS]]]
 //!
-//! Each of RUNS streams of 142 sensors has LEARNERS networks 142-256-256-1 with learning rates of their own, mini-batches of 256 transitions, Adam.
-//! `native` trains one run after the other on one thread, without libtorch.
+//! Each of RUNS streams of 142 sensors has LEARNERS networks 142-256-256-1, each with its own learning rate, with mini-batches of 256
+//! transitions and Adam. `native` trains one run after the other on one thread, without libtorch.
 
 #![expect(clippy::print_stdout, reason = "the figure is what it is for")]
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
@@ -65,7 +65,7 @@ fn main() {
         }
         start.elapsed().as_secs_f64()
     };
-    // The difference is updates alone: both predict as long before them, and move as much to the device.
+    // The difference contains only updates. Both runs predict as long before them, and move as much to the device.
     let less = steps / 4;
     train(less);
     let seconds = train(steps) - train(less);

@@ -1,8 +1,8 @@
 use calib_nn::{AdamRule, Moments};
 use tch::{Device, TchError, Tensor, no_grad};
 
-/// Adam over one flat vector of parameters, as [`calib_nn::Adam`] does it: one vector is few large operations, and a
-/// checkpoint is three arrays.
+/// Adam over one flat vector of parameters, as in [`calib_nn::Adam`]. With one vector, a step is a few large
+/// operations, and a checkpoint is three arrays.
 pub(crate) struct Adam {
     rule: AdamRule,
     mean: Tensor,
@@ -23,14 +23,14 @@ impl Adam {
         Self { rule, mean: on(mean), square: on(square), powers: *powers }
     }
 
-    /// All that a checkpoint must hold, beside the parameters.
+    /// Returns the state that a checkpoint needs, besides the parameters.
     pub(crate) fn moments(&self) -> Result<Moments, TchError> {
         let mean = values(&self.mean)?;
         let square = values(&self.square)?;
         Ok(Moments { mean, square, powers: self.powers })
     }
 
-    /// One step of `parameters` against their gradient, which is emptied.
+    /// Updates `parameters` by one step against their gradient, and clears the gradient.
     pub(crate) fn step(&mut self, parameters: &mut Tensor) {
         let AdamRule { learning_rate, beta1, beta2, epsilon, .. } = self.rule;
         self.powers.0 *= beta1;
@@ -49,7 +49,7 @@ impl Adam {
     }
 }
 
-/// The values of a tensor on any device.
+/// Returns the values of a tensor on any device.
 pub(crate) fn values(tensor: &Tensor) -> Result<Vec<f32>, TchError> {
     Vec::<f32>::try_from(tensor.detach().to_device(Device::Cpu).contiguous().view(-1))
 }

@@ -5,14 +5,14 @@ use tch::{Cuda, Device};
 
 use crate::TorchError;
 
-/// Where to compute.
+/// The requested device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
-    /// On the processor.
+    /// The CPU.
     Cpu,
-    /// On the first GPU.
+    /// The first GPU.
     Cuda,
-    /// On the first GPU if there is one.
+    /// The first GPU if there is one, or the CPU.
     #[default]
     Auto,
 }
@@ -40,25 +40,25 @@ impl fmt::Display for DeviceChoice {
     }
 }
 
-/// CUDA's part of libtorch, once it is loaded, or why it cannot be.
+/// The CUDA part of libtorch once it is loaded, or the error of loading it.
 static LOADED: OnceLock<Result<Library, String>> = OnceLock::new();
 
-/// The device of a choice.
+/// Returns the device of a choice.
 ///
-/// On the processor libtorch works on one thread: networks of these sizes gain little from more, threads that wait for
-/// each other lose much where the machine has other work, and results do not depend on their number. CUDA's part of libtorch is loaded when it is first asked for: programs link only
-/// what works everywhere.
+/// On the CPU, libtorch uses one thread. Networks of these sizes gain little from more. Threads that wait for each other lose much if the
+/// machine has other work. Results do not depend on their number. The CUDA part of libtorch is loaded when it is first requested, so
+/// programs link only to parts that work everywhere.
 ///
 /// # Errors
-/// [`TorchError::NoCuda`] if CUDA was asked for and is not available.
+/// [`TorchError::NoCuda`] if CUDA was requested and is not available.
 pub fn device(choice: DeviceChoice) -> Result<Device, TorchError> {
     tch::set_num_threads(1);
     if choice == DeviceChoice::Cpu {
         return Ok(Device::Cpu);
     }
     let loaded = LOADED.get_or_init(|| {
-        // SAFETY: loading libtorch's CUDA part runs its initialisers, which register kernels with the libtorch that
-        // this program is linked with and is of the same installation (the run path leads there). It is never unloaded.
+        // SAFETY: loading libtorch's CUDA part runs its initialisers. They register kernels with the libtorch that this program is linked
+        // with, which is of the same installation (the run path leads there). It is never unloaded.
         unsafe { Library::open(Some("libtorch_cuda.so"), RTLD_NOW | RTLD_GLOBAL) }
             .map_err(|error| error.to_string())
     });

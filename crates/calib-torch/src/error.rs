@@ -1,21 +1,21 @@
 use calib_dynamics::DynamicsError;
 
-/// Why libtorch could not do what was asked.
+/// An error of libtorch or of its set-up.
 #[derive(Debug, thiserror::Error)]
 pub enum TorchError {
-    /// A name that is no device.
+    /// A name is not a device.
     #[error("there is no device \"{got}\"; expected cpu, cuda or auto")]
     UnknownDevice {
-        /// What was asked for.
+        /// The name that was given.
         got: String,
     },
-    /// CUDA was asked for and is not there.
+    /// CUDA was requested and is not available.
     #[error("CUDA is not available: {reason}; use `--device cpu` or `--device auto`")]
     NoCuda {
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// libtorch refused.
+    /// libtorch returned an error.
     #[error("libtorch: {0}")]
     Torch(#[from] tch::TchError),
 }

@@ -14,22 +14,23 @@ use crate::{
     trainer::{Epochs, Network, parts},
 };
 
-/// Trains the NN baseline through libtorch, from the same parameters and on the same mini-batches as
+/// Trains the NN baseline through libtorch, with the same initial parameters and mini-batches as
 /// [`calib_dynamics::FeedForwardTrainer`].
 pub struct FeedForwardTrainer {
     epochs: Epochs<OneStep>,
     start: Mlp,
 }
 
-/// A network of fully connected layers: `[inputs, outputs]` weights and biases, one after the other.
+/// A network of fully connected layers. The parameters are `[inputs, outputs]` weights and biases,
+/// layer after layer.
 pub(crate) struct Layers {
     shapes: Vec<Vec<i64>>,
 }
 
-/// Layers that learn transitions.
+/// Layers and their training transitions.
 struct OneStep {
     layers: Layers,
-    /// Source row of each transition.
+    /// The source row of each transition.
     sources: Vec<u32>,
 }
 
@@ -44,7 +45,7 @@ impl Layers {
         Self { shapes: shapes.collect() }
     }
 
-    /// Outputs `[rows, outputs]`.
+    /// Returns the outputs, `[rows, outputs]`.
     pub(crate) fn forward(&self, parameters: &Tensor, input: &Tensor) -> Tensor {
         let parts = parts(parameters, &self.shapes);
         let last = parts.len() / 2 - 1;
@@ -69,7 +70,7 @@ impl Network for OneStep {
 }
 
 impl FeedForwardTrainer {
-    /// Training from the start.
+    /// Starts training.
     pub fn new(
         data: &Transitioning<'_>,
         config: &DynamicsConfig,
@@ -88,10 +89,10 @@ impl FeedForwardTrainer {
         Self { epochs, start }
     }
 
-    /// Go on where [`checkpoint`](Trainer::checkpoint) was taken.
+    /// Resumes training from a [`checkpoint`](Trainer::checkpoint).
     ///
     /// # Errors
-    /// If the checkpoint is not one of such a training.
+    /// If the checkpoint does not belong to such training.
     pub fn resume(
         data: &Transitioning<'_>,
         config: &DynamicsConfig,
@@ -104,7 +105,7 @@ impl FeedForwardTrainer {
         Ok(trainer)
     }
 
-    /// One update on these transitions; the mean squared error before it.
+    /// Makes one update on these transitions. Returns the mean squared error before it.
     ///
     /// # Errors
     /// If libtorch fails.
@@ -112,7 +113,7 @@ impl FeedForwardTrainer {
         self.epochs.update(transitions)
     }
 
-    /// All parameters, in the order of [`Mlp::parameters`].
+    /// Returns all parameters, in the order of [`Mlp::parameters`].
     ///
     /// # Errors
     /// If libtorch fails.
@@ -121,7 +122,7 @@ impl FeedForwardTrainer {
     }
 }
 
-/// The numbers of a range of transitions.
+/// Returns the numbers of a range of transitions.
 fn numbers(transitions: Range<usize>) -> Vec<u32> {
     transitions.map(|number| number as u32).collect()
 }

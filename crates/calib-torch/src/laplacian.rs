@@ -9,14 +9,14 @@ use crate::{
     trainer::leaf,
 };
 
-/// Trains an encoder with the graph-drawing loss through libtorch, from the same parameters and on the same batches as
+/// Trains an encoder with the graph-drawing loss through libtorch, with the same initial parameters and batches as
 /// [`calib_represent::Training`].
 ///
-/// It is the loss of [`calib_represent::laplacian_loss`], with the pairs of independent states written out; the
-/// gradient is libtorch's.
+/// The loss is [`calib_represent::laplacian_loss`], computed over explicit pairs of independent states. The gradient
+/// comes from libtorch.
 pub struct LaplacianTraining {
     config: LaplacianConfig,
-    /// Draws the batches, and has the first parameters.
+    /// The native training, which draws the batches and has the initial parameters.
     native: Training,
     layers: Layers,
     states: Tensor,
@@ -26,7 +26,7 @@ pub struct LaplacianTraining {
 }
 
 impl LaplacianTraining {
-    /// A fresh encoder.
+    /// Starts training with a new encoder.
     ///
     /// # Errors
     /// As [`Training::new`].
@@ -45,7 +45,7 @@ impl LaplacianTraining {
         Ok(Self { config: *config, native, layers, states, parameters, adam, done: 0 })
     }
 
-    /// One update on these rows; the loss before it.
+    /// Makes one update on these rows. Returns the loss before it.
     ///
     /// # Errors
     /// If libtorch fails.

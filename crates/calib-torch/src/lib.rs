@@ -1,15 +1,15 @@
-//! Training through libtorch, on processors and GPUs.
+//! Training through libtorch, on CPUs and GPUs.
 //!
-//! Everything here wants the feature `libtorch`; without it the crate is empty, and nothing of libtorch is built
-//! or linked. Weights are the same files as those of native training, and models that were trained here are rolled
-//! out without libtorch, but for `Script`.
+//! The whole crate needs the feature `libtorch`. Without it the crate is empty, and no part of libtorch is built
+//! or linked. Weights have the same file format as those of native training. Models that were trained here are
+//! rolled out without libtorch, except `Script`.
 //!
-//! - `DeviceChoice`, `device`: where tensors live.
+//! - `DeviceChoice`, `device`: the device that stores tensors.
 //! - `FeedForwardTrainer`, `RecurrentTrainer`: the NN and GRU baselines, as
 //!   [`calib_dynamics::Trainer`]s that draw the same mini-batches as native ones.
 //! - `LaplacianTraining`: the Laplacian representation.
 //! - `Populations`: the agents of many runs, as a [`calib_agent::Accelerator`].
-//! - `Script`: a dynamics model of the user's, exported from PyTorch.
+//! - `Script`: a user's dynamics model, exported from PyTorch.
 #![cfg(feature = "libtorch")]
 
 mod adam;

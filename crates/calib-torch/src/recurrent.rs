@@ -11,8 +11,8 @@ use crate::{
     trainer::{Epochs, Network, parts},
 };
 
-/// Trains the GRU baseline: the mean squared error of every next state of a sequence that begins with an empty hidden
-/// state (burn-in 0, the paper), by back-propagation through the whole sequence.
+/// Trains the GRU baseline on the mean squared error of every next state of a sequence, by back-propagation through
+/// the whole sequence. Each sequence begins with an empty hidden state (burn-in 0, the paper).
 pub struct RecurrentTrainer {
     epochs: Epochs<Sequences>,
     start: Recurrent,
@@ -23,7 +23,7 @@ struct Sequences {
     layers: i64,
     hidden: i64,
     length: i64,
-    /// Source row of each transition.
+    /// The source row of each transition.
     sources: Vec<u32>,
 }
 
@@ -50,7 +50,7 @@ impl Network for Sequences {
 }
 
 impl RecurrentTrainer {
-    /// Training from the start.
+    /// Starts training.
     ///
     /// # Errors
     /// If no sequence fits into a part of the data.
@@ -92,10 +92,10 @@ impl RecurrentTrainer {
         Ok(Self { epochs, start })
     }
 
-    /// Go on where [`checkpoint`](Trainer::checkpoint) was taken.
+    /// Resumes training from a [`checkpoint`](Trainer::checkpoint).
     ///
     /// # Errors
-    /// If the checkpoint is not one of such a training.
+    /// If the checkpoint does not belong to such training.
     pub fn resume(
         data: &Transitioning<'_>,
         config: &DynamicsConfig,
@@ -108,7 +108,7 @@ impl RecurrentTrainer {
         Ok(trainer)
     }
 
-    /// One update on the sequences that begin with these transitions; the mean squared error before it.
+    /// Makes one update on the sequences that begin with these transitions. Returns the mean squared error before it.
     ///
     /// # Errors
     /// If libtorch fails.
@@ -116,7 +116,7 @@ impl RecurrentTrainer {
         self.epochs.update(first)
     }
 
-    /// The model as it is now.
+    /// Returns the current model.
     ///
     /// # Errors
     /// If libtorch fails.
@@ -125,7 +125,7 @@ impl RecurrentTrainer {
     }
 }
 
-/// Shapes of all weights, in the order of [`Recurrent::flat`].
+/// Returns the shapes of all weights, in the order of [`Recurrent::flat`].
 fn shapes(model: &Recurrent) -> Vec<Vec<i64>> {
     let units = model.hidden() as i64;
     let mut shapes = Vec::new();

@@ -5,10 +5,10 @@ use tch::{CModule, Device, Kind, Tensor, no_grad};
 
 use crate::{TorchError, adam::values};
 
-/// A dynamics model of the user's, exported from PyTorch with `torch.jit.script` or `torch.jit.trace`: its `forward`
-/// takes normalised states `[n, columns]` and returns the next ones.
+/// A user's dynamics model, exported from PyTorch with `torch.jit.script` or `torch.jit.trace`. Its `forward` takes
+/// normalised states `[n, columns]` and returns the next ones.
 pub struct Script {
-    /// Modules may keep buffers of their own, so one rollout runs at a time.
+    /// Only one rollout runs at a time, because a module may have buffers.
     module: Mutex<CModule>,
     columns: usize,
     device: Device,
@@ -21,10 +21,10 @@ impl fmt::Debug for Script {
 }
 
 impl Script {
-    /// Open the file at `path` for states of `columns` values, and try it on zeros.
+    /// Opens the file at `path` for states of `columns` values, and runs it once on zeros.
     ///
     /// # Errors
-    /// If it is no `TorchScript` file, or its `forward` does not map states to states.
+    /// If it is not a `TorchScript` file, or its `forward` does not map states to states.
     pub fn open(path: &Path, columns: usize, device: Device) -> Result<Self, DynamicsError> {
         let refuse = |reason: String| DynamicsError::Weights {
             reason: format!("{}: {reason}", path.display()),
@@ -62,7 +62,7 @@ impl Script {
     }
 }
 
-/// libtorch's messages go on with where in its own code they come from.
+/// Returns the first line of a libtorch message. The other lines are positions in libtorch's own code.
 fn first_line(error: &tch::TchError) -> String {
     error.to_string().lines().find(|line| !line.trim().is_empty()).unwrap_or_default().to_owned()
 }

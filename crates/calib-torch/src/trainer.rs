@@ -1,4 +1,4 @@
-//! What training by epochs has in common, whatever the network.
+//! The common part of training by epochs, for any network.
 
 use calib_core::{Monitor, Seed};
 use calib_dynamics::{
@@ -15,17 +15,18 @@ use crate::{
 
 /// A network whose parameters are one flat vector.
 pub(crate) trait Network {
-    /// The mean squared error on a mini-batch of transitions or sequences, by their first ones.
+    /// Returns the mean squared error on a mini-batch of transitions, or of sequences, which are
+    /// named by their first transition.
     fn loss(&self, parameters: &Tensor, states: &Tensor, batch: &[u32]) -> Tensor;
 }
 
-/// Training of a network on states; what is learnt from is named by transitions.
+/// Training of a network on states. Transitions name the training items.
 pub(crate) struct Epochs<N> {
     pub(crate) network: N,
     config: DynamicsConfig,
     seed: Seed,
     states: Tensor,
-    /// Transitions, or first ones of sequences, that are learnt from, and that validate.
+    /// The transitions, or first transitions of sequences, for training and for validation.
     training: Vec<u32>,
     validation: Vec<u32>,
     parameters: Tensor,
@@ -70,7 +71,7 @@ impl<N: Network> Epochs<N> {
         self.training.len().div_ceil(self.config.batch_size)
     }
 
-    /// One update; the loss before it.
+    /// Makes one update. Returns the loss before it.
     pub(crate) fn update(&mut self, batch: &[u32]) -> Result<f64, TorchError> {
         let loss = self.loss(batch);
         loss.f_backward()?;
@@ -104,12 +105,12 @@ impl<N: Network> Epochs<N> {
         Ok(sum / self.validation.len() as f64)
     }
 
-    /// The parameters as they are now.
+    /// Returns the current parameters.
     pub(crate) fn parameters(&self) -> Result<Vec<f32>, TorchError> {
         Ok(values(&self.parameters)?)
     }
 
-    /// The parameters that are kept.
+    /// Returns the parameters that are kept.
     pub(crate) fn kept(&self) -> &[f32] {
         &self.kept
     }
@@ -129,12 +130,12 @@ fn rule(config: &DynamicsConfig) -> AdamRule {
     AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() }
 }
 
-/// A flat vector that gradients are taken of.
+/// Creates a flat vector for which libtorch computes gradients.
 pub(crate) fn leaf(values: &[f32], device: Device) -> Tensor {
     Tensor::from_slice(values).to_device(device).set_requires_grad(true)
 }
 
-/// Parts of a flat vector, one after the other, each in its shape.
+/// Returns consecutive parts of a flat vector, each in its shape.
 pub(crate) fn parts(flat: &Tensor, shapes: &[Vec<i64>]) -> Vec<Tensor> {
     let lengths: Vec<i64> = shapes.iter().map(|shape| shape.iter().product()).collect();
     let parts = flat.split_with_sizes(lengths.as_slice(), 0);

@@ -1,4 +1,4 @@
-//! Where to compute.
+//! Tests the choice of a device.
 #![cfg(feature = "libtorch")]
 
 use calib_torch::{Device, DeviceChoice, device};

@@ -1,4 +1,5 @@
-//! Training through libtorch agrees step by step with native training, from the same weights on the same batches.
+//! Tests that training through libtorch agrees step by step with native training, from the same weights on the
+//! same batches.
 #![cfg(feature = "libtorch")]
 
 use calib_core::{Seed, Segments, Silent, States, Transitions};
@@ -11,10 +12,10 @@ use calib_torch::{
     Device, DeviceChoice, FeedForwardTrainer, LaplacianTraining, RecurrentTrainer, device,
 };
 
-/// Both round to 24 bits in their own order; Adam's division by small roots spreads it.
+/// Both round to 24 bits, each in its own order. Adam's division by small roots amplifies the difference.
 const TOLERANCE: f32 = 2e-5;
 
-/// The processor, set up as programs do.
+/// Returns the CPU, set up as programs do.
 fn processor() -> Device {
     device(DeviceChoice::Cpu).expect("always there")
 }
@@ -50,7 +51,7 @@ fn assert_close(what: &str, a: &[f32], b: &[f32]) {
     }
 }
 
-/// The GPU where there is one; a test that needs it says that it skips.
+/// Returns the GPU if there is one. Otherwise reports that the test is skipped.
 #[expect(clippy::print_stderr, reason = "a test that skips says so")]
 fn gpu() -> Option<Device> {
     let found = device(DeviceChoice::Cuda);
@@ -119,7 +120,7 @@ fn a_gru_learns_and_rolls_out_natively() {
     let config = DynamicsConfig { learning_rate: 1e-2, ..config(40) };
     let mut trainer =
         RecurrentTrainer::new(&data, &config, Seed::new(2), processor()).expect("sequences");
-    // The loss of the first batch, by the native model.
+    // The loss of the first batch, computed by the native model.
     let model = trainer.present().expect("libtorch");
     let first: Vec<u32> = (0..LANES as u32).map(|lane| lane * 11).collect();
     let expected = loss_by_walking(&model, &states, &transitions, &first, 8);

@@ -1,4 +1,5 @@
-//! Agents that libtorch trains side by side come to what native ones do, each alone.
+//! Tests that agents that libtorch trains side by side give the same results as native agents
+//! trained alone.
 #![cfg(feature = "libtorch")]
 
 use calib_agent::{
@@ -10,17 +11,18 @@ use calib_core::{Cancelled, Monitor, RowStream, Seed, Segments, Silent, States, 
 use calib_nn::Moments;
 use calib_torch::{DeviceChoice, Populations, device};
 
-/// Errors of runs that are nowhere near divergence; both round to 24 bits in their own order.
+/// Tolerance for the errors of runs that are far from divergence. Both round to 24 bits, each in
+/// its own order.
 const TOLERANCE: f64 = 2e-5;
-/// The same of a few steps.
+/// Tolerance for the errors over a few steps.
 const CURVE: f64 = 2e-4;
 
-/// On a GPU where there is one.
+/// Returns populations on a GPU if there is one.
 fn populations() -> Populations {
     Populations::new(device(DeviceChoice::Auto).expect("always something"))
 }
 
-/// Three columns of waves and noise, in pieces.
+/// Returns a stream of three columns of waves and noise, in segments of these lengths.
 fn waves(seed: u64, pieces: &[usize]) -> RowStream {
     let mut rng = Seed::new(seed).rng();
     let rows: usize = pieces.iter().sum();
@@ -49,7 +51,7 @@ fn sgd(learning_rate: f64) -> AgentConfig {
     AgentConfig { optimiser: OptimiserKind::Sgd, learning_rate, ..network() }
 }
 
-/// Agents of every kind that an accelerator trains.
+/// Returns agents of every kind that an accelerator trains.
 fn agents() -> Vec<AgentConfig> {
     let sgd = sgd(0.03);
     vec![
@@ -67,7 +69,7 @@ fn agents() -> Vec<AgentConfig> {
     ]
 }
 
-/// A learner of each.
+/// Returns a learner for each agent.
 fn learners(agents: &[AgentConfig], cumulant: usize) -> Vec<Learner<'_>> {
     agents.iter().map(|config| Learner::new(config, cumulant)).collect()
 }
@@ -107,7 +109,7 @@ fn rmse(outcome: &RunOutcome) -> f64 {
 
 #[test]
 fn runs_side_by_side_are_what_they_are_alone() {
-    // Streams of different lengths and pieces: one ends before the others.
+    // Streams with different lengths and segments. One ends before the others.
     let streams = [waves(1, &[150, 90]), waves(2, &[240]), waves(3, &[60, 100, 40])];
     let runs = [run(&streams[0], 200, 1), run(&streams[1], 220, 2), run(&streams[2], 180, 3)];
     let agents = agents();
@@ -234,7 +236,7 @@ fn what_no_accelerator_trains_is_refused() {
     assert_eq!(error, Err(AgentError::Widths { got: 2, expected: 3 }));
 }
 
-/// Asks to stop at once.
+/// A monitor that always interrupts.
 struct Stopped;
 
 impl Monitor for Stopped {

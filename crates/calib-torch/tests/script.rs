@@ -1,4 +1,4 @@
-//! A model of the user's, exported as `TorchScript`, is rolled out.
+//! Tests the rollout of a user's model that is exported as `TorchScript`.
 #![cfg(feature = "libtorch")]
 
 use calib_core::{RowIndex, Segments, Silent, States};
@@ -6,7 +6,7 @@ use calib_dynamics::{Ended, predict};
 use calib_torch::{Device, Script};
 use tch::{CModule, Kind, Tensor};
 
-/// Writes a module that maps states `[n, columns]` by `forward`.
+/// Writes a module that maps states `[n, columns]` with `forward`.
 fn export(path: &std::path::Path, columns: i64, forward: &mut dyn FnMut(&Tensor) -> Tensor) {
     let example = Tensor::zeros([16, columns], (Kind::Float, Device::Cpu));
     let module =

@@ -1,4 +1,4 @@
-//! A sweep whose runs are made side by side through libtorch.
+//! Tests a sweep whose runs libtorch trains side by side.
 #![cfg(feature = "libtorch")]
 
 use std::{
@@ -17,7 +17,7 @@ use calib_sweep::{
 };
 use calib_torch::{DeviceChoice, Populations, device};
 
-/// Waves and noise, another one in each run.
+/// Streams of waves and noise, different in each run.
 struct Waves {
     id: EnvironmentId,
     runs: usize,
@@ -71,7 +71,7 @@ fn values() -> Vec<Candidate> {
     candidates(&config, &agent, Seed::new(1)).expect("valid")
 }
 
-/// As a small machine, on a GPU where there is one: three runs side by side.
+/// An accelerator for a small machine, on a GPU if there is one: three runs side by side.
 #[derive(Debug)]
 struct Small(Populations);
 
@@ -127,13 +127,13 @@ fn a_sweep_side_by_side_is_the_native_one() {
     for (native, torch) in rmses(&native).into_iter().zip(rmses(&torch)) {
         assert!((native - torch).abs() < 1e-5 * native, "{native} and {torch}");
     }
-    // Each finds its own.
+    // Each accelerator finds only its own results.
     let found =
         |accelerator| with_plan(accelerator, |plan| plan.stored(&store("torch")).whole().len());
     assert_eq!((found(None), found(Some(&small))), (0, 20));
 }
 
-/// All files below a folder, in order.
+/// Returns all files below a folder, in order.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).expect("a folder").flatten() {
@@ -144,7 +144,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Asks to stop after so many looks.
+/// A monitor that interrupts after some calls.
 struct Impatient {
     looks: AtomicU64,
     patience: u64,
@@ -179,7 +179,7 @@ fn an_interrupted_sweep_is_to_the_byte_what_it_would_have_been() {
         assert_eq!(went_on, expected, "stopped after {patience} looks, with {some} units");
     }
     assert!(stopped > 1, "in the middle, {stopped} times");
-    // Whatever is missing, what is made anew is what was there.
+    // Whichever results are missing, computing them again gives the same.
     for third in 0..3 {
         for (number, file) in files(&directory.path().join("whole")).iter().enumerate() {
             if number % 3 == third {
@@ -191,7 +191,7 @@ fn an_interrupted_sweep_is_to_the_byte_what_it_would_have_been() {
     }
 }
 
-/// Every unit, and how many settings it has a row of.
+/// Returns every unit, and the number of settings for which it has a row.
 fn rows_of_units(results: &[UnitResult]) -> Vec<(Unit, usize)> {
     results.iter().map(|result| (result.unit.clone(), result.rows.len())).collect()
 }

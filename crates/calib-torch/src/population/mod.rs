@@ -1,4 +1,4 @@
-//! Populations of value networks, stacked into batched products.
+//! Populations of value networks, stacked for batched matrix products.
 
 use calib_agent::{Accelerator, AgentError, Lockstep, LockstepResults, Networks, Steps};
 use tch::{Device, Kind, TchError, Tensor, no_grad};
@@ -9,21 +9,21 @@ mod stack;
 use optimiser::Descent;
 use stack::{Stack, aligned, column};
 
-/// libtorch, as what trains the agents of many runs side by side.
+/// An accelerator that trains the agents of many runs side by side, through libtorch.
 ///
-/// Networks are stacked: what is one product of matrices for one network is one batched product for all of them, and streams are gathered on the
-/// device. Everything is in single precision.
+/// Networks are stacked: one matrix product per network becomes one batched product for all of them. The device gathers the states from the
+/// streams. All arithmetic is in single precision.
 #[derive(Clone, Copy, Debug)]
 pub struct Populations {
     device: Device,
 }
 
-/// Bytes that stacked networks and their streams may take: what fits beside other work.
+/// Maximum size of stacked networks and their streams, in bytes. It leaves memory for other work.
 const ON_PROCESSOR: u64 = 1 << 30;
 const ON_GPU: u64 = 8 << 30;
 
 impl Populations {
-    /// Populations on this device.
+    /// Creates populations on this device.
     pub fn new(device: Device) -> Self {
         Self { device }
     }
@@ -48,22 +48,22 @@ fn failed(error: &TchError) -> AgentError {
     AgentError::Accelerator(format!("libtorch: {error}"))
 }
 
-/// Networks of `runs × learners`, those of one run after those of the other.
+/// The networks of `runs × learners`, run after run.
 struct Population {
     device: Device,
     runs: i64,
     learners: i64,
     batch: i64,
     gamma: f64,
-    /// What runs see, `[runs · states, width]`.
+    /// The states of the runs, `[runs · states, width]`.
     states: Tensor,
-    /// Where the states of each run begin, `[runs, 1]`.
+    /// The first row of each run's states, `[runs, 1]`.
     begins: Tensor,
     /// The run of each network, and the column that it predicts, `[networks, 1, 1]`.
     run_of: Tensor,
     columns: Tensor,
     networks: Stack,
-    /// Parameters of the target networks, and after how many updates those of each learner become the present ones.
+    /// Parameters of the target networks, and the update period of each learner's target network.
     target: Option<(Tensor, Vec<usize>)>,
     updates: usize,
     descent: Descent,
@@ -83,7 +83,7 @@ impl Population {
         let of_run = states.len() as i64 / runs / width;
         let begins: Vec<i64> = (0..runs).map(|run| run * of_run).collect();
         let networks = Stack::new(sizes, &own, device)?;
-        // Networks that fill a product up are of the first run and learner.
+        // Padding networks belong to the first run and learner.
         let count = networks.parameters.size()[0] as usize;
         let of_all = |number: &dyn Fn(usize) -> i64| -> Result<Tensor, TchError> {
             let own = (0..runs as usize * learners.len()).map(number);
@@ -113,19 +113,20 @@ impl Population {
         })
     }
 
-    /// The states of these numbers, `[runs, rows]`, for each network, `[networks, rows, width]`.
+    /// Returns the states with these row numbers, `[runs, rows]`, for each network: `[networks, rows, width]`.
     fn gathered(&self, rows: &Tensor) -> Result<Tensor, TchError> {
         let count = rows.size()[1];
         let states = self.states.f_index_select(0, &rows.f_add(&self.begins)?.f_view_([-1])?)?;
         states.f_view_([self.runs, count, -1])?.f_index_select(0, &self.run_of)
     }
 
-    /// What is a value of each network, of those alone that learners have.
+    /// Removes the padding networks from a tensor with one value per network.
     fn wanted(&self, of_all: &Tensor) -> Result<Tensor, TchError> {
         of_all.f_narrow(0, 0, self.runs * self.learners)
     }
 
-    /// Learn from the transitions that begin in `starts`, `[runs, batch]`. Values of the present states before, and whether TD errors were finite.
+    /// Makes one update on the transitions that begin in `starts`, `[runs, batch]`. Returns the values of the present states before the
+    /// update, and whether the TD errors were finite.
     fn learn(
         &mut self,
         present: &Tensor,
@@ -135,7 +136,7 @@ impl Population {
         let batch = self.batch;
         let rows = Tensor::f_cat(&[starts, present, &starts.f_add_scalar(1)?], 1)?;
         let count = rows.size()[1];
-        // Filled up with the first state, which nobody looks at.
+        // Padded with the first state, whose results are unused.
         let rows = rows.f_constant_pad_nd([0, aligned(count) - count])?;
         let states = self.gathered(&rows)?;
         let after = states.f_narrow(1, batch + 1, batch)?;
@@ -155,11 +156,11 @@ impl Population {
         let columns = self.columns.f_expand([-1, batch, 1], false)?;
         let targets = after.f_gather(2, &columns, false)?.f_add(&next.f_mul_scalar(self.gamma)?)?;
         let errors = targets.f_sub(&values.f_narrow(1, 0, batch)?)?;
-        // Who does not learn does not mind.
+        // A network that does not learn need not have finite errors.
         let finite = errors.f_squeeze_dim(2)?.f_isfinite()?.f_all_dim(1, false)?;
         let finite = finite.f_logical_or(&self.descent.frozen)?;
         let slope = errors.f_mul_scalar(-1.0 / batch as f64)?;
-        // No slope where nothing is learnt.
+        // The gradient is zero in rows that are not for training.
         let slope = slope.f_constant_pad_nd([0, 0, 0, aligned(batch) - batch])?;
         let gradient = self.networks.backward(&inputs, slope)?;
         self.descent.step(&mut self.networks.parameters, &gradient, step)?;
@@ -169,7 +170,7 @@ impl Population {
         Ok([self.wanted(&values)?, self.wanted(&finite)?])
     }
 
-    /// Target networks that are due become the present ones.
+    /// Copies the current parameters to the target networks that are due.
     fn renew_targets(&mut self) -> Result<(), TchError> {
         let Some((target, periods)) = &self.target else { return Ok(()) };
         let shape = [self.runs, self.learners, -1];
@@ -237,7 +238,7 @@ impl Lockstep for Population {
     }
 }
 
-/// All values, one after the other, where the processor reads them.
+/// Returns all values in one dimension, in CPU memory.
 fn flat(tensor: &Tensor) -> Result<Tensor, TchError> {
     let here = tensor.f_to_device(Device::Cpu)?;
     let here = if here.kind() == Kind::Bool { here } else { here.f_to_kind(Kind::Float)? };

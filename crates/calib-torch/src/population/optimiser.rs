@@ -3,9 +3,10 @@ use tch::{Device, TchError, Tensor};
 
 use super::stack::{Stack, column};
 
-/// The optimiser of every network, each with its own numbers: as [`calib_nn::Adam`] and [`calib_nn::Sgd`].
+/// The optimiser of all networks, as [`calib_nn::Adam`] and [`calib_nn::Sgd`]. Each network has its own
+/// hyperparameters.
 pub(super) struct Descent {
-    /// Whose rate is 0, `[networks]`: it only predicts.
+    /// Whether the learning rate of each network is 0, `[networks]`. Such a network only predicts.
     pub(super) frozen: Tensor,
     /// 1 − αλ and α, `[networks, 1]`.
     keep: Tensor,
@@ -22,15 +23,15 @@ struct Adam {
     beta1: [Tensor; 2],
     beta2: [Tensor; 2],
     epsilon: Tensor,
-    /// Of each network: β₁ and β₂, and their powers so far.
+    /// β₁ and β₂ of each network, and their current powers.
     betas: Vec<[f64; 2]>,
     powers: Vec<[f64; 2]>,
-    /// Of the steps that come next: α/(1−β₁ᵗ) and 1/√(1−β₂ᵗ), `[steps, networks, 1]`.
+    /// The factors of the prepared steps: α/(1−β₁ᵗ) and 1/√(1−β₂ᵗ), `[steps, networks, 1]`.
     ahead: [Tensor; 2],
 }
 
 impl Descent {
-    /// For the networks of these learners in each of so many runs.
+    /// Creates the optimiser for the networks of these learners in each of the runs.
     pub(super) fn new(
         learners: &[Learner<'_>],
         runs: i64,
@@ -40,7 +41,7 @@ impl Descent {
         let count = networks.parameters.size()[0] as usize;
         let of_all = |number: fn(&AgentConfig) -> f64| -> Vec<f64> {
             let own = (0..runs).flat_map(|_| learners.iter());
-            // What fills a product up is as the first.
+            // Padding networks have the settings of the first learner.
             let all = own.chain(std::iter::repeat(&learners[0])).take(count);
             all.map(|learner| number(learner.config)).collect()
         };
@@ -84,7 +85,7 @@ impl Descent {
         })
     }
 
-    /// Numbers of the next `count` steps.
+    /// Prepares the factors of the next `count` steps.
     pub(super) fn prepare(&mut self, count: usize, device: Device) -> Result<(), TchError> {
         let Some(adam) = &mut self.adam else { return Ok(()) };
         let mut rates = Vec::new();
@@ -105,7 +106,7 @@ impl Descent {
         Ok(())
     }
 
-    /// One step of all networks, the `step`-th of those that were prepared.
+    /// Takes the prepared step number `step` with all networks.
     pub(super) fn step(
         &mut self,
         parameters: &mut Tensor,
@@ -116,7 +117,7 @@ impl Descent {
             None => gradient.f_mul(&self.rate)?,
             Some(adam) => adam.change(gradient, step as i64)?,
         };
-        // Not 0 · ∞, where what is seen is large.
+        // A mask avoids 0 · ∞ where the observed values are large.
         let change = change.f_masked_fill(&self.frozen.f_unsqueeze(1)?, 0)?;
         let _ = parameters.f_mul_(&self.keep)?.f_sub_(&change)?;
         Ok(())
@@ -136,7 +137,7 @@ impl Adam {
     }
 }
 
-/// Moments of all networks, `[networks, parameters]`: those of checkpoints, or zeros.
+/// Returns the moments of all networks, `[networks, parameters]`: those of checkpoints, or zeros.
 fn moments(learners: &[Learner<'_>], runs: i64, networks: &Stack) -> Result<[Tensor; 2], TchError> {
     let zeros = networks.parameters.f_zeros_like()?;
     let both = [zeros.f_detach_copy()?, zeros];

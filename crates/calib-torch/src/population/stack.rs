@@ -1,22 +1,22 @@
 use tch::{Device, Kind, TchError, Tensor};
 
-/// Networks of one product. Products are always of so many: where there are more or fewer, a library may choose another order of its sums, and what
-/// a network becomes is not to depend on how many others are trained beside it.
+/// Number of networks in one product on a GPU. It is constant, because a library may choose another order of sums for another number. So
+/// the result of a network does not depend on how many others are trained beside it.
 const ON_GPU: i64 = 32;
 const ON_PROCESSOR: i64 = 4;
-/// Numbers of 64 bytes. Matrices begin at multiples of it, because a library may also choose by where they lie.
+/// Number of values in 64 bytes. Matrices begin at multiples of it, because a library may choose its method by their alignment.
 const ALIGNED: i64 = 16;
 
-/// Networks of one shape, whose parameters are stacked, `[networks, places]`: those of [`calib_nn::Mlp::parameters`] with gaps of zeros, so that weights and
-/// biases begin where they should. Filled up with networks of zeros, which nobody looks at, to whole products.
+/// Networks of one shape with stacked parameters, `[networks, places]`. The order is that of [`calib_nn::Mlp::parameters`], with gaps of
+/// zeros that align weights and biases. Unused networks of zeros pad the stack to whole products.
 pub(super) struct Stack {
     pub(super) parameters: Tensor,
     layers: Vec<Layer>,
-    /// Networks of a product.
+    /// Number of networks in a product.
     block: i64,
 }
 
-/// Where the weights of a layer, `[inputs, outputs]`, and its biases are.
+/// The positions of a layer's weights, `[inputs, outputs]`, and of its biases.
 #[derive(Clone, Copy)]
 struct Layer {
     inputs: i64,
@@ -26,20 +26,20 @@ struct Layer {
 }
 
 impl Layer {
-    /// The weights of all networks, `[networks, inputs, outputs]`.
+    /// Returns the weights of all networks, `[networks, inputs, outputs]`.
     fn weights_of(self, parameters: &Tensor) -> Result<Tensor, TchError> {
         let flat = parameters.f_narrow(1, self.weights, self.inputs * self.outputs)?;
         flat.f_view_([-1, self.inputs, self.outputs])
     }
 
-    /// The biases of all networks, `[networks, 1, outputs]`.
+    /// Returns the biases of all networks, `[networks, 1, outputs]`.
     fn biases_of(self, parameters: &Tensor) -> Result<Tensor, TchError> {
         parameters.f_narrow(1, self.biases, self.outputs)?.f_unsqueeze(1)
     }
 }
 
 impl Stack {
-    /// Networks with these sizes of layers, each of its `parameters`.
+    /// Creates networks with these layer sizes, one for each item of `parameters`.
     pub(super) fn new(
         sizes: &[usize],
         parameters: &[&[f32]],
@@ -66,7 +66,7 @@ impl Stack {
         Ok(stack)
     }
 
-    /// What is a number a parameter of some networks, where the parameters are.
+    /// Places one number per parameter in the layout of the stack, for some networks.
     pub(super) fn placed(&self, numbers: &[&[f32]]) -> Result<Tensor, TchError> {
         let places = self.parameters.size()[1];
         let mut all = vec![0.0_f32; numbers.len() * places as usize];
@@ -86,13 +86,13 @@ impl Stack {
         all.f_to_device(self.parameters.device())
     }
 
-    /// The same shape with other parameters.
+    /// Returns the same shape with other parameters.
     pub(super) fn with(&self, parameters: &Tensor) -> Self {
         let layers = self.layers.clone();
         Self { parameters: parameters.shallow_clone(), layers, block: self.block }
     }
 
-    /// The inputs of every layer and what comes out, of `[networks, rows, width]`.
+    /// Returns the inputs of every layer and the outputs, for `[networks, rows, width]`.
     pub(super) fn forward(&self, states: &Tensor) -> Result<(Vec<Tensor>, Tensor), TchError> {
         let mut inputs = Vec::new();
         let mut hidden = states.shallow_clone();
@@ -107,12 +107,12 @@ impl Stack {
         Ok((inputs, hidden))
     }
 
-    /// Gradient of the parameters, where that of the outputs of the first rows is `slope`, `[networks, rows, outputs]`, and
-    /// [`forward`](Self::forward) gave `inputs`.
+    /// Returns the gradient of the parameters. `slope` is the gradient of the outputs of the first rows, `[networks, rows, outputs]`, and
+    /// `inputs` comes from [`forward`](Self::forward).
     pub(super) fn backward(&self, inputs: &[Tensor], slope: Tensor) -> Result<Tensor, TchError> {
         let gradient = self.parameters.f_zeros_like()?;
         let rows = slope.size()[1];
-        // Sums over rows as products, for they are of a fixed order.
+        // Sums over rows are computed as products, which have a fixed order.
         let ones = Tensor::f_ones([1, 1, rows], (Kind::Float, gradient.device()))?;
         let ones = ones.f_expand([gradient.size()[0], -1, -1], false)?;
         let mut slope = slope;
@@ -129,7 +129,7 @@ impl Stack {
         Ok(gradient)
     }
 
-    /// The product of each network, `[networks, a, b]` and `[networks, b, c]`.
+    /// Returns the product for each network, `[networks, a, b]` and `[networks, b, c]`.
     fn product(&self, left: &Tensor, right: &Tensor) -> Result<Tensor, TchError> {
         let count = left.size()[0];
         let rows = left.size()[1];
@@ -145,12 +145,12 @@ impl Stack {
     }
 }
 
-/// The next place where a matrix may begin.
+/// Returns the next position where a matrix may begin.
 pub(super) fn aligned(place: i64) -> i64 {
     (place as u64).next_multiple_of(ALIGNED as u64) as i64
 }
 
-/// A column of numbers, `[n, 1]`.
+/// Returns a column of numbers, `[n, 1]`.
 pub(super) fn column<T: tch::kind::Element>(
     numbers: &[T],
     device: Device,
