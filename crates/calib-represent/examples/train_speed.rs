@@ -1,10 +1,10 @@
-//! Updates per second of Laplacian training on one thread, as one line of JSON, to be compared with other
-//! implementations of the same step.
+//! Measures updates per second of Laplacian training on one thread, to compare with other
+//! implementations. Prints one line of JSON.
 //!
 //!     cargo run --release -p calib-represent --example train_speed -- [COLUMNS [BATCH [UPDATES]]]
 //!
-//! One update: draw BATCH pairs and BATCH independent states, forward 3 × BATCH rows through
-//! COLUMNS-256-256-64, loss, backward, Adam.
+//! One update draws BATCH pairs and BATCH independent states, and passes 3 × BATCH rows forward through
+//! COLUMNS-256-256-64. Then it computes the loss and the backward pass, and takes a step of Adam.
 
 #![expect(clippy::print_stdout, reason = "the figure is what it is for")]
 #![expect(clippy::disallowed_methods, reason = "it measures time")]

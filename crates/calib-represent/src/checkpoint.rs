@@ -6,26 +6,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Point, RepresentError, Stepper};
 
-/// What a checkpoint holds beside parameters and moments.
+/// The content of a checkpoint besides parameters and moments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Progress {
-    /// Updates so far.
+    /// Number of updates so far.
     done: usize,
     /// Loss of the first update.
     pub(crate) first_loss: Option<f64>,
-    /// Sum of the losses since the latest point.
+    /// Sum of the losses since the latest point of the learning curve.
     pub(crate) sum: f64,
-    /// Losses in that sum.
+    /// Number of losses in that sum.
     pub(crate) count: usize,
     /// Adam's powers β₁ᵗ and β₂ᵗ.
     powers: (f64, f64),
-    /// Points so far.
+    /// Points of the learning curve so far.
     pub(crate) points: Vec<Point>,
 }
 
 const PROGRESS: &str = "progress";
 
-/// Write all that `training` needs to go on.
+/// Writes the state from which `training` can resume.
 pub(crate) fn write(
     file: &CheckpointFile,
     training: &dyn Stepper,
@@ -42,7 +42,7 @@ pub(crate) fn write(
     Ok(file.write(Tensors { tensors, metadata })?)
 }
 
-/// Put `training` where it stopped; none if there is no checkpoint of it.
+/// Restores `training` from its checkpoint. Returns `None` if there is no such checkpoint.
 pub(crate) fn read(
     file: &CheckpointFile,
     training: &mut dyn Stepper,
@@ -55,7 +55,8 @@ pub(crate) fn read(
     Ok(Some(progress))
 }
 
-/// What [`write`] wrote, parameters second; `None` if it is of an encoder of another size.
+/// Returns the parts of a checkpoint by [`write`], parameters second. Returns `None` if it belongs
+/// to an encoder of another size.
 fn parts_of(
     file: &CheckpointFile,
     parameter_count: usize,

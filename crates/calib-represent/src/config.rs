@@ -32,7 +32,7 @@ impl Default for LossConfig {
 }
 
 impl LossConfig {
-    /// Weights of Σ (ψᵢ·ψⱼ)² and of Σ (‖ψᵢ‖² + ‖ψⱼ‖²) in the mean over pairs.
+    /// Returns the weights of Σ (ψᵢ·ψⱼ)² and of Σ (‖ψᵢ‖² + ‖ψⱼ‖²) in the mean over pairs.
     pub fn repulsion(&self) -> (f64, f64) {
         match self.form {
             LossForm::A => (self.beta, self.beta * self.zeta),
@@ -40,11 +40,12 @@ impl LossConfig {
         }
     }
 
-    /// The stationary second moment of ψ along an eigenfunction whose correlation over one drawn
-    /// pair is `correlation` μ: max(0, ζ − c(1−μ)/β) in form A, max(0, (ζ − c(1−μ))/β) in form B.
+    /// Returns the stationary second moment of ψ along an eigenfunction whose correlation over one
+    /// drawn pair is `correlation` μ: max(0, ζ − c(1−μ)/β) in form A, and max(0, (ζ − c(1−μ))/β) in
+    /// form B.
     ///
-    /// Derived: with ψ = Σ aₖ fₖ eₖ over orthonormal eigenfunctions the expected loss is
-    /// Σ 2c(1−μₖ)aₖ² + q aₖ⁴ − 2l aₖ², whose minimum is aₖ² = (l − c(1−μₖ))/q where that is positive.
+    /// Derived: with ψ = Σ aₖ fₖ eₖ over orthonormal eigenfunctions, the expected loss is Σ
+    /// 2c(1−μₖ)aₖ² + q aₖ⁴ − 2l aₖ². Its minimum is aₖ² = (l − c(1−μₖ))/q where that is positive.
     pub fn stationary_moment(&self, correlation: f64) -> f64 {
         let (quartic, quadratic) = self.repulsion();
         ((quadratic - self.attraction * (1.0 - correlation)) / quartic).max(0.0)
@@ -96,16 +97,16 @@ impl Default for LaplacianConfig {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{field}`: expected {expected}, got {got}")]
 pub struct RepresentConfigError {
-    /// The field's name, as in a study.
+    /// Name of the field, as in a study.
     pub field: &'static str,
-    /// The values it may have.
+    /// The valid values.
     pub expected: &'static str,
-    /// Its value.
+    /// The value that was given.
     pub got: String,
 }
 
 impl LaplacianConfig {
-    /// Check every field against its range.
+    /// Checks that every field is inside its range.
     ///
     /// # Errors
     /// The first field that is outside.
@@ -124,7 +125,7 @@ impl LaplacianConfig {
         check_whole("steps", self.steps, 1, 100_000_000, "from 1 to 100000000")
     }
 
-    /// Layer sizes of the encoder for states of `columns` values, input first.
+    /// Returns the layer sizes of the encoder for states of `columns` values, input first.
     pub fn sizes(&self, columns: usize) -> Vec<usize> {
         let mut sizes = vec![self.hidden_units; self.hidden_layers + 2];
         sizes[0] = columns;
@@ -133,7 +134,7 @@ impl LaplacianConfig {
     }
 }
 
-/// An error unless `got` is above 0 and at most `most`.
+/// Returns an error unless `got` is above 0 and at most `most`.
 fn check_real(
     field: &'static str,
     got: f64,
@@ -144,7 +145,7 @@ fn check_real(
     if ok { Ok(()) } else { Err(RepresentConfigError { field, expected, got: format!("{got:?}") }) }
 }
 
-/// An error unless `got` is from `least` to `most`.
+/// Returns an error unless `got` is from `least` to `most`.
 fn check_whole(
     field: &'static str,
     got: usize,

@@ -2,18 +2,18 @@ use std::collections::HashMap;
 
 use calib_core::{Seed, States};
 
-/// Directions that rows are projected on.
+/// Number of random directions on which rows are projected.
 const DIRECTIONS: usize = 3;
 
-/// Number of `rows` that are no nearer than `tolerance` to an earlier one that was counted; exact repeats are
-/// never counted.
+/// Returns the number of distinct `rows`. A row counts if it is no nearer than `tolerance` to an earlier row
+/// that counts. Exact repeats never count.
 ///
-/// Two rows are at least as far apart as their projections on any unit vector. So candidates lie in the same
-/// cell, as wide as the tolerance, of three projections, or in one beside it. The directions are random, but
-/// they only save time: the count does not depend on them.
+/// Two rows are at least as far apart as their projections on any unit vector. Three projections form a grid
+/// of cells as wide as the tolerance. So candidates are in the same cell or an adjacent one. The directions
+/// are random, but they only save time: the count does not depend on them.
 pub(crate) fn count_distinct(states: &States, rows: &[usize], tolerance: f64) -> usize {
     let directions = directions(states.columns());
-    // A little wider, for the rounding of the projections.
+    // The cells are a little wider, because the projections are rounded.
     let width = if tolerance > 0.0 { tolerance * (1.0 + 1e-6) } else { f64::MIN_POSITIVE };
     let limit = tolerance * tolerance;
     let mut counted: HashMap<[i64; DIRECTIONS], Vec<usize>> = HashMap::new();
@@ -46,7 +46,7 @@ fn directions(columns: usize) -> [Vec<f64>; DIRECTIONS] {
     })
 }
 
-/// A cell, then those beside it.
+/// Returns a cell, followed by the adjacent ones.
 fn around(cell: [i64; DIRECTIONS]) -> impl Iterator<Item = [i64; DIRECTIONS]> {
     const NEAR: [i64; 3] = [0, -1, 1];
     (0..NEAR.len().pow(DIRECTIONS as u32)).map(move |mut number| {

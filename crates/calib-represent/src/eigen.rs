@@ -1,4 +1,5 @@
-/// Eigenvalues of a symmetric matrix `[n, n]`, largest first, by cyclic Jacobi rotations.
+/// Returns the eigenvalues of a symmetric matrix `[n, n]`, largest first, by cyclic Jacobi
+/// rotations.
 ///
 /// # Panics
 /// If there are not n² values.
@@ -22,7 +23,7 @@ pub fn symmetric_eigenvalues(matrix: &[f64], n: usize) -> Vec<f64> {
     values
 }
 
-/// The rotation that makes (p, q) zero (Golub & Van Loan, 8.5).
+/// Applies the rotation that makes (p, q) zero (Golub & Van Loan, 8.5).
 fn rotate(a: &mut [f64], n: usize, p: usize, q: usize) {
     let off = a[p * n + q];
     if off == 0.0 {

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use crate::RepresentError;
 
-/// Rows that are encoded as one product. Every product has as many, the last one filled up, so that the
-/// bytes of ψ(s) do not depend on how many states are encoded with s.
+/// Number of rows that are encoded with one product. Every product has this many rows, with padding in the
+/// last. So the bytes of ψ(s) do not depend on how many states are encoded with s.
 const CHUNK: usize = 256;
 
-/// ψ of every state, `[n, d]`, on all threads; the bytes do not depend on their number.
+/// Returns ψ of every state, `[n, d]`, computed on all threads. The bytes do not depend on their number.
 ///
 /// # Errors
 /// If ψ of some state is not finite.
@@ -29,7 +29,8 @@ pub fn encode(encoder: &Mlp, states: &States) -> Result<States, StatesError> {
     States::new(psi, states.rows(), shape.1)
 }
 
-/// The same bytes on the calling thread, for work that is parallel outside.
+/// Returns the same bytes as [`encode`], computed on the calling thread. It is for callers that are
+/// parallel themselves.
 ///
 /// # Errors
 /// As [`encode`].
@@ -46,7 +47,7 @@ pub(crate) fn encode_here(encoder: &Mlp, states: &States) -> Result<States, Stat
     States::new(psi, states.rows(), shape.1)
 }
 
-/// Room for ψ; the columns of a state and of ψ.
+/// Returns an empty buffer for ψ, and the numbers of columns of a state and of ψ.
 fn prepare(encoder: &Mlp, states: &States) -> (Vec<f32>, (usize, usize)) {
     let shape = (states.columns(), encoder.outputs());
     assert_eq!(shape.0, encoder.inputs(), "an encoder is for states of its own width");
@@ -73,7 +74,8 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// Write an encoder as safetensors, named and laid out as PyTorch's `Sequential(Linear, ReLU, …, Linear)`.
+/// Writes an encoder as safetensors, with the names and layout of PyTorch's
+/// `Sequential(Linear, ReLU, …, Linear)`.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -86,10 +88,10 @@ pub fn write_encoder(
     Ok(write_tensors(path, &Tensors { tensors, metadata })?)
 }
 
-/// Read what [`write_encoder`], or PyTorch, wrote.
+/// Reads a file from [`write_encoder`] or PyTorch.
 ///
 /// # Errors
-/// If the file cannot be read, or does not hold the weights of such a network.
+/// If the file cannot be read, or does not contain the weights of such a network.
 pub fn read_encoder(path: &Path) -> Result<Mlp, RepresentError> {
     let content = read_tensors(path)?;
     Mlp::from_tensors(&content, "", Naming::Sequential).map_err(|error| RepresentError::Encoder {

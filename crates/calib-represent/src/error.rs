@@ -3,24 +3,24 @@ use calib_files::FileError;
 
 use crate::RepresentConfigError;
 
-/// Why a representation cannot be trained, read or chosen.
+/// An error of training, reading or choosing a representation.
 #[derive(Debug, thiserror::Error)]
 pub enum RepresentError {
     /// A hyperparameter is outside its range.
     #[error(transparent)]
     Config(#[from] RepresentConfigError),
-    /// No pair of states can be drawn.
+    /// A part of the data has no two successive states, so no pair can be drawn.
     #[error(
         "no two successive states lie in the {part} part of the training range ({rows} states); \
          take a longer range, or fewer gaps"
     )]
     NoPairs {
-        /// "training" or "validation".
+        /// The part: "training" or "validation".
         part: &'static str,
-        /// States of that part.
+        /// Number of states in that part.
         rows: usize,
     },
-    /// Weights that are no encoder.
+    /// The weights do not form an encoder.
     #[error("{path} holds no encoder: {reason}")]
     Encoder {
         /// The file.
@@ -28,10 +28,10 @@ pub enum RepresentError {
         /// What does not fit.
         reason: String,
     },
-    /// Arithmetic that another library does failed.
+    /// A backend's arithmetic failed.
     #[error("{0}")]
     Backend(String),
-    /// The observer asked to stop.
+    /// The monitor interrupted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// A file could not be read or written.

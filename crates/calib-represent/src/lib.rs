@@ -1,17 +1,17 @@
-//! Laplacian representations of a plant's states: training, scores, selection.
+//! Laplacian representations of a plant's states: training, scores and selection.
 //!
-//! ψ maps a state to `d` numbers so that states which follow each other are near, and the others apart. Then
-//! the nearest neighbours of a state are states from which the plant goes on alike.
+//! ψ maps a state to `d` numbers, such that successive states are near each other and other states are far
+//! apart. Then the plant continues in a similar way from the nearest neighbours of a state.
 //!
 //! - [`RepresentationConfig`]: the section of a study, with lists of values to try.
-//! - [`LaplacianConfig`], [`LossConfig`]: hyperparameters, and what second moments they lead to.
-//! - [`Split`]: which states are trained on, and which later ones are scored.
+//! - [`LaplacianConfig`], [`LossConfig`]: hyperparameters, and the second moments that follow from them.
+//! - [`Split`]: the states for training, and the later ones for scoring.
 //! - [`PairSampler`]: pairs of states a truncated-geometric time apart.
-//! - [`laplacian_loss`]: both published forms, and the gradient by hand.
-//! - [`Training`]: one update; [`train`]: all of them, with a learning curve, checkpoints and divergence;
-//!   [`Stepper`], [`train_with`]: the same with updates that something else does.
-//! - [`encode`], [`write_encoder`], [`read_encoder`]: ψ of every state; weights as PyTorch reads them.
-//! - [`score`], [`select`]: dynamics awareness, uniqueness, live dimensions; the rule of choice.
+//! - [`laplacian_loss`]: both published forms, with a hand-written gradient.
+//! - [`Training`]: one update. [`train`]: all updates, with a learning curve, checkpoints and a check for
+//!   divergence. [`Stepper`], [`train_with`]: the same with updates by another backend.
+//! - [`encode`], [`write_encoder`], [`read_encoder`]: ψ of every state, and weights in PyTorch's format.
+//! - [`score`], [`select`]: dynamics awareness, uniqueness and live dimensions, and the rule for the choice.
 //!
 //! ```
 //! use calib_core::{Seed, Segments, Silent, States};

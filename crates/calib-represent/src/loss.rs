@@ -2,18 +2,18 @@ use calib_nn::{Matrix, multiply};
 
 use crate::LossConfig;
 
-/// Value of the loss on a batch, and its parts.
+/// The value of the loss on a batch, and its parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loss {
     /// The loss L.
     pub total: f64,
-    /// mean ‖ψ(u) − ψ(v)‖², without its weight.
+    /// The mean ‖ψ(u) − ψ(v)‖², without its weight.
     pub attraction: f64,
-    /// L less the weighted attraction.
+    /// L minus the weighted attraction.
     pub repulsion: f64,
 }
 
-/// Buffers of [`laplacian_loss`], allocated once.
+/// The buffers of [`laplacian_loss`], allocated once.
 #[derive(Clone, Debug)]
 pub struct LossBuffers {
     batch: usize,
@@ -25,7 +25,7 @@ pub struct LossBuffers {
 }
 
 impl LossBuffers {
-    /// Buffers for batches of `batch` pairs in `dimension` dimensions.
+    /// Creates buffers for batches of `batch` pairs in `dimension` dimensions.
     ///
     /// # Panics
     /// If `batch` is below 2: then no two states repel each other.
@@ -40,7 +40,7 @@ impl LossBuffers {
     }
 }
 
-/// The graph-drawing loss of a mini-batch, and its gradient with respect to `outputs`.
+/// Returns the graph-drawing loss of a mini-batch, and its gradient with respect to `outputs`.
 ///
 /// `outputs` are `[3B, d]`: ψ(u) of `B` pairs, their ψ(v), and ψ(x) of `B` independent states.
 ///
@@ -49,14 +49,14 @@ impl LossBuffers {
 /// form B: L = c · mean_b ‖ψ(u_b) − ψ(v_b)‖² +     mean_{i≠j} [β(ψ(x_i)·ψ(x_j))² − ζ‖ψ(x_i)‖² − ζ‖ψ(x_j)‖²]
 /// ```
 ///
-/// The mean over i ≠ j is an unbiased estimate of the expectation over two independent states. (Form of
-/// the loss: public code of the same lab and Wu et al. 2019; leaving i = j out: ours.)
+/// The mean over i ≠ j is an unbiased estimate of the expectation over two independent states. (The form of
+/// the loss is that of the public code of the same lab and Wu et al. 2019. Omitting i = j is our choice.)
 ///
-/// With S = Σᵢ ψᵢψᵢᵀ the pairs need no B × B matrix: Σ_{i≠j} (ψᵢ·ψⱼ)² = ‖S‖² − Σᵢ ‖ψᵢ‖⁴, and
-/// Σ_{j≠i} (ψᵢ·ψⱼ)ψⱼ = Sψᵢ − ‖ψᵢ‖²ψᵢ.
+/// With S = Σᵢ ψᵢψᵢᵀ, the pairs need no B × B matrix: Σ_{i≠j} (ψᵢ·ψⱼ)² = ‖S‖² − Σᵢ ‖ψᵢ‖⁴, and Σ_{j≠i}
+/// (ψᵢ·ψⱼ)ψⱼ = Sψᵢ − ‖ψᵢ‖²ψᵢ.
 ///
 /// # Panics
-/// If `outputs` are not of the shape of the buffers.
+/// If `outputs` does not have the shape of the buffers.
 pub fn laplacian_loss<'b>(
     config: &LossConfig,
     outputs: &[f32],
@@ -99,7 +99,7 @@ pub fn laplacian_loss<'b>(
     (Loss { total, attraction, repulsion }, gradient)
 }
 
-/// mean ‖ψ(u) − ψ(v)‖², with c times its gradient in the first two blocks of `gradient`.
+/// Returns mean ‖ψ(u) − ψ(v)‖², and writes c times its gradient to the first two blocks of `gradient`.
 fn attract(c: f64, outputs: &[f32], gradient: &mut [f32], batch: usize, dimension: usize) -> f64 {
     let block = batch * dimension;
     let scale = (2.0 * c / batch as f64) as f32;
@@ -134,7 +134,7 @@ mod tests {
         a.iter().zip(b).map(|(a, b)| a * b).sum()
     }
 
-    /// The definition, pair by pair, in double precision.
+    /// Computes the loss by definition, pair by pair, in double precision.
     fn by_definition(config: &LossConfig, outputs: &[f64], batch: usize, dimension: usize) -> f64 {
         let row = |index: usize| &outputs[index * dimension..(index + 1) * dimension];
         let attraction: f64 = (0..batch)

@@ -39,7 +39,8 @@ impl<T: JsonSchema> JsonSchema for OneOrMore<T> {
     }
 }
 
-/// Written by hand because serde's untagged enumerations do not say what is wrong with a value.
+/// Implemented by hand, because serde's untagged enumerations do not report what is wrong with a
+/// value.
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for OneOrMore<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Values<T>(PhantomData<T>);

@@ -2,23 +2,25 @@ use calib_core::{Rng, Segments};
 
 /// Draws pairs of states that are a truncated-geometric number of steps apart, inside segments.
 ///
-/// `u` is uniform over the states that have a later one in their segment; it begins a sub-trajectory of
-/// at most T states. `v` lies τ steps later, P(τ) ∝ κ^(τ−1) on 1 … T−1, or on what the segment has left.
-/// (Numbers: paper; truncation: public code; that `u` begins the sub-trajectory: ours, it leaves no state out.)
+/// `u` is uniform over the states that have a later one in their segment. It begins a sub-trajectory of at most
+/// T states. `v` is τ steps later. P(τ) ∝ κ^(τ−1) on 1 … T−1, or on the rest of the segment if that is shorter.
+/// (The numbers are from the paper, and the truncation from the public code. That `u` begins the sub-trajectory
+/// is our choice, which omits no state.)
 #[derive(Clone, Debug)]
 pub struct PairSampler {
-    /// Rows that may be `u`, as runs: cumulative count before, first row, one past the last row of the segment.
+    /// Rows that may be `u`, as runs: cumulative count before the run, first row, one past the last row of the
+    /// segment.
     runs: Vec<(usize, usize, usize)>,
-    /// Rows that may be `u`.
+    /// Number of rows that may be `u`.
     pairs: usize,
     log_kappa: f64,
     longest: usize,
 }
 
 impl PairSampler {
-    /// A sampler over the rows of `segments` that lie in `rows`.
+    /// Creates a sampler over the rows of `segments` that are in `rows`.
     ///
-    /// `None` if no segment has two rows there.
+    /// Returns `None` if no segment has two rows there.
     ///
     /// # Panics
     /// If `kappa` is not in (0, 1] or `trajectory` is below 2.
@@ -43,7 +45,7 @@ impl PairSampler {
         (pairs > 0).then_some(Self { runs, pairs, log_kappa, longest: trajectory - 1 })
     }
 
-    /// Rows (u, v) of a pair.
+    /// Draws the rows (u, v) of a pair.
     pub fn draw(&self, rng: &mut Rng) -> (usize, usize) {
         let place = rng.below(self.pairs);
         let run = self.runs.partition_point(|&(before, ..)| before <= place) - 1;
@@ -53,7 +55,7 @@ impl PairSampler {
         (u, u + self.steps(most, rng.unit()))
     }
 
-    /// τ in 1..=most where `unit` falls in the cumulative distribution (1 − κ^τ)/(1 − κ^most).
+    /// Returns the τ in 1..=most at which the cumulative distribution (1 − κ^τ)/(1 − κ^most) reaches `unit`.
     fn steps(&self, most: usize, unit: f64) -> usize {
         let steps = if self.log_kappa == 0.0 {
             (unit * most as f64) as usize
@@ -64,7 +66,7 @@ impl PairSampler {
         steps.min(most - 1) + 1
     }
 
-    /// P(τ) for τ = 1, 2, …, T−1 where the segment goes on for long enough.
+    /// Returns P(τ) for τ = 1, 2, …, T−1, for a segment that is long enough.
     pub fn probabilities(&self) -> Vec<f64> {
         let weights: Vec<f64> =
             (0..self.longest).map(|steps| (self.log_kappa * steps as f64).exp()).collect();

@@ -6,13 +6,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::{distinct::count_distinct, eigen::symmetric_eigenvalues, split::successive};
 
-/// Two states count as the same if they are nearer than this share of the median distance of random pairs.
+/// Two states count as the same if their distance is below this fraction of the median distance of random
+/// pairs.
 pub const TOLERANCE: f64 = 1e-3;
 
-/// Uniqueness is counted on at most this many evenly spaced states.
+/// Maximum number of evenly spaced states on which uniqueness is computed.
 const MOST_DISTINCT: usize = 20_000;
 
-/// A dimension is alive if its second moment is at least this share of the greatest one.
+/// A dimension is live if its second moment is at least this fraction of the largest one.
 const ALIVE: f64 = 0.01;
 
 /// How good a representation is, by the states that it was not trained on.
@@ -30,14 +31,15 @@ pub struct Scores {
     pub random_distance: f64,
 }
 
-/// Score ψ `[n, d]` of the states `[n, columns]` on the rows of `validation`.
+/// Scores ψ `[n, d]` of the states `[n, columns]` on the rows of `validation`.
 ///
 /// - Dynamics awareness (name: paper; formula: public code) over all successive pairs and as many uniform
 ///   random pairs, drawn from `seed`. Without a finite, positive `d_rand` it is 0.
-/// - Uniqueness (name: paper; formula: ours) on at most 20,000 evenly spaced rows. Rows are gone through in
-///   order; one is distinct if no distinct one before it is nearer than 1e-3 of the median distance of
-///   the random pairs. The same is counted for the states.
-/// - Live dimensions (derived from the loss): eigenvalues of Σ ψψᵀ / rows of at least 1 % of the greatest.
+/// - Uniqueness (name: paper; formula: ours) on at most 20,000 evenly spaced rows. Rows are visited in
+///   order. A row is distinct if no earlier distinct row is nearer than 1e-3 of the median distance of the
+///   random pairs. Distinct states are counted in the same way.
+/// - Live dimensions (derived from the loss): the number of eigenvalues of Σ ψψᵀ / rows that are at least 1
+///   % of the largest.
 ///
 /// # Panics
 /// If the states and their ψ differ in number, or the validation part has no two successive states.
@@ -65,7 +67,7 @@ pub fn score(
     let of_psi = count_distinct(psi, &rows, TOLERANCE * median(random_distances));
     let of_states = count_distinct(states, &rows, TOLERANCE * median(distances(states, &random)));
     Scores {
-        // NaN or negative → 0.
+        // NaN and negative values become 0.
         dynamics_awareness: awareness.max(0.0),
         uniqueness: (of_psi as f64 / of_states as f64).min(1.0),
         live_dimensions: live_dimensions(psi, validation),
@@ -74,7 +76,7 @@ pub fn score(
     }
 }
 
-/// Euclidean distance of two rows.
+/// Returns the Euclidean distance between two rows.
 pub(crate) fn distance(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
 }
@@ -92,7 +94,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// At most `most` evenly spaced rows of a range.
+/// Returns at most `most` evenly spaced rows of a range.
 fn evenly(rows: &Range<usize>, most: usize) -> Vec<usize> {
     let count = rows.len().min(most);
     (0..count).map(|place| rows.start + place * rows.len() / count).collect()
@@ -127,7 +129,7 @@ mod tests {
         States::new(values, rows, columns).expect("finite")
     }
 
-    /// A slow walk around a circle.
+    /// Returns a slow rotation around a circle.
     fn circle() -> (States, Segments) {
         let angles = (0..400_u16).map(|row| f32::from(row) * 0.05);
         let values = angles.flat_map(|angle| [angle.cos(), angle.sin()]).collect();
@@ -138,7 +140,7 @@ mod tests {
     fn a_faithful_slow_representation_scores_high() {
         let (circle, segments) = circle();
         let scores = score(&circle, &circle, &segments, &(200..400), Seed::new(1));
-        // Chord of 0.05 against the mean chord 4/π.
+        // A chord of 0.05 compared with the mean chord 4/π.
         let expected = 1.0 - 0.05 / (4.0 / std::f64::consts::PI);
         assert!((scores.dynamics_awareness - expected).abs() < 0.01, "{scores:?}");
         assert_eq!((scores.uniqueness, scores.live_dimensions), (1.0, 2));
@@ -155,7 +157,7 @@ mod tests {
         let noise = states((0..800).map(|_| rng.normal() as f32).collect(), 2);
         let scores = score(&circle, &noise, &segments, &(200..400), Seed::new(1));
         assert!(scores.dynamics_awareness < 0.1, "{scores:?}");
-        // Every second state has the code of the one before.
+        // Every second state has the code of the previous one.
         let halves = (0..400).flat_map(|row| circle.row(row / 2 * 2).to_vec()).collect();
         let scores = score(&circle, &states(halves, 2), &segments, &(200..400), Seed::new(1));
         assert_eq!(scores.uniqueness, 0.5);

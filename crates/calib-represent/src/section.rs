@@ -93,7 +93,8 @@ impl Default for RepresentationConfig {
 }
 
 impl RepresentationConfig {
-    /// Every combination of the lists, in the alphabetical order of the keys, the first varying slowest.
+    /// Returns every combination of the lists. The keys are in alphabetical order, and the first varies
+    /// slowest.
     pub fn candidates(&self) -> Vec<LaplacianConfig> {
         let mut candidates = Vec::new();
         for &beta in &self.beta.0 {
@@ -124,10 +125,10 @@ impl RepresentationConfig {
         candidates
     }
 
-    /// Check every value against its range.
+    /// Checks that every value is inside its range.
     ///
     /// # Errors
-    /// The first that is outside, or is named twice; an import without a file.
+    /// The first value that is outside its range or occurs twice; an import without a file.
     pub fn check(&self) -> Result<(), RepresentConfigError> {
         let candidates = self.candidates();
         candidates.iter().try_for_each(LaplacianConfig::check)?;

@@ -1,10 +1,11 @@
 use crate::Scores;
 
-/// A representation is chosen only if it tells this share of the distinct states apart (paper).
+/// A representation is chosen only if its uniqueness is above this value (paper).
 pub const LEAST_UNIQUENESS: f64 = 0.95;
 
-/// The position of the representation to use: among those with a uniqueness above 0.95 the one of the highest
-/// dynamics awareness (paper), the first of equals; `None` if none qualifies. Diverged ones have no scores.
+/// Returns the position of the representation to use. Among those with a uniqueness above 0.95, it has the
+/// highest dynamics awareness (paper); of equal ones it is the first. Returns `None` if none qualifies.
+/// Diverged representations have no scores.
 pub fn select(candidates: &[Option<Scores>]) -> Option<usize> {
     let mut best: Option<(usize, f64)> = None;
     for (position, scores) in candidates.iter().enumerate() {

@@ -4,17 +4,18 @@ use calib_core::Segments;
 
 use crate::RepresentError;
 
-/// The states that a representation is trained on, and the later ones that it is scored on.
+/// The states for training a representation, and the later ones for scoring it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Split {
-    /// Rows to train on.
+    /// The rows for training.
     pub training: Range<usize>,
-    /// Rows to score on.
+    /// The rows for scoring.
     pub validation: Range<usize>,
 }
 
 impl Split {
-    /// The first 0.8 of the rows to train on and the last 0.2 to score on, in time (paper: 0.8/0.2).
+    /// Splits the rows in time: the first 0.8 for training and the last 0.2 for scoring (paper:
+    /// 0.8/0.2).
     ///
     /// # Errors
     /// If one part has no two successive states.
@@ -31,7 +32,7 @@ impl Split {
     }
 }
 
-/// Rows in `rows` whose next row lies in the same segment and in `rows`.
+/// Returns the rows in `rows` whose next row is in the same segment and in `rows`.
 pub(crate) fn successive<'a>(
     segments: &'a Segments,
     rows: &Range<usize>,

@@ -2,32 +2,32 @@ use calib_nn::{Mlp, Moments};
 
 use crate::{RepresentError, Training};
 
-/// Something that trains an encoder update by update, whatever does its arithmetic: all that [`train_with`] asks of it.
+/// A backend that trains an encoder update by update, as [`train_with`] requires.
 ///
 /// [`train_with`]: crate::train_with
 pub trait Stepper {
-    /// One update; the loss of its batch before the update.
+    /// Makes one update. Returns the loss of its batch before the update.
     ///
     /// # Errors
-    /// If the arithmetic cannot be done.
+    /// If the computation fails.
     fn step(&mut self) -> Result<f64, RepresentError>;
 
-    /// Updates so far.
+    /// Returns the number of updates so far.
     fn done(&self) -> usize;
 
-    /// The encoder as it is now.
+    /// Returns the current encoder.
     ///
     /// # Errors
-    /// If it cannot be had from where it is.
+    /// If it cannot be read from its device.
     fn encoder(&self) -> Result<Mlp, RepresentError>;
 
-    /// Adam's moments.
+    /// Returns Adam's moments.
     ///
     /// # Errors
-    /// If they cannot be had from where they are.
+    /// If they cannot be read from their device.
     fn moments(&self) -> Result<Moments, RepresentError>;
 
-    /// Go on from where another training of the same shape was after `done` updates.
+    /// Restores the state of earlier training with the same shape, after `done` updates.
     fn restore(&mut self, parameters: &[f32], moments: Moments, done: usize);
 }
 

@@ -14,13 +14,14 @@ use crate::{
     split::successive,
 };
 
-/// Points of the learning curve, and checkpoints, that a training has at most.
+/// Maximum number of points of the learning curve, and of checkpoints.
 pub const CURVE_POINTS: usize = 20;
 
-/// Pairs of successive validation states that a point of the learning curve is scored on, at most.
+/// Maximum number of pairs of successive validation states on which a point of the learning curve is scored.
 pub const SCORED_PAIRS: usize = 2_000;
 
-/// A loss this many times the greater of its first value and its natural scale is on its way to infinity.
+/// Training counts as diverging when the loss exceeds this many times a reference: the larger of the first loss
+/// and the natural scale of the loss.
 const EXPLOSION: f64 = 1e4;
 
 /// A point of the learning curve.
@@ -61,35 +62,35 @@ impl fmt::Display for Divergence {
     }
 }
 
-/// What a training is of.
+/// The inputs of training.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// Normalised states.
     pub states: &'a States,
-    /// Their segments.
+    /// The segments of the states.
     pub segments: &'a Segments,
-    /// Which of them are trained on and scored on.
+    /// The states for training and for scoring.
     pub split: &'a Split,
-    /// Root of the randomness.
+    /// The root seed of all random numbers.
     pub seed: Seed,
 }
 
-/// The end of a training.
+/// The result of training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trained {
-    /// The encoder; of no use if the training diverged.
+    /// The encoder. It is unusable if training diverged.
     pub encoder: Mlp,
     /// The learning curve.
     pub points: Vec<Point>,
-    /// Why it ended early, if it did.
+    /// The reason why training ended early, if it did.
     pub divergence: Option<Divergence>,
 }
 
-/// Train an encoder to the end, or until it diverges.
+/// Trains an encoder to the end, or until it diverges.
 ///
-/// Updates are reported to `monitor`, whose task the caller begins with `config.steps` units. With a
-/// checkpoint the training is written down at every point of the learning curve and where it is interrupted, and
-/// goes on from there when it is called again: to the same bytes, as if it had never stopped.
+/// Updates are reported to `monitor`, whose task the caller begins with `config.steps` units. With a checkpoint,
+/// the state is stored at every point of the learning curve and at an interruption. The next call resumes from
+/// there. The result has the same bytes as without an interruption.
 ///
 /// # Errors
 /// As [`Training::new`]; an unusable checkpoint; [`RepresentError::Cancelled`].
@@ -104,7 +105,7 @@ pub fn train(
     train_with(&mut training, config, task, checkpoint, monitor)
 }
 
-/// As [`train`], by something that does the updates.
+/// Trains as [`train`], with updates by `training`.
 ///
 /// # Errors
 /// As [`train`], and those of `training`.
@@ -159,13 +160,14 @@ fn diverged(config: &LaplacianConfig, step: usize, loss: f64, first: f64) -> Opt
     if !loss.is_finite() {
         return Some(Divergence::NotFinite { step });
     }
-    // What the repulsion takes off the loss when every dimension has its full second moment l/q.
+    // The natural scale: how much the repulsion lowers the loss when every dimension has its full second moment
+    // l/q.
     let (quartic, quadratic) = config.loss.repulsion();
     let scale = config.dimension as f64 * quadratic * quadratic / quartic;
     (loss > EXPLOSION * first.abs().max(scale)).then_some(Divergence::Exploded { step, loss })
 }
 
-/// Evenly spaced pairs of successive validation states, each a segment of its own.
+/// Evenly spaced pairs of successive validation states, each pair in its own segment.
 struct Sample {
     states: States,
     segments: Segments,
@@ -189,7 +191,7 @@ impl Sample {
         }
     }
 
-    /// `None` if ψ is not finite.
+    /// Returns the scores, or `None` if ψ is not finite.
     fn score(&self, encoder: &Mlp, seed: Seed) -> Option<Scores> {
         let psi = encode_here(encoder, &self.states).ok()?;
         Some(score(&self.states, &psi, &self.segments, &(0..self.states.rows()), seed))

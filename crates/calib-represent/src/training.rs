@@ -5,7 +5,7 @@ use crate::{
     LaplacianConfig, Loss, LossBuffers, PairSampler, RepresentError, Split, laplacian_loss,
 };
 
-/// Rows of a mini-batch, equally many of each.
+/// The rows of a mini-batch, equally many of each kind.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Batch {
     /// First states of the pairs.
@@ -18,9 +18,9 @@ pub struct Batch {
 
 /// An encoder in training: parameters, optimiser, and every buffer of a step.
 ///
-/// A step draws B pairs (u, v) and B independent states x of the training part, forwards all 3B rows as
-/// one batch, and follows the gradient of [`laplacian_loss`] with Adam. The draws of step t depend on the
-/// seed and on t alone, so training goes on anywhere from parameters and moments.
+/// A step draws B pairs (u, v) and B independent states x of the training part. It passes all 3B rows
+/// forward as one batch, and follows the gradient of [`laplacian_loss`] with Adam. The draws of step t
+/// depend only on the seed and on t. So training can resume at any step from parameters and moments.
 #[derive(Clone, Debug)]
 pub struct Training {
     config: LaplacianConfig,
@@ -34,12 +34,12 @@ pub struct Training {
     workspace: Workspace,
     buffers: LossBuffers,
     batch: Batch,
-    /// ψ's inputs: u of every pair, v of every pair, x. `[3B, columns]`.
+    /// The inputs of ψ: u of every pair, v of every pair, x. `[3B, columns]`.
     inputs: Vec<f32>,
 }
 
 impl Training {
-    /// A fresh encoder for `states`, to be trained on the training part of `split`.
+    /// Creates a new encoder for `states`, for the training part of `split`.
     ///
     /// # Errors
     /// A hyperparameter outside its range, or a training part without two successive states.
@@ -55,7 +55,7 @@ impl Training {
         Self::from_encoder(config, states, segments, split, seed, encoder)
     }
 
-    /// The same with an encoder that exists, and an optimiser without moments.
+    /// Starts with an existing encoder, and an optimiser without moments.
     ///
     /// # Errors
     /// As [`Training::new`].
@@ -92,7 +92,7 @@ impl Training {
         })
     }
 
-    /// One update; the loss of its batch before the update.
+    /// Makes one update. Returns the loss of its batch before the update.
     pub fn step(&mut self) -> Loss {
         let mut batch = std::mem::take(&mut self.batch);
         self.draw(&mut batch);
@@ -101,7 +101,7 @@ impl Training {
         loss
     }
 
-    /// One update on these rows; the loss before the update.
+    /// Makes one update on these rows. Returns the loss before the update.
     ///
     /// # Panics
     /// If the batch has not as many rows as configured, or a row is not one of the states.
@@ -120,12 +120,12 @@ impl Training {
         loss
     }
 
-    /// The rows of the next step's batch.
+    /// Draws the rows of the next step's batch.
     pub fn draw(&self, batch: &mut Batch) {
         self.draw_at(self.done, batch);
     }
 
-    /// The rows of the batch of the step after `done` updates.
+    /// Draws the rows of the batch for the step after `done` updates.
     pub fn draw_at(&self, done: usize, batch: &mut Batch) {
         let mut rng = self.draws.number(done as u64).rng();
         batch.u.clear();
@@ -139,24 +139,24 @@ impl Training {
         }
     }
 
-    /// Go on from where another training of the same shape was after `done` updates.
+    /// Restores the state of earlier training with the same shape, after `done` updates.
     pub(crate) fn restore(&mut self, parameters: &[f32], moments: Moments, done: usize) {
         self.encoder.parameters_mut().copy_from_slice(parameters);
         self.adam = Adam::from_moments(self.adam.rule(), moments);
         self.done = done;
     }
 
-    /// Hyperparameters.
+    /// Returns the hyperparameters.
     pub fn config(&self) -> &LaplacianConfig {
         &self.config
     }
 
-    /// Updates so far.
+    /// Returns the number of updates so far.
     pub fn done(&self) -> usize {
         self.done
     }
 
-    /// The encoder as it is now.
+    /// Returns the current encoder.
     pub fn encoder(&self) -> &Mlp {
         &self.encoder
     }

@@ -1,4 +1,5 @@
-//! Loss, gradient and training against PyTorch in double precision (`scripts/golden/laplacian.py`).
+//! Tests loss, gradient and training against PyTorch in double precision
+//! (`scripts/golden/laplacian.py`).
 
 use calib_core::{Seed, Segments, States};
 use calib_nn::Mlp;
@@ -11,7 +12,7 @@ fn golden() -> Value {
     serde_json::from_str(include_str!("golden/laplacian.json")).expect("JSON")
 }
 
-/// All numbers of a nested list.
+/// Returns all numbers of a nested list.
 fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(values) => values.iter().flat_map(numbers).collect(),
@@ -106,7 +107,8 @@ fn fifty_steps_of_training_are_pytorchs() {
         }
         assert_eq!(expected.len(), steps);
         let parameters = doubles(training.encoder().parameters());
-        // Fifty steps in single precision; PyTorch's own single precision ends 1.5e-7 from it.
+        // Fifty steps in single precision. PyTorch's own single precision ends 1.5e-7 from this
+        // result.
         assert_near(&parameters, &numbers(&case["parameters_after_last"]), 1e-5);
     }
 }

@@ -1,8 +1,8 @@
-//! Learned representations against what the eigenvectors of a reversible chain say they must be.
+//! Compares learned representations with the theory for a reversible chain.
 //!
-//! On a chain with symmetric transition matrix P and states drawn uniformly, ψ that minimises the loss spans the
-//! eigenvectors of P̄ = Σ P(τ) P^τ whose eigenvalue μ leaves ζ − c(1−μ)/β positive (form A), with that
-//! second moment.
+//! On a chain with symmetric transition matrix P and states drawn uniformly, the ψ that minimises the loss spans
+//! eigenvectors of P̄ = Σ P(τ) P^τ. These are the ones whose eigenvalue μ leaves ζ − c(1−μ)/β positive (form A),
+//! and that is their second moment.
 
 use calib_core::{Rng, Seed, Segments, Silent, States};
 use calib_represent::{
@@ -10,15 +10,15 @@ use calib_represent::{
     symmetric_eigenvalues, train,
 };
 
-/// A lazy symmetric random walk on a graph, as one-hot states.
+/// A lazy symmetric random walk on a graph, with one-hot states.
 struct Chain {
-    /// P, `[n, n]`.
+    /// The transition matrix P, `[n, n]`.
     transition: Vec<f64>,
     n: usize,
 }
 
 impl Chain {
-    /// From every node each edge is taken with probability `hop`; else the walk stays.
+    /// Creates a walk that takes each edge of a node with probability `hop`, and otherwise stays.
     fn on(n: usize, edges: impl IntoIterator<Item = (usize, usize)>, hop: f64) -> Self {
         let mut transition = vec![0.0; n * n];
         for (a, b) in edges {
@@ -43,7 +43,7 @@ impl Chain {
             .unwrap_or(node)
     }
 
-    /// Many walks from uniform nodes, each a segment.
+    /// Returns many walks from uniform start nodes, each in its own segment.
     fn walks(&self, walks: usize, steps: usize, seed: Seed) -> (Vec<usize>, Segments) {
         let mut rng = seed.rng();
         let mut nodes = Vec::with_capacity(walks * steps);
@@ -57,7 +57,7 @@ impl Chain {
         (nodes, Segments::from_lengths(vec![steps; walks]).expect("valid"))
     }
 
-    /// Σ P(τ) P^τ.
+    /// Returns Σ P(τ) P^τ.
     fn averaged(&self, probabilities: &[f64]) -> Vec<f64> {
         let n = self.n;
         let mut power = self.transition.clone();
@@ -98,7 +98,7 @@ struct Learned {
     n: usize,
     dimension: usize,
     live: usize,
-    /// Σ P(τ) P^τ of the pairs that it was trained on.
+    /// Σ P(τ) P^τ of the training pairs.
     averaged: Vec<f64>,
 }
 
@@ -125,7 +125,7 @@ fn learn(chain: &Chain, config: &LaplacianConfig) -> Learned {
 }
 
 impl Learned {
-    /// Eigenvalues of E[ψψᵀ] under uniform nodes, largest first.
+    /// Returns the eigenvalues of E[ψψᵀ] under uniform nodes, largest first.
     fn moments(&self) -> Vec<f64> {
         let d = self.dimension;
         let mut moment = vec![0.0; d * d];
@@ -139,8 +139,9 @@ impl Learned {
         symmetric_eigenvalues(&moment, d)
     }
 
-    /// E[ψψᵀ] as an operator on functions of the node, ψψᵀ/n, and what theory says of it: the positive part of
-    /// ζI − c(I − P̄)/β. Both `[n, n]`; they have the same eigenvalues and live subspace if theory holds.
+    /// Returns E[ψψᵀ] as an operator on functions of the node, ψψᵀ/n, and its theoretical counterpart: the
+    /// positive part of ζI − c(I − P̄)/β. Both are `[n, n]`. If theory holds, they have the same eigenvalues and
+    /// live subspace.
     fn operators(&self, loss: &LossConfig, eigenvectors: &[(f64, Vec<f64>)]) -> [Vec<f64>; 2] {
         let n = self.n;
         let d = self.dimension;
@@ -165,15 +166,15 @@ impl Learned {
     }
 }
 
-/// Orthonormal eigenvectors of a symmetric matrix with their eigenvalues, largest first, by deflated power
-/// iteration.
+/// Returns orthonormal eigenvectors of a symmetric matrix with their eigenvalues, largest first, by deflated
+/// power iteration.
 fn eigenvectors(matrix: &[f64], n: usize) -> Vec<(f64, Vec<f64>)> {
     let mut rng = Seed::new(1).rng();
     let mut found: Vec<(f64, Vec<f64>)> = Vec::new();
     for _ in 0..n {
         let mut vector: Vec<f64> = (0..n).map(|_| rng.normal()).collect();
         for _ in 0..3_000 {
-            // Shifted by 1, so that all eigenvalues are positive and the largest comes first.
+            // The matrix is shifted by 1, so that all eigenvalues are positive and the largest comes first.
             let mut image: Vec<f64> = (0..n)
                 .map(|i| vector[i] + (0..n).map(|j| matrix[i * n + j] * vector[j]).sum::<f64>())
                 .collect();
@@ -192,7 +193,7 @@ fn eigenvectors(matrix: &[f64], n: usize) -> Vec<(f64, Vec<f64>)> {
     found
 }
 
-/// Greatest principal angle between the spans of `a` and `b`, as its sine: ‖(I − AAᵀ)B‖.
+/// Returns the sine of the largest principal angle between the spans of `a` and `b`: ‖(I − AAᵀ)B‖.
 fn greatest_sine(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     let residuals: Vec<Vec<f64>> = b
         .iter()
@@ -229,7 +230,7 @@ fn config(loss: LossConfig) -> LaplacianConfig {
     }
 }
 
-/// Second moments, live dimensions and subspace against theory.
+/// Compares second moments, live dimensions and subspace with theory.
 fn check(chain: &Chain, loss: LossConfig) {
     let config = config(loss);
     let learned = learn(chain, &config);
@@ -240,7 +241,7 @@ fn check(chain: &Chain, loss: LossConfig) {
     for (at, (got, expected)) in moments.iter().zip(&expected).enumerate() {
         assert!((got - expected).abs() < 0.08 * greatest, "{at}: {moments:?} and {expected:?}");
     }
-    // Modes near the threshold may be either.
+    // Modes near the threshold may be live or not.
     let sure = expected.iter().filter(|&&moment| moment > 0.1 * greatest).count();
     let possible = vectors.iter().filter(|(mu, _)| loss.stationary_moment(mu + 0.03) > 0.0).count();
     assert!((sure..=possible).contains(&learned.live), "{sure} {} {possible}", learned.live);
@@ -249,7 +250,7 @@ fn check(chain: &Chain, loss: LossConfig) {
     let norms = symmetric_eigenvalues(&difference, chain.n);
     let norm = norms[0].max(-norms[chain.n - 1]);
     assert!(norm < 0.1 * greatest, "operators differ by {norm}, the greatest is {greatest}");
-    // The span of the modes that are clearly alive, where a gap in the spectrum separates them.
+    // The span of the modes that are clearly live, where a gap in the spectrum separates them.
     let alive: Vec<Vec<f64>> =
         vectors.iter().take(sure).map(|(_, vector)| vector.clone()).collect();
     let own: Vec<Vec<f64>> = eigenvectors(&got, chain.n)
@@ -288,23 +289,23 @@ fn a_grid_is_learned() {
     check(&grid(4), LossConfig { zeta: 0.08, ..LossConfig::default() });
 }
 
-/// Where a node of two corridors, each of `length` places, lies in space.
+/// Returns the position of a node in space. The nodes form two corridors, each of `length` places.
 fn place(node: usize, length: usize, rng: &mut Rng) -> [f32; 2] {
     let x = node % length;
     let side = node / length;
-    // The wall is thinner than a step is long.
+    // The wall is thinner than the length of a step.
     [x as f32 * 0.2, side as f32 * 0.1 + 0.02 * rng.unit() as f32]
 }
 
-/// Square of the Euclidean distance of two rows.
+/// Returns the squared Euclidean distance between two rows.
 fn square_distance(points: &States, a: usize, b: usize) -> f32 {
     points.row(a).iter().zip(points.row(b)).map(|(a, b)| (a - b).powi(2)).sum()
 }
 
 #[test]
 fn neighbours_respect_a_bottleneck_that_euclidean_ones_cross() {
-    // Two corridors of 8 places side by side, joined at one end only: a walk must go around, but places across
-    // the wall are as near in space as successive ones.
+    // Two corridors of 8 places are side by side and joined at one end only. A walk must go around the wall, but
+    // places on both sides of it are as near in space as successive ones.
     let length = 8;
     let along = (1..length).flat_map(|x| [(x - 1, x), (length + x - 1, length + x)]);
     let chain = Chain::on(2 * length, along.chain([(0, length)]), 0.3);
@@ -319,7 +320,7 @@ fn neighbours_respect_a_bottleneck_that_euclidean_ones_cross() {
     let trained = train(&config, task, None, &Silent).expect("trains");
     let psi = encode(&trained.encoder, &states).expect("finite");
 
-    // For a state far from the door: is the nearest state of another place across the wall?
+    // For a state far from the door: whether the nearest state of another place is across the wall.
     let crosses = |points: &States, row: usize| {
         let other = (0..3_000)
             .filter(|&other| nodes[other] != nodes[row])

@@ -4,7 +4,7 @@ use calib_core::Silent;
 
 use super::*;
 
-/// Interrupts after a number of updates.
+/// A monitor that interrupts after a number of updates.
 struct After(AtomicUsize);
 
 impl Monitor for After {
@@ -20,7 +20,7 @@ impl Monitor for After {
     }
 }
 
-/// A noisy circle in four columns.
+/// Returns a noisy circle in four columns.
 fn data() -> (States, Segments) {
     let mut rng = Seed::new(8).rng();
     let mut values = Vec::new();
@@ -62,13 +62,13 @@ fn an_interrupted_training_goes_on_to_the_same_bytes() {
     let checkpoint = checkpoint_of("a");
     for updates in [1, 40, 37] {
         let monitor = After(AtomicUsize::new(updates + 77));
-        // What was done before counts, so that every call gets further.
+        // Earlier progress is kept, so every call advances further.
         let error = train(&config(), task, Some(&checkpoint), &monitor);
         assert!(matches!(error, Err(RepresentError::Cancelled(_))) || updates == 37, "{error:?}");
     }
     let parts = train(&config(), task, Some(&checkpoint), &Silent).expect("goes on");
     assert!(parts == whole, "{:?} and {:?}", parts.points, whole.points);
-    // Of another key: begun anew.
+    // With another key, training starts again.
     assert!(train(&config(), task, Some(&checkpoint_of("b")), &Silent).expect("trains") == whole);
     checkpoint.remove().expect("removed");
     checkpoint.remove().expect("nothing to remove");
