@@ -312,8 +312,11 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
 /// That a sensor has another level than in training, with both means in its unit.
 fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<String> {
     let [learned, held_out] = recorded.means().filter(|_| verdict.level_has_changed())?;
-    let unit =
-        if verdict.unit_may_have_changed() { ", or the unit or the zero of the sensor" } else { "" };
+    let unit = if verdict.unit_may_have_changed() {
+        ", or the unit or the zero of the sensor"
+    } else {
+        ""
+    };
     Some(format!(
         "the mean is {} in the training range and {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
          train on a time that is like the present (data.train)",
