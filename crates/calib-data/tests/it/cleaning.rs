@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig, Resample};
+use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig, Resample, ShownClock};
 
 use crate::support::{
     Folder, NAN, assert_refused, load_with, log, log_at, profile, refused, seconds,
@@ -238,9 +238,8 @@ fn a_unit_that_changes_in_the_training_range_is_told() {
     }
     let folder = Folder::of_text("a.csv", &rows);
     let profile = profile(&folder.data());
-    let [(name, doubt)] = &profile.value_doubts()[..] else {
-        panic!("one doubt: {:?}", profile.value_doubts())
-    };
+    let doubts = profile.value_doubts(&ShownClock::default());
+    let [(name, doubt)] = &doubts[..] else { panic!("one doubt: {doubts:?}") };
     assert_eq!(*name, "height");
     let told = "height has two ranges that do not overlap, mostly 10 to 16 before 2024-01-01 00:06:40 and 1000 to 1600 from then on";
     assert!(doubt.starts_with(told), "{doubt}");

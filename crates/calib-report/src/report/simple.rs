@@ -79,7 +79,7 @@ impl Simpler {
         let means = self.typical_errors.map(|[predictor, agent]| agent / predictor);
         means.zip(self.ratio).is_some_and(|(means, ratio)| {
             let apart = means / ratio.value;
-            apart > FEW_DECIDE || apart < 1.0 / FEW_DECIDE
+            !(1.0 / FEW_DECIDE..=FEW_DECIDE).contains(&apart)
         })
     }
 
