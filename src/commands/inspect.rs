@@ -53,7 +53,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
     }
     if profile.bad_quality > 0 && 2 * profile.bad_quality > profile.file_rows {
         printer.warn(
-            "most samples are of bad quality; if 0 is good there, as it is in PI, set data.good_quality = [\"0\"]",
+            "most samples are of bad quality; name the codes that are good with data.good_quality, such as [\"0\"] where 0 is good, as in PI",
         );
     }
     if refusal.is_some() && !is_resolved {

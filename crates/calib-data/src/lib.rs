@@ -65,6 +65,7 @@ mod shown_clock;
 mod sketch;
 mod statistics;
 mod survey;
+mod switches;
 pub mod table;
 mod tags;
 mod text;

@@ -64,7 +64,8 @@ impl ContradictionCause {
                 named(values)
             ),
             Some(Self::Column { column, values }) => format!(
-                "They are of {} different {column:?} ({}): choose one with data.where, on the command line as --set 'data.where={{ {column:?} = {:?} }}'",
+                "They are of {} different {column:?} ({}): choose one with data.where, on the command line as --set 'data.where={{ {column:?} = {:?} }}'. \
+                 If each row is a sample of what {column:?} names, set data.tag = {column:?} and data.value instead",
                 values.len(),
                 named(values),
                 values.first().map_or("", String::as_str)

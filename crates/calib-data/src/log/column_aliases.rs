@@ -1,6 +1,7 @@
 //! Names that writers of logs give to columns.
 
-pub(crate) const TAGS: [&str; 27] = [
+/// Columns that name tags, in English, German, French, Spanish, Italian, Dutch, Portuguese, Swedish and Polish.
+pub(crate) const TAGS: [&str; 67] = [
     "tag",
     "tagname",
     "tagid",
@@ -28,6 +29,46 @@ pub(crate) const TAGS: [&str; 27] = [
     "parameter",
     "field",
     "series",
+    "messstelle",
+    "messstellenname",
+    "messstellenid",
+    "messpunkt",
+    "messgröße",
+    "messgroesse",
+    "datenpunkt",
+    "kanal",
+    "kanalname",
+    "variablenname",
+    "repère",
+    "repere",
+    "capteur",
+    "voie",
+    "pointdemesure",
+    "etiqueta",
+    "señal",
+    "punto",
+    "puntodemedida",
+    "puntodemedición",
+    "canal",
+    "segnale",
+    "sensore",
+    "canale",
+    "variabile",
+    "puntodimisura",
+    "meetpunt",
+    "signaal",
+    "kanaal",
+    "sinal",
+    "pontodemedição",
+    "pontodemedicao",
+    "variável",
+    "mätpunkt",
+    "givare",
+    "punktpomiarowy",
+    "sygnał",
+    "czujnik",
+    "kanał",
+    "zmienna",
 ];
 pub(super) const VALUES: [&str; 15] = [
     "value",
@@ -47,10 +88,25 @@ pub(super) const VALUES: [&str; 15] = [
     "vvalue",
 ];
 /// The same in other languages, which count beside a column of tags only.
-pub(super) const FOREIGN_VALUES: [&str; 6] =
-    ["wert", "messwert", "valeur", "valor", "valore", "waarde"];
+pub(super) const FOREIGN_VALUES: [&str; 15] = [
+    "wert",
+    "messwert",
+    "valeur",
+    "valor",
+    "valore",
+    "waarde",
+    "messwerte",
+    "valeurs",
+    "valores",
+    "valori",
+    "meetwaarde",
+    "värde",
+    "mätvärde",
+    "wartość",
+    "wartosc",
+];
 /// Of several, the first here tells best.
-pub(super) const QUALITIES: [&str; 12] = [
+pub(super) const QUALITIES: [&str; 24] = [
     "opcquality",
     "qualitydetail",
     "dataintegrity",
@@ -63,6 +119,18 @@ pub(super) const QUALITIES: [&str; 12] = [
     "status",
     "goodquality",
     "valuequality",
+    "qualität",
+    "qualitaet",
+    "qualité",
+    "qualite",
+    "calidad",
+    "qualità",
+    "qualita",
+    "kwaliteit",
+    "qualidade",
+    "kvalitet",
+    "jakość",
+    "jakosc",
 ];
 /// Columns beside a sample that are no channels: what is remarked of it.
 pub(super) const REMARKS: [&str; 16] = [
@@ -113,8 +181,30 @@ pub(super) const TIME_FIELDS: [&[&str]; 6] = [
     &["second", "sec", "secs"],
 ];
 /// Columns of words beside one channel that make no long table.
-pub(super) const MODES: [&str; 8] =
-    ["mode", "state", "phase", "step", "batch", "alarm", "event", "shift"];
+pub(super) const MODES: [&str; 22] = [
+    "mode",
+    "state",
+    "phase",
+    "step",
+    "batch",
+    "alarm",
+    "event",
+    "shift",
+    "zustand",
+    "betriebsart",
+    "betriebszustand",
+    "schritt",
+    "charge",
+    "rezept",
+    "schicht",
+    "état",
+    "etat",
+    "estado",
+    "stato",
+    "toestand",
+    "tillstånd",
+    "stan",
+];
 
 /// A name without what writers decorate it with: `_value`, `Tag Name` and `t_stamp` are value, tagname and tstamp.
 pub(crate) fn plain(name: &str) -> String {

@@ -14,7 +14,7 @@ use super::{
     head::{Head, HeadColumn},
     side_labels::{SideColumn, side_columns},
 };
-use crate::{DataConfig, DataError, Shape, text::Quality};
+use crate::{DataConfig, DataError, Shape, switches::Switch, text::Quality};
 
 /// What the columns of a file of samples are.
 #[derive(Clone, Debug, PartialEq)]
@@ -208,7 +208,7 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
             columns[tag].name
         ));
     }
-    unnamed_roles(head, &columns, time)
+    unnamed_roles(head, &columns, time, data)
 }
 
 pub(super) fn names_tags(column: &HeadColumn) -> bool {
@@ -217,44 +217,83 @@ pub(super) fn names_tags(column: &HeadColumn) -> bool {
     known && (column.kind == FieldKind::Text || name.ends_with("id"))
 }
 
-/// One column of words and one of numbers, whose names say nothing: their first rows may.
+/// One column of numbers beside columns of words, whose names say nothing: their first rows may.
 fn unnamed_roles(
     head: &Head,
     columns: &[HeadColumn],
     time: usize,
+    data: &DataConfig,
 ) -> Result<Option<Roles>, DataError> {
     let with_kind = |kind: FieldKind| {
         let others = (0..columns.len()).filter(|&column| column != time);
-        others.filter(|&column| columns[column].kind == kind).collect::<Vec<usize>>()
+        others
+            .filter(|&column| columns[column].kind == kind && !is_aside(&columns[column].name))
+            .collect::<Vec<usize>>()
     };
-    let (&[words], &[value]) = (&with_kind(FieldKind::Text)[..], &with_kind(FieldKind::Number)[..])
-    else {
-        return Ok(None);
+    let &[value] = &with_kind(FieldKind::Number)[..] else { return Ok(None) };
+    let (mut alternating, mut staying) = (Vec::new(), Vec::new());
+    for words in with_kind(FieldKind::Text) {
+        if MODES.contains(&plain(&columns[words].name).as_str()) {
+            continue;
+        }
+        match Course::of(&head.sample(words)?) {
+            Course::NoTags => {}
+            Course::Alternates => alternating.push(words),
+            Course::Stays => staying.push(words),
+        }
+    }
+    let called: Vec<usize> =
+        alternating.iter().copied().filter(|&column| names_tags(&columns[column])).collect();
+    let is_narrow = columns.len() <= 3;
+    let tag = match (&alternating[..], &called[..], &staying[..]) {
+        ([tag], _, []) | (_, [tag], _) => *tag,
+        ([tag, ..], ..) => return refuse(asked_for_tag(head, columns, *tag, value)),
+        ([], _, [words]) if is_narrow => {
+            return refuse(asked_for_tag(head, columns, *words, value));
+        }
+        ([], ..) => return Ok(None),
     };
-    let name = plain(&columns[words].name);
-    let known = [&MODES[..], &QUALITIES, &REMARKS, &ORIGINS].concat();
-    if known.contains(&name.as_str()) || columns.len() > 3 {
-        return Ok(None);
-    }
-    let sample = head.sample(words)?;
-    let distinct: BTreeSet<&String> = sample.iter().collect();
-    let changes = sample.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    if distinct.len() < 2 {
-        return Ok(None);
-    }
-    if changes * 2 > sample.len() && distinct.len() * 2 < sample.len() {
-        let tag = TagOf::Column(words);
-        let sides = Vec::new();
-        return Ok(Some(Roles { time, tag, values: vec![value], quality: None, sides }));
-    }
-    refuse(format!(
-        "{} has one column of words, {:?}, and one of numbers, {:?}: if the words name what was measured, set data.tag = {:?} and data.value = {:?}; else data.shape = \"wide\"",
+    let quality = quality_of(head, quality_column(head, columns, time, data)?, data)?;
+    let mut known = vec![time, tag, value];
+    known.extend(quality.iter().map(|(column, _)| *column));
+    let sides = side_columns(head, columns, &known, data)?;
+    Ok(Some(Roles { time, tag: TagOf::Column(tag), values: vec![value], quality, sides }))
+}
+
+/// What to say of words that may name what was measured.
+fn asked_for_tag(head: &Head, columns: &[HeadColumn], words: usize, value: usize) -> String {
+    format!(
+        "{} has one column of numbers, {value:?}, and words in {words:?}: if the words name what was measured, set data.tag = {words:?} and data.value = {value:?}; \
+         else data.shape = \"wide\"",
         head.path().display(),
-        columns[words].name,
-        columns[value].name,
-        columns[words].name,
-        columns[value].name
-    ))
+        value = columns[value].name,
+        words = columns[words].name
+    )
+}
+
+/// How the words of a column follow each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Course {
+    /// They are one, or a pair such as ON and OFF: no tags are called so.
+    NoTags,
+    /// Few words that change from row to row, as tags do.
+    Alternates,
+    /// They stay for many rows, or are too many to tell.
+    Stays,
+}
+
+impl Course {
+    fn of(sample: &[String]) -> Self {
+        let distinct: BTreeSet<&str> = sample.iter().map(String::as_str).collect();
+        let changes = sample.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        if distinct.len() < 2 || Switch::of(distinct.iter().copied()).is_some() {
+            Self::NoTags
+        } else if changes * 2 > sample.len() && distinct.len() * 2 < sample.len() {
+            Self::Alternates
+        } else {
+            Self::Stays
+        }
+    }
 }
 
 fn quality_column(

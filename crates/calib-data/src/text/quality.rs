@@ -1,5 +1,7 @@
 //! Quality codes of historians: which values count.
 
+use std::collections::BTreeMap;
+
 use crate::DataConfig;
 
 /// Which codes are good.
@@ -24,7 +26,7 @@ impl Quality {
             return Ok(Self::Given(data.good_quality.iter().map(|code| lower(code)).collect()));
         }
         let numbers: Option<Vec<u64>> = codes.iter().map(|code| number(code)).collect();
-        let Some(numbers) = numbers else { return Ok(Self::Words) };
+        let Some(numbers) = numbers else { return Self::of_words(codes) };
         if numbers.iter().any(|code| (192..256).contains(code)) {
             return Ok(Self::OpcClassic);
         }
@@ -32,6 +34,26 @@ impl Quality {
             None if numbers.iter().all(|&code| code == 0) => Ok(Self::Zeros),
             None => Ok(Self::OpcUa),
             Some(code) => Err(unknown(&code.to_string())),
+        }
+    }
+
+    /// Words of which one at least is known: that none is good would make all values missing.
+    fn of_words(codes: &[&str]) -> Result<Self, String> {
+        let first = |code: &str| first_word(&lower(code));
+        let mut unknown: BTreeMap<&str, usize> = BTreeMap::new();
+        for code in codes.iter().map(|code| code.trim()).filter(|code| !code.is_empty()) {
+            if is_good_word(&first(code)) {
+                return Ok(Self::Words);
+            }
+            if !is_bad_word(&first(code)) {
+                *unknown.entry(code).or_default() += 1;
+            }
+        }
+        match unknown.into_iter().max_by_key(|(_, count)| *count) {
+            None => Ok(Self::Words),
+            Some((code, _)) => Err(format!(
+                "no code is known to be good; name those that are with data.good_quality, such as [{code:?}]"
+            )),
         }
     }
 
@@ -53,7 +75,7 @@ impl Quality {
         }
         match (self, number(code)) {
             (Self::Given(good), _) => Ok(good.contains(&lower(code))),
-            (Self::Words, _) => Ok(is_good_word(&lower(code))),
+            (Self::Words, _) => Ok(is_good_word(&first_word(&lower(code)))),
             (Self::OpcClassic, Some(code)) => Ok(code & 0xC0 == 0xC0),
             (Self::OpcUa | Self::Zeros, Some(code)) if code == 0 || code >= UA_UNCERTAIN => {
                 Ok(code >> 30 == 0)
@@ -85,9 +107,52 @@ fn number(code: &str) -> Option<u64> {
     }
 }
 
-fn is_good_word(code: &str) -> bool {
-    let first = code.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
-    ["good", "g", "ok", "true", "yes", "valid", "normal"].contains(&first)
+/// Words that begin a good code, in small letters.
+const GOOD: [&str; 27] = [
+    "good", "g", "ok", "true", "yes", "valid", "normal", "gut", "gültig", "gueltig", "ja", "bon",
+    "bonne", "valide", "oui", "bueno", "buena", "válido", "valido", "buono", "buona", "goed",
+    "geldig", "bom", "boa", "giltig", "dobry",
+];
+/// Words that begin a bad code, in small letters.
+const BAD: [&str; 26] = [
+    "bad",
+    "b",
+    "uncertain",
+    "questionable",
+    "substituted",
+    "invalid",
+    "false",
+    "no",
+    "fault",
+    "error",
+    "schlecht",
+    "ungültig",
+    "ungueltig",
+    "unsicher",
+    "fehler",
+    "gestört",
+    "nein",
+    "mauvais",
+    "mauvaise",
+    "malo",
+    "mala",
+    "cattivo",
+    "slecht",
+    "ongeldig",
+    "ogiltig",
+    "zły",
+];
+
+fn first_word(code: &str) -> String {
+    code.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default().to_owned()
+}
+
+fn is_good_word(first: &str) -> bool {
+    GOOD.contains(&first)
+}
+
+fn is_bad_word(first: &str) -> bool {
+    BAD.contains(&first)
 }
 
 fn lower(code: &str) -> String {
@@ -122,6 +187,11 @@ mod tests {
             good(&["Good", "Bad"], &["GOOD", "Good, local override", "Bad", "Uncertain"]),
             [true, true, false, false]
         );
+        assert_eq!(good(&["GUT", "SCHLECHT"], &["GUT", "gut", "SCHLECHT"]), [true, true, false]);
+        assert_eq!(good(&["Bad"], &["Bad"]), [false]);
+        let asked = Quality::of(&["BRA", "BRA", "FEL", "bad"], &DataConfig::default());
+        let asked = asked.expect_err("no code is good");
+        assert!(asked.contains("data.good_quality, such as [\"BRA\"]"), "{asked}");
         let quality = Quality::of(&["0", "1"], &DataConfig::default()).expect_err("unknown");
         assert!(quality.contains("data.good_quality"), "{quality}");
         let given = DataConfig { good_quality: vec!["0".to_owned()], ..DataConfig::default() };

@@ -5,6 +5,7 @@ mod checksums;
 mod cleaning;
 mod columns;
 mod cut_files;
+mod foreign_exports;
 mod formats;
 mod inputs;
 mod loggers;

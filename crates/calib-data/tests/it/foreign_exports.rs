@@ -1,0 +1,77 @@
+//! Exports whose columns, words and numbers are those of other languages.
+
+use std::fmt::Write as _;
+
+use calib_data::{DataConfig, Shape};
+
+use crate::support::{Folder, assert_refused, kept, profile};
+
+/// Three tags in turn, of 30 rows each, `apart` seconds from one to the next. `row` writes what follows the time, by the number of the tag and
+/// of its row.
+fn in_turn(header: &str, apart: usize, row: impl Fn(usize, usize) -> String) -> String {
+    let mut text = format!("{header}\n");
+    for number in 0..30 {
+        for tag in 0..3 {
+            writeln!(text, "2024-03-01 00:{number:02}:{:02};{}", tag * apart, row(tag, number))
+                .expect("memory");
+        }
+    }
+    text
+}
+
+const TAGS: [&str; 3] = ["Füllstand", "Durchfluss", "Temperatur"];
+
+#[test]
+fn columns_of_other_languages_are_a_long_table() {
+    for apart in [0, 20] {
+        let row = |tag: usize, number: usize| {
+            let word = if number == 4 { "SCHLECHT" } else { "GUT" };
+            format!("{};{},5{number};{word}", TAGS[tag], 10 * tag)
+        };
+        let text = in_turn("Zeitpunkt;Messstelle;Wert;Qualität", apart, row);
+        let found = Folder::of_text("a.csv", &text).inspect();
+        assert_eq!((found.shape, found.channels.len()), (Shape::Long, 3), "{apart}");
+        assert_eq!(found.bad_quality, 3);
+    }
+}
+
+#[test]
+fn words_that_alternate_are_tags_or_asked_about() {
+    let row = |tag: usize, number: usize| format!("{};{tag},{number:02};x", TAGS[tag]);
+    let known = in_turn("Zeitpunkt;Wo;Ist;Qualität", 20, |tag, number| {
+        format!("{};{tag},{number:02};GUT", TAGS[tag])
+    });
+    assert_eq!(Folder::of_text("a.csv", &known).inspect().shape, Shape::Long);
+    let same = in_turn("Zeitpunkt;Wo;Ist;Werk", 20, row);
+    assert_eq!(Folder::of_text("a.csv", &same).inspect().shape, Shape::Long);
+    let open = in_turn("Zeitpunkt;Wo;Ist;Was", 20, |tag, number| {
+        format!("{};{tag},{number:02};{}", TAGS[tag], ["m", "m3/h", "C"][tag])
+    });
+    let folder = Folder::of_text("a.csv", &open);
+    assert_refused(&folder.data(), &["data.tag = \"Wo\" and data.value = \"Ist\"", "\"wide\""]);
+    let wide = DataConfig { shape: Some(Shape::Wide), ..folder.data() };
+    assert_eq!(profile(&wide).shape, Shape::Wide);
+    // A state stays for many rows, and ON and OFF are no names.
+    for words in [["RUN", "STOP"], ["AUTO", "HAND"]] {
+        let state = in_turn("Zeitpunkt;Betrieb;Ist;Linie", 20, |tag, number| {
+            format!("{};{tag},{number:02};A", words[number / 10 % 2])
+        });
+        assert_eq!(Folder::of_text("a.csv", &state).inspect().shape, Shape::Wide, "{words:?}");
+    }
+    let fast = in_turn("Zeitpunkt;Ventil;Ist", 20, |tag, number| {
+        format!("{};{tag},{number:02}", ["ON", "OFF"][tag % 2])
+    });
+    assert_eq!(Folder::of_text("a.csv", &fast).inspect().shape, Shape::Wide);
+}
+
+#[test]
+fn words_of_quality_that_nobody_knows_are_asked_for() {
+    let text = in_turn("Zeitpunkt;Messstelle;Wert;Qualität", 20, |tag, number| {
+        format!("{};{tag},{number:02};FEINE", TAGS[tag])
+    });
+    let folder = Folder::of_text("a.csv", &text);
+    assert_refused(&folder.data(), &["\"Qualität\"", "data.good_quality, such as [\"FEINE\"]"]);
+    let good_quality = vec!["feine".to_owned()];
+    let found = profile(&DataConfig { good_quality, ..folder.data() });
+    assert_eq!((found.bad_quality, kept(&found).len()), (0, 3));
+}
