@@ -28,9 +28,10 @@ mod zone;
 
 pub use cell::{Cell, Words};
 pub use dialect::{Dialect, TextColumn, decode, unbracketed};
-pub use notation::{Candidates, Notation, Unreadable, compact_pattern, is_time_of_day};
+pub use notation::{Candidates, Likely, Notation, Unreadable, compact_pattern, is_time_of_day};
 pub use number::{
-    Decimal, LARGEST, SignError, Signs, cell_of, either_way, parse_number, plain_decimal,
+    Decimal, LARGEST, SignError, Signs, cell_of, either_way, may_be_thousand, parse_number,
+    plain_decimal,
 };
 pub use record::{Marks, RecordReader};
 pub use time::{ParsedTime, format_time, parse_stamp, parse_time};

@@ -77,6 +77,14 @@ impl Notation {
         }
     }
 
+    /// Whether both are dates of numbers that are alike but for the order of day and month.
+    pub fn swaps_days(&self, other: &Self) -> bool {
+        let (Self::Pattern(one), Self::Pattern(other)) = (self, other) else { return false };
+        let [one, other] = [one, other].map(|pattern| date_of(pattern));
+        let alike = |date: &str| date.replace("%d", "%m");
+        one != other && alike(one) == alike(other)
+    }
+
     /// What a person calls it.
     pub fn name(&self) -> String {
         match self {
@@ -85,6 +93,12 @@ impl Notation {
             Self::Pattern(pattern) => pattern.clone(),
         }
     }
+}
+
+/// What of a pattern is before its clock.
+fn date_of(pattern: &str) -> &str {
+    let clock = pattern.find("%H").or_else(|| pattern.find("%I")).unwrap_or(pattern.len());
+    pattern[..clock].trim_end_matches(|c: char| c.is_whitespace() || "T_-,:".contains(c))
 }
 
 fn read_pattern(pattern: &str, text: &str) -> Option<ParsedTime> {
@@ -152,6 +166,18 @@ pub struct Candidates {
     /// Why none of them could read all cells.
     pub unreadable: Option<Unreadable>,
 }
+
+/// A reading of times that is likely, and not certain.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Likely {
+    /// How they are read.
+    pub notation: Notation,
+    /// What is said of it, in a sentence.
+    pub told: String,
+}
+
+/// Days of a spreadsheet from the year 2000 to 2064.
+const SPREADSHEET_DAYS: std::ops::RangeInclusive<f64> = 36_526.0..=60_000.0;
 
 /// Why the times of a column cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -242,6 +268,35 @@ impl Candidates {
     /// Whether those that are left read some cells differently.
     pub fn is_ambiguous(&self) -> bool {
         self.left.len() > 1
+    }
+
+    /// Of those that are left, the one that is meant in practice; `cells` are the first of the column. Dates with points are day first wherever
+    /// they are written. Days of a spreadsheet from 2000 to 2064 would be seconds of the first day of 1970.
+    pub fn likely(&self, cells: &[&str]) -> Option<Likely> {
+        let day_first = self.left.iter().find(|notation| {
+            matches!(notation, Notation::Pattern(pattern) if pattern.starts_with("%d.%m."))
+        });
+        if let Some(notation) = day_first {
+            let month_first = self.left.iter().find(|other| notation.swaps_days(other))?;
+            let told = format!(
+                "dates with points, such as {}, are read as day, month, year: set data.timestamp_format = \"{}\" if the month comes first",
+                self.example,
+                month_first.name()
+            );
+            return Some(Likely { notation: notation.clone(), told });
+        }
+        let excel = Notation::Number(TimestampUnit::Excel);
+        let are_days = numbers(cells)?.iter().all(|day| SPREADSHEET_DAYS.contains(day));
+        let other = self.left.iter().find(|notation| **notation != excel)?;
+        (are_days && self.left.contains(&excel)).then(|| Likely {
+            told: format!(
+                "times such as {} are read as days of a spreadsheet: {}; as numbers since 1970 they would be {}",
+                self.example,
+                excel.reading(&self.example),
+                other.reading(&self.example)
+            ),
+            notation: excel,
+        })
     }
 
     /// Each notation with what it makes of the example.

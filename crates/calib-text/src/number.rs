@@ -14,7 +14,7 @@ pub const LARGEST: f64 = 1e150;
 
 /// Nothing says which sign separates the fractions of a log, or two of its cells say it differently.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{} is not a readable text file: {reason}", path.display())]
+#[error("{}: {reason}", path.display())]
 pub struct SignError {
     /// The file of the cell.
     pub path: PathBuf,
@@ -51,6 +51,8 @@ pub(crate) enum Sign {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Signs {
     point: Option<Shown>,
+    /// A point of a column whose points are all where those between thousands would be: a fraction, unless commas say otherwise.
+    open_point: Option<Shown>,
     comma: Option<Shown>,
     either: Option<Shown>,
 }
@@ -92,19 +94,25 @@ impl Signs {
     /// Take note of the cells of a column of the file at `path`, which may have points between thousands where `semicolons` separate cells:
     /// so do programs for which the comma is the sign of fractions.
     pub(crate) fn note_column(&mut self, cells: &[&str], semicolons: bool, path: &Path) {
-        let are_open = semicolons && may_be_thousands(cells);
+        let are_grouped = are_grouped(cells);
+        let are_open = semicolons && are_grouped && may_be_thousands(cells);
         for cell in cells {
-            if are_open && sign_of(cell.trim()) == Sign::Point {
-                self.either.get_or_insert_with(|| Shown::of(cell, path));
-            } else {
-                self.note(cell, path);
-            }
+            let point = match sign_of(cell.trim()) {
+                Sign::Point if are_open => &mut self.either,
+                Sign::Point if are_grouped && cell.contains('.') => &mut self.open_point,
+                _ => {
+                    self.note(cell, path);
+                    continue;
+                }
+            };
+            point.get_or_insert_with(|| Shown::of(cell, path));
         }
     }
 
     /// Take note of what was seen later.
     pub fn adopt(&mut self, later: Self) {
         self.point = self.point.take().or(later.point);
+        self.open_point = self.open_point.take().or(later.open_point);
         self.comma = self.comma.take().or(later.comma);
         self.either = self.either.take().or(later.either);
     }
@@ -121,16 +129,32 @@ impl Signs {
             (None, None, Some(Shown { cell, path })) => {
                 Err(SignError { path: path.clone(), reason: either_way(cell) })
             }
+            (None, None, None) if self.open_point.is_some() => Ok(Decimal::Point),
             (None, None, None) => Ok(Decimal::Unknown),
         }
     }
 
-    /// Refuse two cells that separate fractions by two signs.
+    /// What is said where points are taken for signs of fractions, and every one of them may be between thousands.
+    pub fn doubt(&self) -> Option<String> {
+        let Shown { cell, path } = self.open_point.as_ref().filter(|_| self.point.is_none())?;
+        Some(format!(
+            "points such as that of {cell} in {} are read as signs of fractions: if they stand between thousands, set data.decimal = \",\"",
+            path.display()
+        ))
+    }
+
+    /// Refuse two cells that separate fractions by two signs, or may.
     ///
     /// # Errors
     /// If there are such.
     pub fn refuse_contradiction(&self) -> Result<(), SignError> {
-        let (Some(point), Some(comma)) = (&self.point, &self.comma) else { return Ok(()) };
+        let (point, comma) = match (&self.point, &self.open_point, &self.comma, &self.either) {
+            (Some(point), _, Some(comma), _) => (point, comma),
+            (None, Some(point), Some(comma), _) => (point, comma),
+            // 3.611 and 10,710: one of them is above a thousand, and nothing says which.
+            (None, Some(point), None, Some(comma)) if comma.cell.contains(',') => (point, comma),
+            _ => return Ok(()),
+        };
         let elsewhere = if point.path == comma.path {
             format!("and {}", comma.cell)
         } else {
@@ -186,6 +210,12 @@ pub fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
     Some(if is_negative { -value } else { value })
 }
 
+/// Whether a cell is a number with a point that may be of a fraction or between thousands.
+pub fn may_be_thousand(cell: &str) -> bool {
+    let cell = cell.trim();
+    sign_of(cell) == Sign::Point && grouped(cell, '.')
+}
+
 /// What to say of a number that can be read in two ways.
 pub fn either_way(cell: &str) -> String {
     let (sign, other) = if cell.contains(',') { (',', '.') } else { ('.', ',') };
@@ -194,24 +224,31 @@ pub fn either_way(cell: &str) -> String {
     )
 }
 
-/// Whether the cells of a column may be whole numbers with points between thousands: all points are where those would be, and several
-/// numbers of three digits have none. One alone may be a limit, or stand for a missing value, as 999 does.
+/// Whether a column has points, and all are where those between thousands would be.
+fn are_grouped(cells: &[&str]) -> bool {
+    let mut pointed = cells
+        .iter()
+        .filter(|cell| cell.contains('.') && (is_finite(cell) || grouped(cell, '.')))
+        .peekable();
+    pointed.peek().is_some() && pointed.all(|cell| grouped(cell, '.'))
+}
+
+/// Whether the cells of a column with [such points](are_grouped) may be whole numbers: several numbers of three digits have no point. One
+/// alone may be a limit, or stand for a missing value, as 999 does.
 fn may_be_thousands(cells: &[&str]) -> bool {
-    let is_pointed = |cell: &&&str| cell.contains('.') && (is_finite(cell) || grouped(cell, '.'));
-    cells.iter().any(|cell| is_pointed(&cell))
-        && cells.iter().filter(is_pointed).all(|cell| grouped(cell, '.'))
-        && cells
-            .iter()
-            .filter(|cell| cell.len() == 3 && are_digits(cell) && **cell != "999")
-            .collect::<BTreeSet<_>>()
-            .len()
-            > 1
+    cells
+        .iter()
+        .filter(|cell| cell.len() == 3 && are_digits(cell) && **cell != "999")
+        .collect::<BTreeSet<_>>()
+        .len()
+        > 1
         && !cells.iter().any(|cell| cell.contains(','))
 }
 
 /// What `text` says about the decimal sign.
 pub(crate) fn sign_of(text: &str) -> Sign {
-    let text = mantissa(text);
+    let joined = without_spaces(text);
+    let text = mantissa(joined.as_deref().unwrap_or(text));
     let commas = count(text, b',');
     let points = count(text, b'.');
     match (commas, points) {
@@ -244,6 +281,8 @@ fn is_finite(text: &str) -> bool {
 
 /// The number that `text` is; `None` if it is none, or not certainly one.
 pub fn parse_number(text: &str, decimal: Decimal) -> Option<f64> {
+    let joined = without_spaces(text);
+    let text = joined.as_deref().unwrap_or(text);
     let bytes = text.as_bytes();
     let has_comma = memchr::memchr(b',', bytes).is_some();
     match decimal {
@@ -293,6 +332,24 @@ fn parse_grouped(text: &str, fraction: char, thousands: char) -> Option<f64> {
     number.push_str(&text[mantissa.len()..]);
     number.parse().ok()
 }
+
+/// A number whose thousands are set apart by spaces of any width or by apostrophes, without them; none if they are not.
+fn without_spaces(text: &str) -> Option<String> {
+    if text.bytes().all(|byte| byte.is_ascii() && byte != b' ' && byte != b'\'') {
+        return None;
+    }
+    let end = text.find(['.', ',', 'e', 'E']).unwrap_or(text.len());
+    let (whole, rest) = text.split_at(end);
+    let sign = whole.chars().find(|sign| BETWEEN_THOUSANDS.contains(sign))?;
+    grouped(whole, sign).then(|| {
+        let mut number: String = whole.chars().filter(|&c| c != sign).collect();
+        number.push_str(rest);
+        number
+    })
+}
+
+/// A space, one that breaks no line, two narrow ones, and apostrophes.
+const BETWEEN_THOUSANDS: [char; 6] = [' ', '\u{A0}', '\u{202F}', '\u{2009}', '\'', '\u{2019}'];
 
 /// The number without its power of ten.
 fn mantissa(text: &str) -> &str {
@@ -428,6 +485,7 @@ mod tests {
         assert_eq!(told(&["1,234", "2,5"]), Ok(Decimal::Comma));
         assert_eq!(told(&["1,234", "2.5"]), Ok(Decimal::Point));
         assert_eq!(told(&["1,234", "2,345,678"]), Ok(Decimal::Point));
+        assert_eq!(told(&["1'234,5", "2'000,125"]), Ok(Decimal::Comma));
         let files = told(&["1.210,5", "1.310"]).expect_err("a thousandth of the other");
         assert!(files.contains("it has 1.310 and a.csv has 1.210,5"), "{files}");
         let one = told(&["1,5", "7", "2.5"]).expect_err("asked");
@@ -465,6 +523,48 @@ mod tests {
         // Two points are of no fraction, whatever stands beside them.
         let millions: &[&str] = &["1.234.567", "1.001", "998", "997"];
         assert_eq!(told_by_columns(&[millions], true), Ok(Decimal::Comma));
+    }
+
+    #[test]
+    fn points_and_commas_that_may_both_be_of_thousands_are_asked_about() {
+        let amount: &[&str] = &["3.611", "3.622", "3.645"];
+        for semicolons in [true, false] {
+            let asked = told_by_columns(&[amount, &["10,710", "11,246"]], semicolons);
+            let asked = asked.expect_err("asked");
+            assert!(
+                asked.contains("a.csv: it has 3.611 and 10,710: say with data.decimal"),
+                "{asked}"
+            );
+            assert_eq!(told_by_columns(&[amount], semicolons), Ok(Decimal::Point));
+        }
+        // Other numbers of decimals, and zeros before them, settle it.
+        for settled in [&["3.61", "3.622"][..], &["0.611", "3.622"]] {
+            assert_eq!(told_by_columns(&[settled, &["10,710"]], true), Ok(Decimal::Point));
+        }
+        assert!(
+            told_by_columns(&[amount, &["10,71"]], true).is_err(),
+            "3.611 is above a thousand?"
+        );
+        assert_eq!(told_by_columns(&[&["1.210,5"], &["10,710"]], true), Ok(Decimal::Comma));
+    }
+
+    #[test]
+    fn thousands_may_be_set_apart_by_spaces_and_apostrophes() {
+        for (cell, value) in [
+            ("2 044,722", 2044.722),
+            ("-12\u{202F}044,5", -12_044.5),
+            ("1\u{A0}002\u{A0}044", 1_002_044.0),
+            ("2'044,7e1", 20_447.0),
+            ("2\u{2019}044", 2044.0),
+        ] {
+            assert_eq!(with_comma(cell), Some(value), "{cell}");
+        }
+        assert_eq!(with_point("2'044.7"), Some(2044.7));
+        assert_eq!(with_either("2 044,722"), Some(2044.722), "no comma is between thousands here");
+        for word in ["20 44", "2 044 12", "2 044'722", "2024-01-01 00:00", "1 Bad", " 044", "R 200"]
+        {
+            assert_eq!((with_comma(word), with_point(word)), (None, None), "{word}");
+        }
     }
 
     #[test]
