@@ -191,7 +191,7 @@ fn names_of_channels_are_nothing_but_names() {
 fn what_is_no_log_is_told_at_once() {
     let place = Place::new();
     for (name, content, expected) in [
-        ("empty.csv", &b""[..], "empty.csv is not a readable text file: it is empty"),
+        ("empty.csv", &b""[..], "empty.csv: it is empty"),
         ("empty.parquet", b"", "it is empty"),
         ("sheet.csv", b"PK\x03\x04\x14\0", "save each sheet as CSV"),
         ("noise.csv", b"\x7fELF\x02\x01\0\0", "export the log as CSV or Parquet"),

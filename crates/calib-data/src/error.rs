@@ -95,7 +95,7 @@ pub enum DataError {
         reason: String,
     },
     /// A file is not text in records, or is damaged.
-    #[error("{} is not a readable text file: {reason}", path.display())]
+    #[error("{}: {reason}", path.display())]
     NotText {
         /// The file.
         path: PathBuf,

@@ -1,5 +1,10 @@
 //! From what text says to instants.
 
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
+
 use calib_text::ParsedTime;
 
 use super::{head::Head, rows::NO_TIME, times::CALENDAR};
@@ -73,6 +78,8 @@ pub(crate) struct Fractions {
     pub(crate) decimal: Decimal,
     /// What told, unless the study did: no cell of the log may contradict it.
     pub(crate) told_by: Option<Signs>,
+    /// What is said of a sign that is likely and not certain.
+    pub(crate) doubt: Option<String>,
 }
 
 impl Fractions {
@@ -85,16 +92,29 @@ impl Fractions {
         let given =
             data.decimal.map(|sign| if sign == ',' { Decimal::Comma } else { Decimal::Point });
         if let Some(decimal) = given {
-            return Ok(Self { decimal, told_by: None });
+            return Ok(Self { decimal, told_by: None, doubt: None });
         }
         let mut signs = Signs::default();
+        let mut have_semicolons = false;
         for (head, &time) in heads.iter().zip(times) {
             if let Head::Text(file) = head {
                 signs.adopt(file.dialect.signs(time, &file.path));
+                have_semicolons |= file.dialect.marks.separator == b';';
             }
         }
-        Ok(Self { decimal: signs.decimal()?, told_by: Some(signs) })
+        let decimal = signs.decimal()?;
+        let doubt = signs.doubt().filter(|_| have_semicolons);
+        Ok(Self { decimal, told_by: Some(signs), doubt })
     }
+}
+
+/// How the times of all files are written.
+#[derive(Debug, Default)]
+pub(crate) struct Notations {
+    /// Of each file.
+    pub(crate) of_files: Vec<Notation>,
+    /// Times that are likely read as they are meant, and not certainly, in sentences.
+    pub(crate) doubts: BTreeSet<String>,
 }
 
 /// The notation of the time column of each file, by all files: what one leaves open another may tell.
@@ -102,9 +122,10 @@ pub(crate) fn notations(
     heads: &[Head],
     times: &[usize],
     data: &DataConfig,
-) -> Result<Vec<Notation>, DataError> {
+) -> Result<Notations, DataError> {
     if let Some(pattern) = &data.timestamp_format {
-        return Ok(vec![Notation::Pattern(pattern.clone()); heads.len()]);
+        let of_files = vec![Notation::Pattern(pattern.clone()); heads.len()];
+        return Ok(Notations { of_files, doubts: BTreeSet::new() });
     }
     let mut candidates = Vec::with_capacity(heads.len());
     for (head, &time) in heads.iter().zip(times) {
@@ -115,38 +136,145 @@ pub(crate) fn notations(
             _ => None,
         });
     }
-    let mut told: Vec<Notation> = Vec::new();
-    for found in candidates.iter().flatten().filter(|found| !found.is_ambiguous()) {
-        told.extend(
-            found.left.iter().filter(|left| !told.contains(left)).cloned().collect::<Vec<_>>(),
-        );
+    let known = heads.iter().zip(&candidates).filter_map(|(head, found)| {
+        let [notation] = &found.as_ref()?.left[..] else { return None };
+        Some((notation, head.path()))
+    });
+    let told = each_once(known);
+    refuse_two_orders(&told)?;
+    let mut notations = Notations::default();
+    for ((head, &time), found) in heads.iter().zip(times).zip(candidates) {
+        let (Head::Text(file), Some(found)) = (head, found) else {
+            notations.of_files.push(Notation::Iso);
+            continue;
+        };
+        let notation = decided(file, time, found, &told, &mut notations.doubts)?;
+        notations.of_files.push(notation);
     }
-    heads
-        .iter()
-        .zip(times)
-        .zip(candidates)
-        .map(|((head, &time), found)| {
-            let (Head::Text(file), Some(mut found)) = (head, found) else {
-                return Ok(Notation::Iso);
-            };
-            if found.left.is_empty() {
-                // Damaged lines of one file are told by how the others write times.
-                let cells = file.dialect.cells(time);
-                match told.iter().find(|notation| reads_most(notation, &cells)) {
-                    Some(notation) => return Ok(notation.clone()),
-                    None => found = checked(found, file, time)?,
-                }
+    let read = heads.iter().map(Head::path).zip(&notations.of_files);
+    refuse_two_orders(&each_once(read.map(|(path, notation)| (notation, path))))?;
+    Ok(notations)
+}
+
+/// A notation, and a file that has it.
+#[derive(Debug)]
+struct Told {
+    notation: Notation,
+    path: PathBuf,
+}
+
+/// Each notation, with the first file that has it.
+fn each_once<'a>(all: impl Iterator<Item = (&'a Notation, &'a Path)>) -> Vec<Told> {
+    let mut told: Vec<Told> = Vec::new();
+    for (notation, path) in all {
+        if told.iter().all(|told| told.notation != *notation) {
+            told.push(Told { notation: notation.clone(), path: path.to_owned() });
+        }
+    }
+    told
+}
+
+/// Refuse two files that write the day and the month in two orders, and all else of dates alike.
+fn refuse_two_orders(told: &[Told]) -> Result<(), DataError> {
+    for (at, first) in told.iter().enumerate() {
+        let other = told[at + 1..].iter().find(|other| first.notation.swaps_days(&other.notation));
+        if let Some(other) = other {
+            return Err(DataError::Shape {
+                reason: format!(
+                    "{} has times as {} and {} as {}: the day and the month change places. Write them alike, or read one kind of files with data.path and data.timestamp_format",
+                    first.path.display(),
+                    first.notation.name(),
+                    other.path.display(),
+                    other.notation.name()
+                ),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The notation of the times of a file: by its first rows, the other files, all of its rows, or what is usual.
+fn decided(
+    file: &TextFile,
+    time: usize,
+    mut found: Candidates,
+    told: &[Told],
+    doubts: &mut BTreeSet<String>,
+) -> Result<Notation, DataError> {
+    let cells = file.dialect.cells(time);
+    if found.left.is_empty() {
+        // Damaged lines of one file are told by how the others write times.
+        match told.iter().find(|told| reads_most(&told.notation, &cells)) {
+            Some(told) => return Ok(told.notation.clone()),
+            None => found = checked(found, file, time)?,
+        }
+    }
+    if found.is_ambiguous() {
+        let elsewhere: Vec<&Told> =
+            told.iter().filter(|told| found.left.contains(&told.notation)).collect();
+        if let [one] = elsewhere[..] {
+            refuse_far_days(file, time, &found, one)?;
+            return Ok(one.notation.clone());
+        }
+        found = by_all_rows(file, time, found)?;
+    }
+    if found.is_ambiguous() {
+        let Some(likely) = found.likely(&cells) else {
+            return Err(DataError::AmbiguousTimes {
+                path: file.path.clone(),
+                example: found.example.clone(),
+                readings: found.readings(),
+            });
+        };
+        doubts.insert(likely.told);
+        return Ok(likely.notation);
+    }
+    Ok(found.left.swap_remove(0))
+}
+
+/// Days between two rows that a wrong order of day and month makes of one day.
+const FAR: i64 = 20 * 86_400_000_000;
+
+/// Refuse the notation that another file told if it puts days of this file months apart that are near each other in another notation.
+fn refuse_far_days(
+    file: &TextFile,
+    time: usize,
+    found: &Candidates,
+    told: &Told,
+) -> Result<(), DataError> {
+    let mut far = vec![0_u64; found.left.len()];
+    let mut last: Vec<Option<i64>> = vec![None; found.left.len()];
+    let mut last_date = String::new();
+    for_each_time(file, time, |text| {
+        // Most rows are of the day of the row before them.
+        let date = text.split([' ', 'T']).next().unwrap_or_default();
+        if date != last_date {
+            date.clone_into(&mut last_date);
+            for (at, notation) in found.left.iter().enumerate() {
+                let Some(now) = notation.read(text).map(ParsedTime::as_it_stands) else { continue };
+                let before = last[at].replace(now);
+                far[at] +=
+                    u64::from(before.is_some_and(|before| before.abs_diff(now) > FAR as u64));
             }
-            if found.is_ambiguous() {
-                let mut elsewhere = found.left.iter().filter(|left| told.contains(left));
-                match (elsewhere.next().cloned(), elsewhere.next()) {
-                    (Some(notation), None) => found.left = vec![notation],
-                    _ => found = by_all_rows(file, time, found)?,
-                }
-            }
-            Ok(found.left.swap_remove(0))
-        })
-        .collect()
+        }
+        true
+    })?;
+    let counts = || found.left.iter().zip(&far);
+    let makes_gaps = counts().any(|(notation, &far)| *notation == told.notation && far > 0);
+    let near = counts().find(|(_, far)| **far == 0);
+    match near.filter(|_| makes_gaps) {
+        None => Ok(()),
+        Some((near, _)) => Err(DataError::Shape {
+            reason: format!(
+                "{} has times as {}, and with it days of {} are months apart, which are not as {}: if the day and the month change places from file to file, write them alike, \
+                 or read one kind of files with data.path and data.timestamp_format",
+                told.path.display(),
+                told.notation.name(),
+                file.path.display(),
+                near.name()
+            ),
+        }),
+    }
 }
 
 fn reads_most(notation: &Notation, cells: &[&str]) -> bool {
@@ -180,38 +308,43 @@ fn advance(records: &mut Records<'_>) -> Result<bool, DataError> {
     }
 }
 
-/// Read the times of all rows until one of them tells.
+/// Give `take` the time of each row that has one, as text, until it wants no more.
+fn for_each_time(
+    file: &TextFile,
+    time: usize,
+    mut take: impl FnMut(&str) -> bool,
+) -> Result<(), DataError> {
+    let mut blocks = file.blocks()?;
+    while let Some(block) = blocks.next(1)? {
+        for (range, line) in &block.parts {
+            let mut records = file.records(&block.bytes[range.clone()], *line);
+            while advance(&mut records)? {
+                let text = records.time(time);
+                let text = text.trim();
+                if !text.is_empty() && !take(text) {
+                    return Ok(());
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Read the times of all rows until one of them tells. Several notations are left if none does.
 fn by_all_rows(
     file: &TextFile,
     time: usize,
     mut found: Candidates,
 ) -> Result<Candidates, DataError> {
     // Any number can be read in every unit.
-    let mut blocks = if found.left.iter().all(|notation| matches!(notation, Notation::Number(_))) {
-        None
-    } else {
-        Some(file.blocks()?)
-    };
-    while let Some(block) = blocks.as_mut().map(|blocks| blocks.next(1)).transpose()?.flatten() {
-        for (range, line) in &block.parts {
-            let mut records = file.records(&block.bytes[range.clone()], *line);
-            while advance(&mut records)? {
-                let text = records.time(time);
-                // What none of them can read is a damaged line, which is told later.
-                if !text.trim().is_empty()
-                    && found.left.iter().any(|notation| notation.read(text.trim()).is_some())
-                {
-                    found.note(text.trim());
-                }
-                if !found.is_ambiguous() {
-                    return checked(found, file, time);
-                }
+    if found.left.iter().any(|notation| !matches!(notation, Notation::Number(_))) {
+        for_each_time(file, time, |text| {
+            // What none of them can read is a damaged line, which is told later.
+            if found.left.iter().any(|notation| notation.read(text).is_some()) {
+                found.note(text);
             }
-        }
+            found.is_ambiguous()
+        })?;
     }
-    Err(DataError::AmbiguousTimes {
-        path: file.path.clone(),
-        example: found.example.clone(),
-        readings: found.readings(),
-    })
+    checked(found, file, time)
 }

@@ -15,7 +15,7 @@ use crate::{
     DataConfig, DataError,
     text::{
         Cell, Decimal, Notation, Records, Signs, TextFile, Words, cell_of, decode, either_way,
-        plain_decimal, shown,
+        may_be_thousand, plain_decimal, shown,
     },
 };
 
@@ -270,8 +270,13 @@ pub(crate) fn cell(
         return Ok(Cell::Number(value));
     }
     let text = decode(bytes);
-    let cell = cell_of(&text, fractions.decimal, &mut seen.words)
-        .ok_or_else(|| records.refused(either_way(text.trim())))?;
+    let is_untold = fractions.told_by.is_some() && fractions.decimal == Decimal::Unknown;
+    let cell = if is_untold && records.has_semicolons() && may_be_thousand(&text) {
+        None
+    } else {
+        cell_of(&text, fractions.decimal, &mut seen.words)
+    };
+    let cell = cell.ok_or_else(|| records.refused(either_way(text.trim())))?;
     if fractions.told_by.is_some() && Signs::may_tell(&text, fractions.decimal) {
         seen.signs.note(&text, records.path());
     }

@@ -321,7 +321,7 @@ impl Declared {
     /// If there are none, or one cannot be read.
     pub fn of(data: &DataConfig) -> Result<Self, DataError> {
         let mut rows = 0_u64;
-        for source in source::find_files(data)? {
+        for source in source::without_empty(source::find_files(data)?)?.0 {
             rows += match head::Head::open(source, data)? {
                 head::Head::Parquet(file) if file.is_result => 0,
                 head::Head::Parquet(file) => file.rows as u64,

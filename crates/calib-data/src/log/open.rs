@@ -11,7 +11,7 @@ use calib_text::ParsedTime;
 use super::{
     FileSummary,
     bad_rows::BadRowsFound,
-    clock::{Clock, Fractions, notations},
+    clock::{Clock, Fractions, Notations, notations},
     column_pairs::refuse_pairs,
     columns::{Imported, Store, Stored, import},
     file::{Field, FieldKind, LogFile},
@@ -63,7 +63,7 @@ pub(super) struct Tables {
 
 /// Find, open and recognise the files of a log; and whether its times are UTC.
 pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, bool), DataError> {
-    let sources = source::find_files(data)?;
+    let (sources, empty) = source::without_empty(source::find_files(data)?)?;
     monitor.begin("reading timestamps", sources.len() as u64);
     let mut heads = Vec::with_capacity(sources.len());
     for source in &sources {
@@ -89,14 +89,14 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
         heads.iter().try_for_each(|head| refuse_pairs(head, data))?;
     }
     let notations = match recognised {
-        Recognised::Annotated => Vec::new(),
+        Recognised::Annotated => Notations::default(),
         Recognised::Wide | Recognised::Samples(..) | Recognised::OneColumn(_) => {
             notations(&heads, &times, data)?
         }
     };
     let fractions = Fractions::of(&heads, &times, data)?;
-    let utc = data.time_zone.is_some() || is_utc(&heads, &times, &notations, data)?;
-    let written = TextRead { notations, fractions };
+    let utc = data.time_zone.is_some() || is_utc(&heads, &times, &notations.of_files, data)?;
+    let written = TextRead { notations, fractions, empty };
     let opened = match recognised {
         Recognised::Wide => tables(heads, times, &written, data, monitor).map(Opened::Tables),
         Recognised::Samples(shape, roles) => {
@@ -111,7 +111,12 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
             let clock = Clock::new(Notation::Iso, data);
             stream_annotated(&heads, &clock, &mut sink, monitor)?;
             let files = heads.iter().map(|head| summary(head, 0)).collect();
-            Ok(Opened::Samples(Samples { shape: Shape::Long, files, sink, read_as: Vec::new() }))
+            Ok(Opened::Samples(Samples {
+                shape: Shape::Long,
+                files,
+                sink,
+                read_as: written.doubts(),
+            }))
         }
     };
     Ok((opened?, utc))
@@ -144,7 +149,7 @@ fn one_column(
     let known = with_quality(&heads, roles, data)?;
     let shape = Shape::FilePerTag;
     let mut samples = if known.iter().all(|roles| roles.quality.is_none()) {
-        Samples { shape, files, sink, read_as: Vec::new() }
+        Samples { shape, files, sink, read_as: written.doubts() }
     } else {
         drop(sink);
         monitor.begin("reading timestamps", sources.len() as u64);
@@ -211,13 +216,20 @@ const BETWEEN_FILES: i64 = 10;
 
 /// How text is written.
 struct TextRead {
-    /// Times, of each file.
-    notations: Vec<Notation>,
+    notations: Notations,
     /// Fractions, in all files.
     fractions: Fractions,
+    /// What is said of files without anything in them.
+    empty: Option<String>,
 }
 
 impl TextRead {
+    /// What is left out, or likely and not certain, in sentences.
+    fn doubts(&self) -> Vec<String> {
+        let likely = self.notations.doubts.iter().chain(&self.fractions.doubt);
+        likely.chain(&self.empty).cloned().collect()
+    }
+
     /// What text is read into.
     fn store(&self, data: &DataConfig) -> Result<Store, DataError> {
         let mut store = Store::new(data)?;
@@ -277,7 +289,7 @@ fn tables(
     let mut store = written.store(data)?;
     let mut imported: HashMap<usize, Imported> = HashMap::new();
     let mut undecided = 0;
-    for (position, (head, notation)) in heads.iter().zip(&written.notations).enumerate() {
+    for (position, (head, notation)) in heads.iter().zip(&written.notations.of_files).enumerate() {
         if let Head::Text(file) = head {
             let clock = Clock::new(notation.clone(), data);
             let time = times[position];
@@ -341,7 +353,7 @@ fn tables(
         left_out,
         bad_rows,
         without_times,
-        read_as: read_as.into_iter().chain(spread).collect(),
+        read_as: read_as.into_iter().chain(spread).chain(written.doubts()).collect(),
     })
 }
 
@@ -362,7 +374,7 @@ fn samples(
     monitor: &dyn Monitor,
 ) -> Result<Samples, DataError> {
     let (files, sink) = poured(heads, roles, written, data, monitor)?;
-    Ok(Samples { shape, files, sink, read_as: Vec::new() })
+    Ok(Samples { shape, files, sink, read_as: written.doubts() })
 }
 
 /// The samples of all files, by their tags.
@@ -375,7 +387,7 @@ fn poured(
 ) -> Result<(Vec<FileSummary>, Sink), DataError> {
     let mut sink = Sink::new(written.store(data)?);
     let mut files = Vec::with_capacity(heads.len());
-    for ((head, roles), notation) in heads.iter().zip(roles).zip(&written.notations) {
+    for ((head, roles), notation) in heads.iter().zip(roles).zip(&written.notations.of_files) {
         let before = sink.rows;
         let clock = Clock::new(notation.clone(), data);
         match head {

@@ -9,7 +9,7 @@ use std::{
 use calib_files::FileError;
 
 use super::file::LogFile;
-use crate::{DataConfig, DataError};
+use crate::{DataConfig, DataError, text};
 
 /// A file of the log, and the partitions (`key=value` folders) that it lies in.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,6 +62,39 @@ pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<PartitionedFile>, Data
         }
     }
     Ok(sources)
+}
+
+/// The files that hold anything, and what is said of the others: a logger that was off writes a file of no bytes. If all are empty, all are there.
+pub(super) fn without_empty(
+    sources: Vec<PartitionedFile>,
+) -> Result<(Vec<PartitionedFile>, Option<String>), DataError> {
+    let mut empty = Vec::with_capacity(sources.len());
+    for source in &sources {
+        empty.push(is_text(&source.path) && text::is_empty(&source.path)?);
+    }
+    let count = empty.iter().filter(|is| **is).count();
+    if count == 0 || count == sources.len() {
+        return Ok((sources, None));
+    }
+    let mut flags = empty.iter();
+    let (left_out, kept): (Vec<PartitionedFile>, Vec<PartitionedFile>) =
+        sources.into_iter().partition(|_| flags.next().is_some_and(|is| *is));
+    let names = named(&left_out);
+    let told = if count == 1 {
+        format!("an empty file is left out: {names}")
+    } else {
+        format!("{count} empty files are left out: {names}")
+    };
+    Ok((kept, Some(told)))
+}
+
+/// The first of some files.
+fn named(files: &[PartitionedFile]) -> String {
+    const NAMED: usize = 3;
+    let names: Vec<String> =
+        files.iter().take(NAMED).map(|file| file.path.display().to_string()).collect();
+    let more = if files.len() > NAMED { ", …" } else { "" };
+    format!("{}{more}", names.join(", "))
 }
 
 fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {

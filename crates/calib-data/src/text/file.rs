@@ -155,11 +155,22 @@ fn no_text(head: &[u8]) -> Option<&'static str> {
         [b'P', b'K', 3 | 5, 4 | 6, ..] => {
             Some("it is a ZIP archive or an Excel workbook; unpack it, or save each sheet as CSV")
         }
+        _ if is_utf16(&head[..head.len().min(1 << 12)]) => {
+            Some("it is text in UTF-16 without its mark; save or convert it as UTF-8")
+        }
         _ if is_binary(&head[..head.len().min(1 << 12)]) => {
             Some("it is not text; export the log as CSV or Parquet")
         }
         _ => None,
     }
+}
+
+/// Whether nearly every second byte is 0 and hardly any other, as letters of 16 bits have it.
+fn is_utf16(head: &[u8]) -> bool {
+    let zeros = |parity: usize| head.iter().skip(parity).step_by(2).filter(|&&byte| byte == 0);
+    let [even, odd] = [0, 1].map(|parity| zeros(parity).count());
+    let letters = head.len() / 2;
+    letters >= 8 && 10 * even.max(odd) > 9 * letters && 10 * even.min(odd) < letters
 }
 
 /// Whether more bytes are 0 than damage makes.
@@ -319,6 +330,11 @@ impl Records<'_> {
     /// Whether times are in several columns.
     pub(crate) fn has_time_parts(&self) -> bool {
         !matches!(self.file.time_parts, TimeParts::None)
+    }
+
+    /// Whether semicolons separate cells, as where the comma is the sign of fractions.
+    pub(crate) fn has_semicolons(&self) -> bool {
+        self.file.dialect.marks.separator == b';'
     }
 
     /// Whether a column is no channel: it has a part of the times, or the names of rows.

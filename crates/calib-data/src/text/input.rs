@@ -52,7 +52,9 @@ pub(crate) fn open(path: &Path) -> Result<(Input, Compression), DataError> {
 
 /// What decompression says of a damaged file.
 pub(crate) fn unreadable(path: &Path, error: &std::io::Error) -> DataError {
-    let reason = format!("{error} (truncated or damaged?); export it again, or leave it out");
+    let reason = format!(
+        "it cannot be unpacked: {error} (truncated or damaged?); export it again, or leave it out"
+    );
     DataError::NotText { path: path.to_owned(), reason }
 }
 
@@ -69,6 +71,20 @@ pub(crate) fn fill(input: &mut dyn Read, bytes: &mut [u8]) -> std::io::Result<us
     }
     Ok(length)
 }
+
+/// Whether a text file holds nothing, unpacked.
+pub(crate) fn is_empty(path: &Path) -> Result<bool, DataError> {
+    // A packed file of nothing has some twenty bytes.
+    if size(path)? > SMALL {
+        return Ok(false);
+    }
+    let (mut input, _) = open(path)?;
+    let length = fill(&mut input, &mut [0]).map_err(|error| unreadable(path, &error))?;
+    Ok(length == 0)
+}
+
+/// A file of more bytes holds something.
+const SMALL: u64 = 1 << 10;
 
 /// The size of a file as it lies on the disk.
 pub(crate) fn size(path: &Path) -> Result<u64, DataError> {
@@ -107,6 +123,12 @@ mod tests {
         for bytes in ["", "a", "ab"] {
             fs::write(&path, bytes).expect("written");
             assert_eq!(read().expect("text"), bytes);
+        }
+        assert!(!is_empty(&path).expect("readable"));
+        let packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        for bytes in [packed.finish().expect("memory"), Vec::new()] {
+            fs::write(&path, bytes).expect("written");
+            assert!(is_empty(&path).expect("readable"));
         }
         fs::write(&path, b"\xFF\xFEt\0").expect("written");
         assert!(read().expect_err("UTF-16").to_string().contains("UTF-16"));

@@ -117,22 +117,21 @@ fn points_of_thousands_are_asked_about_as_commas_are() {
 fn a_notation_that_two_files_contradict_is_not_guessed() {
     let folder = Folder::of_text("a.csv", "time,a\n13/04/2024 10:00,1\n14/04/2024 10:00,2\n");
     folder.write_file("b.csv", "time,a\n04/15/2024 10:00,3\n04/16/2024 10:00,4\n");
-    assert_eq!(folder.load().train.rows(), 4, "each tells its own");
-    folder.write_file("c.csv", "time,a\n05/06/2024 10:00,5\n05/07/2024 10:00,6\n");
-    assert_refused(&folder.data(), &["c.csv", "data.timestamp_format"]);
+    let orders = ["a.csv has times as %d/%m/%Y %H:%M", "b.csv as %m/%d/%Y %H:%M"];
+    assert_refused(&folder.data(), &orders);
 }
 
 #[test]
-fn numbers_that_fit_two_notations_are_refused_with_both() {
+fn numbers_that_fit_two_notations_are_told_with_both() {
     let days = "time,a\n45292.5,1\n45292.75,2\n45293,3\n";
     let folder = Folder::of_text("a.csv", days);
-    assert_refused(
-        &folder.data(),
-        &[
-            "2024-01-01 12:00:00 with data.timestamp_unit = \"excel\"",
-            "1970-01-01 12:34:52.5 with data.timestamp_unit = \"s\"",
-        ],
-    );
+    let doubts = folder.inspect().clock_doubts().join("\n");
+    for told in [
+        "2024-01-01 12:00:00 with data.timestamp_unit = \"excel\"",
+        "1970-01-01 12:34:52.5 with data.timestamp_unit = \"s\"",
+    ] {
+        assert!(doubts.contains(told), "{doubts}");
+    }
     let read = |unit, zone: Option<&str>| {
         let data = DataConfig {
             timestamp_unit: Some(unit),
@@ -236,4 +235,105 @@ fn rows_of_the_year_9999_are_dropped_in_every_form() {
     folder
         .write("a.parquet", &Table::new().with("timestamp", times).with("a", vec![1.0, 2.0, 3.0]));
     assert_eq!(train_values(&folder.load(), "a"), [1.0, 3.0]);
+}
+
+#[test]
+fn points_and_commas_that_may_both_be_of_thousands_are_asked_about() {
+    let text = "Zeit;Menge;P\n2024-03-01 00:00;3.611;10,710\n2024-03-01 00:01;3.622;11,246\n";
+    let folder = Folder::of_text("a.csv", text);
+    assert_refused(&folder.data(), &["a.csv: it has 3.611 and 10,710", "data.decimal"]);
+    let data = DataConfig { decimal: Some(','), ..folder.data() };
+    let told = load_with(&data, &PreprocessConfig::default());
+    assert_eq!(train_values(&told, "Menge"), [3611.0, 3622.0]);
+    // One column of points alone is read, and said.
+    let alone = Folder::of_text("a.csv", &text.replace(";10,710", ";1").replace(";11,246", ";2"));
+    assert_eq!(train_values(&alone.load(), "Menge"), [3.611, 3.622]);
+    let doubts = alone.inspect().clock_doubts().join("\n");
+    assert!(doubts.contains("points such as that of 3.611"), "{doubts}");
+    // Where the first rows have no point, a later one is asked about.
+    let rows: Vec<String> =
+        (0..500).map(|row| format!("{};{}\n", 1_704_067_200 + row, 400 + row)).collect();
+    let late = format!("time;a\n{}1704067700;1.001\n", rows.concat());
+    assert_refused(&Folder::of_text("a.csv", &late).data(), &["line 502: 1.001 is a fraction if"]);
+    let zero = late.replace("1.001", "0.001");
+    assert_eq!(train_values(&Folder::of_text("a.csv", &zero).load(), "a")[500], 0.001);
+}
+
+#[test]
+fn spaces_and_apostrophes_set_thousands_apart() {
+    for thousands in [" ", "\u{A0}", "\u{202F}", "'"] {
+        let text = format!(
+            "Zeit;Niveau;P\n2024-03-01 00:00;2{thousands}044,722;9\n2024-03-01 00:01;999,5;8\n"
+        );
+        let folder = Folder::of_text("a.csv", &text);
+        assert_eq!(train_values(&folder.load(), "Niveau"), [2044.722, 999.5], "{thousands:?}");
+    }
+}
+
+/// Ten rows, two a day, from day `first` of March on, as `date` writes the day.
+fn half_days(first: u32, date: impl Fn(u32) -> String) -> String {
+    let rows = (0..10).map(|row| {
+        let hour = 12 * (row % 2);
+        format!("{} {hour:02}:00,{row}\n", date(first + row / 2))
+    });
+    format!("time,a\n{}", rows.collect::<String>())
+}
+
+#[test]
+fn the_order_of_day_and_month_is_that_of_all_files() {
+    let day_first = |day: u32| format!("{day:02}/03/2024");
+    let month_first = |day: u32| format!("03/{day:02}/2024");
+    let folder = Folder::of_text("a.csv", &half_days(11, day_first));
+    folder.write_file("b.csv", &half_days(16, month_first));
+    let told = ["a.csv has times as %d/%m/%Y", "b.csv as %m/%d/%Y", "change places"];
+    assert_refused(&folder.data(), &told);
+    // The first file alone would be of the second of all months.
+    folder.write_file("a.csv", &half_days(6, day_first));
+    let told = ["b.csv has times as %m/%d/%Y", "a.csv are months apart", "not as %d/%m/%Y"];
+    assert_refused(&folder.data(), &told);
+    folder.write_file("a.csv", &half_days(6, month_first));
+    assert_eq!((folder.load().train.rows(), folder.inspect().gaps.count), (20, 1));
+}
+
+#[test]
+fn dates_with_points_are_day_first() {
+    let folder = Folder::of_text("a.csv", &half_days(1, |day| format!("{day:02}.03.2024")));
+    assert_eq!(train_seconds(&folder.load())[..2], [1_709_251_200.0, 1_709_294_400.0]);
+    let doubts = folder.inspect().clock_doubts().join("\n");
+    let told = "are read as day, month, year: set data.timestamp_format = \"%m.%d.%Y %H:%M\"";
+    assert!(doubts.contains(told), "{doubts}");
+    // A later row that says otherwise counts.
+    let month_first = half_days(10, |day| format!("03.{day:02}.2024"));
+    assert_eq!(train_seconds(&Folder::of_text("a.csv", &month_first).load())[0], 1_710_028_800.0);
+}
+
+#[test]
+fn days_of_a_spreadsheet_are_no_seconds_of_1970() {
+    let text = "time,a\n45352.000000,1\n45352.000694,2\n45352.001389,3\n";
+    let folder = Folder::of_text("a.csv", text);
+    assert_eq!(train_seconds(&folder.load())[0], 1_709_251_200.0);
+    let doubts = folder.inspect().clock_doubts().join("\n");
+    assert!(doubts.contains("read as days of a spreadsheet: 2024-03-01 00:00:00 with"), "{doubts}");
+}
+
+#[test]
+fn empty_files_among_others_are_left_out() {
+    let folder = Folder::of_text("a.csv", "time,a\n2024-03-01 00:00,1\n2024-03-01 00:01,2\n");
+    folder.write_file("b.csv", "");
+    folder.write_file("c.csv", "time,a\n");
+    assert_eq!(train_values(&folder.load(), "a"), [1.0, 2.0]);
+    let doubts = folder.inspect().clock_doubts().join("\n");
+    assert!(doubts.contains("an empty file is left out: ") && doubts.contains("b.csv"), "{doubts}");
+    assert_refused(&Folder::of_text("b.csv", "").data(), &["b.csv: it is empty"]);
+}
+
+#[test]
+fn text_of_16_bits_is_named() {
+    let folder = Folder::new();
+    let wide: Vec<u8> = "time,a\n2024-03-01 00:00,1\n2024-03-01 00:01,2\n"
+        .bytes()
+        .flat_map(|byte| [byte, 0])
+        .collect();
+    std::fs::write(folder.file("a.csv"), wide).expect("written");
+    assert_refused(&folder.data(), &["a.csv: it is text in UTF-16 without its mark"]);
 }
