@@ -80,7 +80,34 @@ fn with_own_times(present: impl Iterator<Item = f64>, rows: f64) -> Option<usize
     (tags > 1 && 2.0 * values < 3.0 * rows).then_some(tags)
 }
 
+/// Channels with a value in fewer rows than this are recorded less often than others. Our choice.
+const SELDOM: f64 = 0.5;
+
+/// What is said of `channels` that most rows of a log of several files or tags have no value of; none of none.
+fn recorded_less_often(channels: &[String]) -> Option<String> {
+    let named = first_few(channels)?;
+    let have = if channels.len() == 1 { "has" } else { "have" };
+    Some(format!(
+        "{named} {have} no value in most rows: if other times or fewer were recorded of them, put all channels on one clock with data.resample, data.period_secs and \
+         data.max_age_secs, such as --set data.resample=last --set data.period_secs=60 --set data.max_age_secs=600"
+    ))
+}
+
 impl Sketch {
+    /// What is said of channels that most rows have no value of, where several files or tags are not on one clock.
+    pub fn seldom_doubt(&self) -> Option<String> {
+        if self.resampled || self.shape == Shape::Wide && self.files < 2 {
+            return None;
+        }
+        let rows = self.timestamps.len() as f64;
+        let seldom = self.channels.iter().filter(|channel| {
+            let bins = self.bins.iter().zip(&channel.present);
+            let present = bins.map(|(bin, present)| bin.len() as f64 * present).sum::<f64>() / rows;
+            present > 0.0 && present < SELDOM
+        });
+        recorded_less_often(&seldom.map(|channel| channel.name.clone()).collect::<Vec<String>>())
+    }
+
     /// Whether each tag was recorded at times of its own, and they are not on one clock yet.
     pub fn needs_resampling(&self) -> bool {
         !self.resampled && self.tags_with_own_times().is_some()
@@ -114,6 +141,17 @@ pub fn without_times(period_secs: f64, files: usize) -> String {
 }
 
 impl Profile {
+    /// What is said of channels that are dropped because most rows have no value of them, where several files or tags are not on one clock.
+    fn seldom_doubt(&self) -> Option<String> {
+        if self.resampled || self.shape == Shape::Wide && self.files < 2 {
+            return None;
+        }
+        let seldom = self.channels.iter().filter(|channel| {
+            matches!(channel.dropped, Some(DropReason::Missing { fraction, .. }) if fraction > 1.0 - SELDOM)
+        });
+        recorded_less_often(&seldom.map(|channel| channel.name.clone()).collect::<Vec<String>>())
+    }
+
     /// How many tags there are, if most rows have a value of only one of them; `None` if not.
     fn tags_with_own_times(&self) -> Option<usize> {
         if self.shape == Shape::Wide {
@@ -141,6 +179,7 @@ impl Profile {
             (None, Some(recorded)) => Some(contradicted_period(self.period_secs, recorded)),
             (None, None) => many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""),
         });
+        doubts.extend(self.seldom_doubt().filter(|_| tags.is_none()));
         let is_told = tags.is_some() || self.recorded_period_secs.is_some();
         if !is_told && self.short_steps * 2 > steps {
             doubts.push(format!(

@@ -196,7 +196,12 @@ fn nothing(sketch: &Sketch) -> ProposeError {
         (Some(_), Some(said)) => said,
         (Some(channel), None) => {
             let missing = 1.0 - share(channel, &(0..sketch.bins.len()));
-            format!("{} {}", channel.name, LeftOutReason::Missing(missing))
+            let clocks = if sketch.seldom_doubt().is_some() {
+                ", and others have times of their own: put all on one clock with data.resample, data.period_secs and data.max_age_secs"
+            } else {
+                ""
+            };
+            format!("{} {}{clocks}", channel.name, LeftOutReason::Missing(missing))
         }
     };
     ProposeError::NoChannel(said)
@@ -287,6 +292,13 @@ mod tests {
         let told = Scope::of(&log).expect_err("too short").to_string();
         assert!(
             told.ends_with("with data.resample, data.period_secs and data.max_age_secs"),
+            "{told}"
+        );
+        let mut wide = sketch(640, &alternately);
+        wide.files = 2;
+        let told = Scope::of(&wide).expect_err("of two periods").to_string();
+        assert!(
+            told.contains("times of their own: put all on one clock with data.resample"),
             "{told}"
         );
         let empty = refused(640, "holes", Box::new(|_| f64::NAN));

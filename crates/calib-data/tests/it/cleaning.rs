@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig, Resample, ShownClock};
 
 use crate::support::{
-    Folder, NAN, assert_refused, load_with, log, log_at, profile, refused, seconds,
+    Folder, NAN, assert_refused, kept, load_with, log, log_at, profile, refused, seconds,
     segment_lengths, train_seconds, train_values,
 };
 
@@ -268,4 +268,25 @@ fn a_held_out_period_without_a_row_is_told_with_the_channel_to_blame() {
         None
     );
     assert_eq!(folder.inspect().nothing_to_score(), None);
+}
+
+#[test]
+fn files_of_two_periods_are_told_to_go_on_one_clock() {
+    let folder = Folder::new();
+    let slow: Vec<f64> = (0..60).map(|row| f64::from(row % 7)).collect();
+    let fast: Vec<f64> = (0..600).map(|row| f64::from(row % 11)).collect();
+    folder.write("a.parquet", &log(0, &[("level", &fast)]));
+    folder.write("b.parquet", &log_at((0..60).map(|row| 10 * row), &[("flow", &slow)]));
+    let found = folder.inspect();
+    assert_eq!(kept(&found), ["level"]);
+    let told = found.clock_doubts().join("\n");
+    assert!(
+        told.contains("flow has no value in most rows") && told.contains("data.resample"),
+        "{told}"
+    );
+    // One file may have a sensor that was seldom on.
+    let mut gappy = fast.clone();
+    gappy[100..].fill(f64::NAN);
+    let one = Folder::of("a.parquet", &log(0, &[("level", &fast), ("flow", &gappy)]));
+    assert_eq!(one.inspect().clock_doubts(), Vec::<String>::new());
 }

@@ -115,7 +115,8 @@ impl ExaminedLog {
     pub(super) fn at(args: &ProposeOptions, printer: &Printer) -> Result<Self, StepError> {
         let SketchedLog { sketch, sentinels, angles, clock, read } =
             SketchedLog::at(args, |_| true, printer)?;
-        if let Some(doubt) = sketch.own_times_doubt().or_else(|| interleaved(&sketch)) {
+        let clocks = sketch.own_times_doubt().or_else(|| sketch.seldom_doubt());
+        if let Some(doubt) = clocks.or_else(|| interleaved(&sketch)) {
             printer.warn(&doubt);
         }
         let wanted = named(&args.sensors, &sketch)?;
