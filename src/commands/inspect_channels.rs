@@ -90,6 +90,10 @@ fn notes(channel: &ChannelProfile) -> String {
     if !channel.words.is_empty() {
         let words = channel.words.iter().map(|(word, times)| format!("\"{word}\" x{times}"));
         notes.push(words.collect::<Vec<_>>().join(", "));
+        let recur = channel.words.len() > 1 && channel.words.iter().all(|(_, times)| *times > 1);
+        if recur && matches!(channel.dropped, Some(DropReason::Text)) {
+            notes.push(format!("preprocess.one_hot = {:?} makes a column of each", channel.name));
+        }
     }
     if channel.non_finite > 0 {
         notes.push(format!("{} not finite", count(channel.non_finite as usize)));

@@ -389,6 +389,14 @@ fn short(value: f64) -> String {
     }
 }
 
+/// What is said of channels that are pairs of words, each [with them](crate::switches::Switch::told); none of none.
+pub(crate) fn read_as_switches(channels: &[String]) -> Option<String> {
+    let named = first_few(channels)?;
+    Some(format!(
+        "words are read as 1 and 0: {named}; preprocess.one_hot makes columns of the words of a channel instead"
+    ))
+}
+
 /// The few of the `channels` with most held-out values far out, as `told` has each, and how many more have any; none where none has.
 fn most_first(
     mut channels: Vec<&ChannelProfile>,

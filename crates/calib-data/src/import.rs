@@ -153,7 +153,9 @@ fn spill_columns(
                 imported.non_finite.insert(name.clone(), values.not_numbers.non_finite);
             }
             let has_words = !values.not_numbers.words.is_empty();
-            let labels = if has_words && values.values.iter().all(|value| value.is_nan()) {
+            let is_text = values.not_numbers.switch.is_some()
+                || has_words && values.values.iter().all(|value| value.is_nan());
+            let labels = if is_text {
                 let Codes { codes, labels } = log.read_codes(channel, monitor)?;
                 values.values = codes;
                 Some(labels)

@@ -9,10 +9,12 @@ use crate::{
     AngleOf, BackwardSteps, BadRowsFound, BridgedStops, ContradictionsFound, DataConfig, DataError,
     Sentinel, Shape, UnitChange, Zone,
     channel::{Moments, Movement, is_same},
+    doubts::read_as_switches,
     format_time,
     log::{Batch, Channel, ChannelValues, Contradicting, Log, SparseValues, detect_period},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
+    survey::switches_in,
     unit_change::LEAST_ROWS,
 };
 
@@ -131,10 +133,12 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     let mut channels = Vec::with_capacity(wanted.len());
     let mut contradicting: Vec<(usize, Contradicting)> = Vec::new();
     let mut extremes: Vec<(usize, Extremes)> = Vec::with_capacity(wanted.len());
+    let mut switches = Vec::new();
     let mut batch = Batch::default();
     monitor.begin("looking at channels", wanted.len() as u64);
     for some in wanted.chunks(log.batch_size()) {
         let read = log.read_sparse(some, &mut batch, monitor)?;
+        switches.extend(switches_in(&log, some, read));
         for (&channel, values) in some.iter().zip(&*read) {
             extremes.push((channel, values.extremes.clone()));
             if values.contradictions.count > 0 {
@@ -164,7 +168,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         backward_steps: log.backward_steps(),
         recorded_period_secs: log.recorded_period_secs(),
         without_times: log.without_times,
-        read_as: log.read_as,
+        read_as: log.read_as.into_iter().chain(read_as_switches(&switches)).collect(),
         files: log.files.len(),
         bad_rows: log.bad_rows,
         shape: log.shape,

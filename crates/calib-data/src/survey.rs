@@ -18,6 +18,7 @@ use crate::{
     Fences, PartProfile, PreprocessConfig, Profile, UnitChange, ValueProfile,
     channel::{Moments, Movement, is_same},
     describe::describe_rows,
+    doubts::read_as_switches,
     impute::{clean, impute},
     log::{
         Batch, Channel, ChannelValues, Contradicting, EXAMPLES, Log, Neighbourhood, SparseValues,
@@ -76,7 +77,7 @@ impl Survey {
             contradictions: Mutex::default(),
             log: &log,
         };
-        let Scanned { channels, sensors, extremes } =
+        let Scanned { channels, sensors, extremes, switches } =
             scan.channels(data, modes.as_ref(), monitor)?;
         for &row in modes.iter().flat_map(|modes| &modes.left) {
             scan.dropped_rows[row].store(true, Relaxed);
@@ -108,6 +109,9 @@ impl Survey {
         };
         let (train, train_profile) = part(&log.train)?;
         let (held_out, held_out_profile) = log.held_out.as_ref().map(part).transpose()?.unzip();
+        let described = describe_rows(&log, conflicting);
+        let switched = read_as_switches(&switches);
+        let read_as: Vec<String> = described.read_as.iter().cloned().chain(switched).collect();
         let columns = sensors.len() * (1 + preprocess.traces.len())
             + if preprocess.time_of_day { 2 } else { 0 }
             + modes.as_ref().map_or(0, |modes| modes.labels.len());
@@ -123,7 +127,8 @@ impl Survey {
             unseen_modes: unseen_modes(&log, modes.as_ref()),
             sentinels: sentinels(&log.by_recorded_name(&extremes)),
             contradictions: contradictions_found(&log, contradictions, monitor)?,
-            ..describe_rows(&log, conflicting)
+            read_as,
+            ..described
         };
         Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
     }
@@ -154,6 +159,8 @@ struct Scanned {
     sensors: Vec<Sensor>,
     /// The ends of the channels that were read, with their positions.
     extremes: Vec<(usize, Extremes)>,
+    /// The channels that are pairs of words, with them.
+    switches: Vec<String>,
 }
 
 /// The contradictions of a log, and their cause.
@@ -166,6 +173,15 @@ fn contradictions_found(
     let found = log.contradictions_of(&found);
     let cause = if found.count > 0 { log.cause_of_contradictions(monitor)? } else { None };
     Ok(ContradictionsFound { cause, ..found })
+}
+
+/// Those of `channels`, whose values these are, that are pairs of words, with them.
+pub(crate) fn switches_in(log: &Log, channels: &[usize], values: &[ChannelValues]) -> Vec<String> {
+    let pairs = channels.iter().zip(values).filter_map(|(&channel, values)| {
+        let switch = values.not_numbers.switch.as_ref()?;
+        Some(switch.told(&log.channels[channel].name))
+    });
+    pairs.collect()
 }
 
 impl Scan<'_> {
@@ -202,6 +218,7 @@ impl Scan<'_> {
         }
         let mut sensors = Vec::new();
         let mut extremes = Vec::new();
+        let mut switches = Vec::new();
         let mut batch = Batch::default();
         monitor.begin("inspecting channels", to_read.len() as u64);
         for channels in to_read.chunks(self.log.batch_size()) {
@@ -209,6 +226,7 @@ impl Scan<'_> {
             let ends =
                 channels.iter().zip(&*values).map(|(at, values)| (*at, values.extremes.clone()));
             extremes.extend(ends);
+            switches.extend(switches_in(self.log, channels, values));
             let scanned: Vec<_> = values
                 .par_iter_mut()
                 .zip(channels)
@@ -220,7 +238,7 @@ impl Scan<'_> {
                 sensors.extend(bounds.map(|bounds| Sensor { channel, bounds, fences }));
             }
         }
-        Ok(Scanned { channels: profiles, sensors, extremes })
+        Ok(Scanned { channels: profiles, sensors, extremes, switches })
     }
 
     /// The profile of one channel, and its bounds if it is kept.

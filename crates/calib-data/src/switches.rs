@@ -61,12 +61,9 @@ impl Switch {
         }
     }
 
-    /// How a channel is read, in a sentence.
+    /// A channel and its words.
     pub(crate) fn told(&self, channel: &str) -> String {
-        format!(
-            "{channel} is read as 1 for {:?} and 0 for {:?}; preprocess.one_hot makes columns of words instead",
-            self.on, self.off
-        )
+        format!("{channel} ({:?} and {:?})", self.on, self.off)
     }
 }
 

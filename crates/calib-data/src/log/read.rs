@@ -1,6 +1,6 @@
 //! The values of some channels over all rows of the log.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, slice};
 
 use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
@@ -134,6 +134,7 @@ impl Log {
                 for (position, file) in files.iter().enumerate() {
                     self.read_file(file, position, channels, batch, monitor)?;
                 }
+                self.read_switches(files, channels, batch, monitor)?;
                 batch.par_iter_mut().zip(channels).try_for_each(|(channel, &number)| {
                     let angle = self.channels[number].angle.as_ref();
                     channel.settle(rows, angle, self.contradictions);
@@ -161,6 +162,34 @@ impl Log {
         Ok(batch)
     }
 
+    /// Read the channels again that hold a pair of words such as ON and OFF and no numbers, as 1 and 0.
+    fn read_switches(
+        &self,
+        files: &[LogFile],
+        channels: &[usize],
+        batch: &mut [ChannelValues],
+        monitor: &dyn Monitor,
+    ) -> Result<(), DataError> {
+        let rows = self.recorded();
+        for (channel, number) in batch.iter_mut().zip(channels) {
+            let Some(switch) = channel.not_numbers.pair() else { continue };
+            let mut values = channel.values.iter().chain(&channel.duplicates);
+            if channel.stood_for_missing > 0
+                || self.channels[*number].angle.is_some()
+                || values.any(|value| !value.is_nan())
+            {
+                continue;
+            }
+            channel.clear(rows.timestamps.len(), rows.duplicates.len());
+            channel.not_numbers = NotNumbers::with(switch);
+            let (number, channel) = (slice::from_ref(number), slice::from_mut(channel));
+            for (position, file) in files.iter().enumerate() {
+                self.read_file(file, position, number, channel, monitor)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The clock of a channel, if the log has one.
     fn grid_of(&self, channel: usize) -> Option<Grid> {
         self.grid.as_ref().map(|grid| grid.with_max_age(self.max_ages[channel]))
@@ -182,6 +211,13 @@ impl Log {
         let mut values = vec![f64::NAN; placed.cells.len()];
         let words = &series.store.words;
         cells_to_numbers(&placed.cells, words, &mut values, &mut channel.not_numbers);
+        if angle.is_none()
+            && values.iter().all(|value| value.is_nan())
+            && let Some(switch) = channel.not_numbers.pair()
+        {
+            channel.not_numbers = NotNumbers::with(switch);
+            cells_to_numbers(&placed.cells, words, &mut values, &mut channel.not_numbers);
+        }
         channel.stood_for_missing = make_missing(&mut values, &self.missing_values);
         channel.extremes = Extremes::of(&values);
         if let Some(angle) = angle {

@@ -6,7 +6,10 @@ use calib_text::LARGEST;
 use polars::prelude as pl;
 
 use super::columns::Store;
-use crate::text::{Cell, Decimal, Words, cell_of};
+use crate::{
+    switches::Switch,
+    text::{Cell, Decimal, Words, cell_of},
+};
 
 /// Distinct words that are told apart; the rest is counted as one.
 const WORDS: usize = 1_000;
@@ -20,6 +23,8 @@ pub(crate) struct NotNumbers {
     pub(crate) non_finite: u64,
     /// Text that is not a number, with how often it occurs.
     pub(crate) words: BTreeMap<String, u64>,
+    /// Words that are read as 1 and 0.
+    pub(crate) switch: Option<Switch>,
 }
 
 impl NotNumbers {
@@ -35,7 +40,24 @@ impl NotNumbers {
         self.by_frequency().into_iter().next().map(|(word, _)| word)
     }
 
-    fn word(&mut self, word: &str) {
+    /// Of cells that are read again, with the words of `switch` as numbers.
+    pub(crate) fn with(switch: Switch) -> Self {
+        Self { switch: Some(switch), ..Self::default() }
+    }
+
+    /// The pair of words that cells without a number hold, and nothing else.
+    pub(crate) fn pair(&self) -> Option<Switch> {
+        if self.non_finite > 0 || self.switch.is_some() {
+            return None;
+        }
+        Switch::of(self.words.keys().map(String::as_str))
+    }
+
+    /// The number that a word is read as; NaN, counted, of all others.
+    fn word(&mut self, word: &str) -> f64 {
+        if let Some(value) = self.switch.as_ref().and_then(|switch| switch.value(word)) {
+            return value;
+        }
         let word = shown(word);
         if let Some(count) = self.words.get_mut(word) {
             *count += 1;
@@ -44,6 +66,7 @@ impl NotNumbers {
             let word = if full { OTHER_WORDS } else { word };
             *self.words.entry(word.to_owned()).or_default() += 1;
         }
+        f64::NAN
     }
 }
 
@@ -92,10 +115,7 @@ pub(crate) fn cells_to_numbers(
                 not_numbers.non_finite += 1;
                 f64::NAN
             }
-            Cell::Word(word) => {
-                not_numbers.word(words.word(word));
-                f64::NAN
-            }
+            Cell::Word(word) => not_numbers.word(words.word(word)),
         };
     }
 }
@@ -250,8 +270,7 @@ fn parse(text: &str, not_numbers: &mut NotNumbers) -> f64 {
     if let Ok(value) = text.parse() {
         finite(value, &mut not_numbers.non_finite)
     } else {
-        not_numbers.word(text);
-        f64::NAN
+        not_numbers.word(text)
     }
 }
 

@@ -1,14 +1,14 @@
 //! Which columns the states have, and their values.
 
-use calib_core::{Bounds, ColumnKind};
+use calib_core::{Bounds, ColumnKind, Silent};
 use calib_data::{
     Contradictions, DataConfig, DropReason, Normalisation, PreprocessConfig, Reduce, inspect,
     table::Table,
 };
 
 use crate::support::{
-    Folder, NAN, assert_refused, assert_refused_with, load_with, log, log_at, one_hot, seconds,
-    segment_lengths, train_seconds, train_values,
+    Folder, NAN, assert_refused, assert_refused_with, kept, load_with, log, log_at, one_hot,
+    seconds, segment_lengths, train_seconds, train_values,
 };
 
 fn rising(rows: u8) -> Vec<f64> {
@@ -248,4 +248,34 @@ fn wide_logs_are_read_in_batches() {
     }
     let inspected = inspect(&folder.data(), &PreprocessConfig::default(), &calib_core::Silent);
     assert_eq!(inspected.expect("a log"), dataset.profile);
+}
+
+#[test]
+fn pairs_of_words_are_one_and_zero() {
+    let row = |row: usize| {
+        let valve = ["OFF", "ON", "ON", ""][row % 4];
+        let state = ["RUN", "CIP", "STANDBY"][row % 3];
+        format!("2024-03-01 00:00:{row:02},{},{valve},{state}\n", row % 7)
+    };
+    let rows: String = (0..40).map(row).collect();
+    let wide = Folder::of_text("a.csv", &format!("time,a,XV,STATUS\n{rows}"));
+    let preprocess = PreprocessConfig { max_missing: 0.5, ..PreprocessConfig::default() };
+    let found = inspect(&wide.data(), &preprocess, &Silent).expect("a log");
+    assert_eq!(kept(&found), ["a", "XV"]);
+    let told = found.clock_doubts().join("\n");
+    assert!(told.contains("words are read as 1 and 0: XV (\"ON\" and \"OFF\");"), "{told}");
+    let valve = found.channels.iter().find(|channel| channel.name == "XV");
+    let values = valve.and_then(|channel| channel.values.as_ref()).expect("values");
+    assert_eq!((values.min, values.max), (0.0, 1.0));
+    // In a long table, and with a third word.
+    let long: String = (0..40)
+        .map(|row| {
+            let valve = ["closed", "open"][row / 10 % 2];
+            format!("2024-03-01 00:00:{row:02},a,{row}\n2024-03-01 00:00:{row:02},XV,{valve}\n")
+        })
+        .collect();
+    let long = format!("time,tag,value\n{long}");
+    assert_eq!(kept(&Folder::of_text("a.csv", &long).inspect()), ["XV", "a"]);
+    let other = long.replace(":07,XV,closed", ":07,XV,Bad");
+    assert_eq!(kept(&Folder::of_text("a.csv", &other).inspect()), ["a"]);
 }
