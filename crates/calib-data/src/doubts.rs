@@ -5,6 +5,7 @@ use calib_text::format_time;
 
 use crate::{
     BridgedStops, ChannelProfile, DropReason, FarOut, Profile, Sentinel, Shape, ShownClock, Sketch,
+    clock_changes::was_left_out,
 };
 
 /// So many widths of the training range beyond it are no state of a plant. Our choice.
@@ -152,6 +153,16 @@ impl Profile {
         recorded_less_often(&seldom.map(|channel| channel.name.clone()).collect::<Vec<String>>())
     }
 
+    /// What is said of the hour that clocks in Europe leave out in spring; none where no gap of a log without a zone is that.
+    fn left_out_hour(&self) -> Option<String> {
+        let mut gaps = self.gaps.examples.iter().filter(|_| !self.utc);
+        let date = gaps.find_map(|&(from, to)| was_left_out(from, to, self.period_secs))?;
+        Some(format!(
+            "the hour from 02:00 on {date} is missing: on the last Sunday of March clocks in Europe are set forward. If the log has such times, set data.time_zone, such as \
+             \"Europe/Berlin\" (on the command line, --set data.time_zone=Europe/Berlin)"
+        ))
+    }
+
     /// How many tags there are, if most rows have a value of only one of them; `None` if not.
     fn tags_with_own_times(&self) -> Option<usize> {
         if self.shape == Shape::Wide {
@@ -192,6 +203,7 @@ impl Profile {
         {
             doubts.push(long_gap(*from, to.micros_since(*from)));
         }
+        doubts.extend(self.left_out_hour());
         if self.without_times {
             doubts.push(without_times(self.period_secs, self.files));
         } else if self.start < EARLY {

@@ -41,6 +41,7 @@ mod arrow;
 mod catch_panic;
 mod channel;
 mod checksums;
+mod clock_changes;
 mod config;
 mod dataset;
 mod describe;

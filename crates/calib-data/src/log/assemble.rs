@@ -7,6 +7,7 @@ use calib_text::format_time;
 
 use super::{
     BadRowsFound, Channel, FileSummary, Log, Origin,
+    alike_names::differing_in_case,
     angles::with_angles,
     file::{FieldKind, LogFile},
     filename_tag::prefixes,
@@ -40,10 +41,11 @@ struct Planned {
 
 impl Opened {
     pub(super) fn into_log(self, utc: bool, data: &DataConfig) -> Result<Log, DataError> {
-        let planned = match self {
+        let mut planned = match self {
             Self::Tables(tables) => plan_tables(tables, data)?,
             Self::Samples(samples) => plan_samples(samples, data)?,
         };
+        planned.read_as.extend(differing_in_case(&planned.channels));
         Ok(Log { utc, ..planned.into_log(data)? })
     }
 }

@@ -15,7 +15,7 @@ use super::{
     rows::Rows,
     shared_times::SharedTimes,
 };
-use crate::DataError;
+use crate::{DataError, clock_changes::comes_twice};
 
 /// A log is of at most so many plants.
 const PLANTS: usize = 200;
@@ -43,6 +43,11 @@ pub enum ContradictionCause {
     Files {
         /// What the channels of the first files would be called after.
         prefixes: Vec<String>,
+    },
+    /// A clock was set back in autumn, and an hour comes twice.
+    ClockSetBack {
+        /// The day.
+        date: String,
     },
     /// Most times are shared by as many rows of one file: the export may have cut them to whole minutes or hours.
     SharedTimes {
@@ -74,6 +79,10 @@ impl ContradictionCause {
                 "They are in files with the same columns ({}): if each file is of a room or a machine, data.file_as_prefix = true names channels after both (on the command line, --set data.file_as_prefix=true). \
                  If the files are exports of the same sensors, data.contradictions = \"first\" or \"last\" keeps one of the values",
                 named(prefixes)
+            ),
+            Some(Self::ClockSetBack { date }) => format!(
+                "The hour from 02:00 on {date} comes twice: on the last Sunday of October clocks in Europe are set back. Set data.time_zone to that of the log, such as \
+                 \"Europe/Berlin\", and both hours are read (on the command line, --set data.time_zone=Europe/Berlin)"
             ),
             Some(Self::SharedTimes { rows, step_secs }) => {
                 let spacing = (1e3 * step_secs / *rows as f64).round() / 1e3;
@@ -146,6 +155,9 @@ impl Log {
         if rows.duplicates.is_empty() {
             return Ok(None);
         }
+        if let Some(date) = self.clock_set_back() {
+            return Ok(Some(ContradictionCause::ClockSetBack { date }));
+        }
         for channel in (0..self.channels.len()).filter(|&at| may_name_plants(&self.channels[at])) {
             if let Some(values) = self.plants(channel, files, monitor)? {
                 let column = self.channels[channel].name.clone();
@@ -175,6 +187,18 @@ impl Log {
             rows,
             step_secs: step as f64 / 1e6,
         }))
+    }
+
+    /// The first day on which clocks in Europe were set back, if nearly all rows of the same time are of such an hour and the log has no zone.
+    fn clock_set_back(&self) -> Option<String> {
+        let rows = self.recorded();
+        let mut days = rows
+            .duplicates
+            .iter()
+            .filter_map(|duplicate| comes_twice(rows.timestamps[duplicate.row as usize]))
+            .peekable();
+        let first = days.peek().filter(|_| !self.utc)?.clone();
+        (days.count() as f64 >= EXPLAINED * rows.duplicates.len() as f64).then_some(first)
     }
 
     /// The values of a channel, if they tell the rows of the same time apart.

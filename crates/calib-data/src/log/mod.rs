@@ -1,5 +1,6 @@
 //! The log as it lies in its files: rows in time order, channels, ranges.
 
+mod alike_names;
 mod angles;
 mod assemble;
 mod bad_rows;

@@ -290,3 +290,40 @@ fn files_of_two_periods_are_told_to_go_on_one_clock() {
     let one = Folder::of("a.parquet", &log(0, &[("level", &fast), ("flow", &gappy)]));
     assert_eq!(one.inspect().clock_doubts(), Vec::<String>::new());
 }
+
+#[test]
+fn changes_of_european_clocks_are_named() {
+    let rows = |day: &str, hours: &[u32]| -> String {
+        let each = hours.iter().flat_map(|hour| (0..60).map(move |minute| (hour, minute)));
+        let rows = each
+            .enumerate()
+            .map(|(row, (hour, minute))| format!("{day} {hour:02}:{minute:02}:00,{row}\n"));
+        format!("time,a\n{}", rows.collect::<String>())
+    };
+    let autumn = Folder::of_text("a.csv", &rows("2024-10-27", &[0, 1, 2, 2, 3]));
+    assert_refused(
+        &autumn.data(),
+        &["The hour from 02:00 on 2024-10-27 comes twice", "Europe/Berlin"],
+    );
+    let zone = Some("Europe/Berlin".to_owned());
+    let data = DataConfig { time_zone: zone.clone(), ..autumn.data() };
+    assert_eq!(profile(&data).gaps.count, 0);
+    let other = Folder::of_text("a.csv", &rows("2024-10-20", &[0, 1, 2, 2, 3]));
+    assert_refused(&other.data(), &["If a clock was set back"]);
+    let spring = Folder::of_text("a.csv", &rows("2024-03-31", &[0, 1, 3, 4]));
+    let told = spring.inspect().clock_doubts().join("\n");
+    assert!(told.contains("the hour from 02:00 on 2024-03-31 is missing"), "{told}");
+    let data = DataConfig { time_zone: zone, ..spring.data() };
+    assert_eq!(profile(&data).clock_doubts(), Vec::<String>::new());
+}
+
+#[test]
+fn names_that_differ_in_capital_letters_are_told() {
+    let values: Vec<f64> = (0..20).map(f64::from).collect();
+    let folder = Folder::of("a.parquet", &log(0, &[("FT101", &values)]));
+    folder.write("b.parquet", &log(20, &[("ft101", &values)]));
+    let told = folder.inspect().clock_doubts().join("\n");
+    assert!(told.contains("differ only in capital letters: \"FT101\" and \"ft101\"."), "{told}");
+    let both = Folder::of("a.parquet", &log(0, &[("FT101", &values), ("ft101", &values)]));
+    assert_eq!(both.inspect().clock_doubts(), Vec::<String>::new());
+}

@@ -246,7 +246,7 @@ fn wide_logs_are_read_in_batches() {
             assert_eq!(train_values(&dataset, name), values, "{name}");
         }
     }
-    let inspected = inspect(&folder.data(), &PreprocessConfig::default(), &calib_core::Silent);
+    let inspected = inspect(&folder.data(), &PreprocessConfig::default(), &Silent);
     assert_eq!(inspected.expect("a log"), dataset.profile);
 }
 

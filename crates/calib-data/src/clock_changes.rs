@@ -1,0 +1,55 @@
+//! When clocks in Europe are set forward and back: on the last Sundays of March and of October, at two or three o'clock in the night.
+
+use calib_core::Timestamp;
+use calib_text::format_time;
+
+const HOUR: i64 = 3_600_000_000;
+const DAY: i64 = 24 * HOUR;
+
+/// The date of a time between two and three o'clock on the last Sunday of October: the clocks of Central Europe show it twice.
+pub(crate) fn comes_twice(time: Timestamp) -> Option<String> {
+    if hour(time) == 2 { last_sunday(time, "10") } else { None }
+}
+
+/// The date of two successive rows between which the clocks of Central Europe were set forward, if they are apart by an hour and less than two periods.
+pub(crate) fn was_left_out(from: Timestamp, to: Timestamp, period_secs: f64) -> Option<String> {
+    let step = to.micros_since(from) as f64;
+    let is_hour = step > HOUR as f64 && step < HOUR as f64 + 2.0 * period_secs * 1e6;
+    if is_hour && hour(from) == 1 && hour(to) == 3 { last_sunday(to, "03") } else { None }
+}
+
+fn hour(time: Timestamp) -> i64 {
+    time.as_micros().rem_euclid(DAY) / HOUR
+}
+
+/// The date of a time, if it is the last Sunday of this month, which has 31 days.
+fn last_sunday(time: Timestamp, month: &str) -> Option<String> {
+    // 1970-01-01 was a Thursday.
+    let is_sunday = (time.as_micros().div_euclid(DAY) + 4).rem_euclid(7) == 0;
+    let date = format_time(time).get(..10)?.to_owned();
+    let is_last = date.get(5..7)? == month && date.get(8..10)? >= "25";
+    (is_sunday && is_last).then_some(date)
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_text::parse_time;
+
+    use super::*;
+
+    fn time(text: &str) -> Timestamp {
+        parse_time(text).expect("a time")
+    }
+
+    #[test]
+    fn clocks_change_on_last_sundays() {
+        assert_eq!(comes_twice(time("2024-10-27 02:59:00")).as_deref(), Some("2024-10-27"));
+        for other in ["2024-10-27 03:00:00", "2024-10-20 02:00:00", "2024-10-26 02:00:00"] {
+            assert_eq!(comes_twice(time(other)), None, "{other}");
+        }
+        let skipped = |from: &str, to: &str| was_left_out(time(from), time(to), 60.0);
+        assert!(skipped("2024-03-31 01:59:00", "2024-03-31 03:00:00").is_some());
+        assert_eq!(skipped("2024-03-31 01:59:00", "2024-03-31 03:30:00"), None);
+        assert_eq!(skipped("2024-03-24 01:59:00", "2024-03-24 03:00:00"), None);
+    }
+}

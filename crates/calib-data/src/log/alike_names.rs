@@ -1,0 +1,30 @@
+//! Channels of several files whose names differ in nothing but capital letters.
+
+use std::collections::{BTreeMap, btree_map::Entry};
+
+use super::Channel;
+use crate::doubts::first_few;
+
+/// What is said of such channels, unless a file has both; none of none.
+pub(super) fn differing_in_case(channels: &[Channel]) -> Option<String> {
+    let mut known: BTreeMap<String, &Channel> = BTreeMap::new();
+    let mut pairs = Vec::new();
+    for channel in channels {
+        match known.entry(channel.name.to_lowercase()) {
+            Entry::Vacant(new) => {
+                new.insert(channel);
+            }
+            Entry::Occupied(first) => {
+                let first = *first.get();
+                let mut files = first.positions.keys();
+                if !files.any(|file| channel.positions.contains_key(file)) {
+                    pairs.push(format!("{:?} and {:?}", first.name, channel.name));
+                }
+            }
+        }
+    }
+    let named = first_few(&pairs)?;
+    Some(format!(
+        "names of channels differ only in capital letters: {named}. If they are one channel, write its name alike in all files; else ignore this"
+    ))
+}
