@@ -99,7 +99,7 @@ impl Signs {
         for cell in cells {
             let point = match sign_of(cell.trim()) {
                 Sign::Point if are_open => &mut self.either,
-                Sign::Point if are_grouped && cell.contains('.') => &mut self.open_point,
+                Sign::Point if are_grouped && grouped(cell, '.') => &mut self.open_point,
                 _ => {
                     self.note(cell, path);
                     continue;

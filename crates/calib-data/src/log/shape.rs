@@ -231,12 +231,18 @@ fn unnamed_roles(
             .collect::<Vec<usize>>()
     };
     let &[value] = &with_kind(FieldKind::Number)[..] else { return Ok(None) };
+    let is_narrow = columns.len() <= 3;
     let (mut alternating, mut staying) = (Vec::new(), Vec::new());
     for words in with_kind(FieldKind::Text) {
         if MODES.contains(&plain(&columns[words].name).as_str()) {
             continue;
         }
-        match Course::of(&head.sample(words)?) {
+        let sample = head.sample(words)?;
+        // Text with numbers among it is another channel.
+        if !is_narrow && sample.iter().any(|word| word.parse::<f64>().is_ok()) {
+            return Ok(None);
+        }
+        match Course::of(&sample) {
             Course::NoTags => {}
             Course::Alternates => alternating.push(words),
             Course::Stays => staying.push(words),
@@ -244,7 +250,6 @@ fn unnamed_roles(
     }
     let called: Vec<usize> =
         alternating.iter().copied().filter(|&column| names_tags(&columns[column])).collect();
-    let is_narrow = columns.len() <= 3;
     let tag = match (&alternating[..], &called[..], &staying[..]) {
         ([tag], _, []) | (_, [tag], _) => *tag,
         ([tag, ..], ..) => return refuse(asked_for_tag(head, columns, *tag, value)),

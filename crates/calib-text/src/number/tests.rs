@@ -146,6 +146,8 @@ fn points_and_commas_that_may_both_be_of_thousands_are_asked_about() {
     for settled in [&["3.61", "3.622"][..], &["0.611", "3.622"]] {
         assert_eq!(told_by_columns(&[settled, &["10,710"]], true), Ok(Decimal::Point));
     }
+    let both: &[&str] = &["3.611", "1,234.567"];
+    assert_eq!(told_by_columns(&[both, &["10,710"]], true), Ok(Decimal::Point));
     assert!(told_by_columns(&[amount, &["10,71"]], true).is_err(), "3.611 is above a thousand?");
     assert_eq!(told_by_columns(&[&["1.210,5"], &["10,710"]], true), Ok(Decimal::Comma));
 }
