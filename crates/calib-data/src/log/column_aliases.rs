@@ -154,7 +154,7 @@ pub(super) const REMARKS: [&str; 16] = [
 /// Columns beside a sample that are no channels: where it comes from.
 pub(super) const ORIGINS: [&str; 7] =
     ["server", "source", "id", "webid", "path", "wwretrievalmode", "resolution"];
-pub(super) const TIMES: [&str; 15] = [
+pub(super) const TIMES: [&str; 19] = [
     "timestamp",
     "time",
     "datetime",
@@ -170,6 +170,10 @@ pub(super) const TIMES: [&str; 15] = [
     "sampletime",
     "eventtime",
     "zeit",
+    "zeitpunkt",
+    "zeitstempel",
+    "horodatage",
+    "fechahora",
 ];
 /// Parts of a time that stand in columns of their own, in their order.
 pub(super) const TIME_FIELDS: [&[&str]; 6] = [

@@ -167,8 +167,8 @@ fn no_text(head: &[u8]) -> Option<&'static str> {
 
 /// Whether nearly every second byte is 0 and hardly any other, as letters of 16 bits have it.
 fn is_utf16(head: &[u8]) -> bool {
-    let zeros = |parity: usize| head.iter().skip(parity).step_by(2).filter(|&&byte| byte == 0);
-    let [even, odd] = [0, 1].map(|parity| zeros(parity).count());
+    let [even, odd] =
+        [0, 1].map(|parity| head.iter().skip(parity).step_by(2).filter(|&&byte| byte == 0).count());
     let letters = head.len() / 2;
     letters >= 8 && 10 * even.max(odd) > 9 * letters && 10 * even.min(odd) < letters
 }
