@@ -178,8 +178,7 @@ fn contradictions_found(
 /// Those of `channels`, whose values these are, that are pairs of words, with them.
 pub(crate) fn switches_in(log: &Log, channels: &[usize], values: &[ChannelValues]) -> Vec<String> {
     let pairs = channels.iter().zip(values).filter_map(|(&channel, values)| {
-        let switch = values.not_numbers.switch.as_ref()?;
-        Some(switch.told(&log.channels[channel].name))
+        values.not_numbers.switch.as_ref()?.told(&log.channels[channel].name)
     });
     pairs.collect()
 }

@@ -28,42 +28,51 @@ const PAIRS: [[&str; 2]; 24] = [
     ["open", "dicht"],
 ];
 
-/// The word for 1 and that for 0, as a channel writes them.
+/// The word for 1 and that for 0, as a channel writes them. One is `None` in a log in which a switch never moved: a later log has both.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Switch {
-    pub(crate) on: String,
-    pub(crate) off: String,
+    on: Option<String>,
+    off: Option<String>,
 }
 
 impl Switch {
-    /// Of a channel that has these words and no others; none if they are no pair.
+    /// Of a channel that has these words and no others; none if they are no pair, nor one word of a pair.
     pub(crate) fn of<'a>(words: impl Iterator<Item = &'a str>) -> Option<Self> {
-        let mut distinct: Vec<&str> = words.take(3).collect();
-        distinct.sort_unstable();
-        let [one, other] = distinct[..] else { return None };
-        let [small, other_small] = [one, other].map(str::to_lowercase);
-        PAIRS
-            .iter()
-            .find_map(|[on, off]| match (small.as_str(), other_small.as_str()) {
-                pair if pair == (*on, *off) => Some([one, other]),
-                pair if pair == (*off, *on) => Some([other, one]),
-                _ => None,
-            })
-            .map(|[on, off]| Self { on: on.to_owned(), off: off.to_owned() })
-    }
-
-    /// 1 or 0; none for another word.
-    pub(crate) fn value(&self, word: &str) -> Option<f64> {
-        match word {
-            word if word == self.on => Some(1.0),
-            word if word == self.off => Some(0.0),
+        let distinct: Vec<&str> = words.take(3).collect();
+        match distinct[..] {
+            [one] => {
+                let word = one.to_lowercase();
+                let is = |side: usize| PAIRS.iter().any(|pair| pair[side] == word);
+                match [is(0), is(1)] {
+                    [true, false] => Some(Self { on: Some(one.to_owned()), off: None }),
+                    [false, true] => Some(Self { on: None, off: Some(one.to_owned()) }),
+                    _ => None,
+                }
+            }
+            [one, other] => [[one, other], [other, one]].into_iter().find_map(|[on, off]| {
+                let small = [on, off].map(str::to_lowercase);
+                PAIRS
+                    .iter()
+                    .any(|pair| pair[0] == small[0] && pair[1] == small[1])
+                    .then(|| Self { on: Some(on.to_owned()), off: Some(off.to_owned()) })
+            }),
             _ => None,
         }
     }
 
-    /// A channel and its words.
-    pub(crate) fn told(&self, channel: &str) -> String {
-        format!("{channel} ({:?} and {:?})", self.on, self.off)
+    /// 1 or 0; none for another word.
+    pub(crate) fn value(&self, word: &str) -> Option<f64> {
+        match Some(word) {
+            word if word == self.on.as_deref() => Some(1.0),
+            word if word == self.off.as_deref() => Some(0.0),
+            _ => None,
+        }
+    }
+
+    /// A channel and its words, if it has both.
+    pub(crate) fn told(&self, channel: &str) -> Option<String> {
+        let (on, off) = self.on.as_ref().zip(self.off.as_ref())?;
+        Some(format!("{channel} ({on:?} and {off:?})"))
     }
 }
 
@@ -71,19 +80,27 @@ impl Switch {
 mod tests {
     use super::*;
 
-    fn switch(words: &[&str]) -> Option<[String; 2]> {
-        Switch::of(words.iter().copied()).map(|Switch { on, off }| [on, off])
+    fn switch(words: &[&str]) -> Option<Switch> {
+        Switch::of(words.iter().copied())
     }
 
     #[test]
     fn pairs_of_words_are_one_and_zero() {
-        assert_eq!(switch(&["OFF", "ON"]), Some(["ON", "OFF"].map(str::to_owned)));
-        assert_eq!(switch(&["Ein", "Aus"]), Some(["Ein", "Aus"].map(str::to_owned)));
-        let valve = Switch::of(["closed", "open"].into_iter()).expect("a pair");
+        let told = |words: &[&str]| switch(words).and_then(|switch| switch.told("XV"));
+        assert_eq!(told(&["OFF", "ON"]).as_deref(), Some("XV (\"ON\" and \"OFF\")"));
+        assert_eq!(told(&["Ein", "Aus"]).as_deref(), Some("XV (\"Ein\" and \"Aus\")"));
+        let valve = switch(&["closed", "open"]).expect("a pair");
         assert_eq!((valve.value("open"), valve.value("closed")), (Some(1.0), Some(0.0)));
         assert_eq!(valve.value("Open"), None);
-        for others in [&["ON"][..], &["ON", "AUS"], &["RUN", "CIP"], &["ON", "OFF", "Bad"]] {
+        for others in [&["CIP"][..], &["ON", "AUS"], &["RUN", "CIP"], &["ON", "OFF", "Bad"]] {
             assert_eq!(switch(others), None, "{others:?}");
         }
+    }
+
+    #[test]
+    fn a_switch_that_never_moves_has_its_value() {
+        let [on, off] = ["ON", "OFF"].map(|word| switch(&[word]).expect("of a pair"));
+        assert_eq!((on.value("ON"), on.value("OFF")), (Some(1.0), None));
+        assert_eq!((off.value("OFF"), off.told("XV")), (Some(0.0), None));
     }
 }

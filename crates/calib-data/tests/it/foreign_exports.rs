@@ -66,7 +66,7 @@ fn words_that_alternate_are_tags_or_asked_about() {
 
 #[test]
 fn words_of_quality_that_nobody_knows_are_asked_for() {
-    let text = in_turn("Zeitpunkt;Messstelle;Wert;Qualität", 20, |tag, number| {
+    let text = in_turn("Zeitpunkt;Messstelle;Wert;Qualität", 0, |tag, number| {
         format!("{};{tag},{number:02};FEINE", TAGS[tag])
     });
     let folder = Folder::of_text("a.csv", &text);
