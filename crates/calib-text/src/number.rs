@@ -149,8 +149,9 @@ impl Signs {
     /// If there are such.
     pub fn refuse_contradiction(&self) -> Result<(), SignError> {
         let (point, comma) = match (&self.point, &self.open_point, &self.comma, &self.either) {
-            (Some(point), _, Some(comma), _) => (point, comma),
-            (None, Some(point), Some(comma), _) => (point, comma),
+            (Some(point), _, Some(comma), _) | (None, Some(point), Some(comma), _) => {
+                (point, comma)
+            }
             // 3.611 and 10,710: one of them is above a thousand, and nothing says which.
             (None, Some(point), None, Some(comma)) if comma.cell.contains(',') => (point, comma),
             _ => return Ok(()),

@@ -14,8 +14,7 @@ mod quality;
 pub(crate) use calib_text::{
     Candidates, Cell, Decimal, LocalTimes, Marks, Notation, RecordReader, Signs, TextColumn,
     Unreadable, Words, Zone, cell_of, compact_pattern, decode, either_way, is_time_of_day,
-    may_be_thousand,
-    parse_number, plain_decimal, unbracketed,
+    may_be_thousand, parse_number, plain_decimal, unbracketed,
 };
 
 pub(crate) use self::{
