@@ -1,4 +1,5 @@
-//! One step of a sweep: a population of agents predicts, draws one mini-batch, updates.
+//! One step of a sweep: a population of agents predicts, draws one mini-batch and
+//! updates.
 //!
 //! `cargo bench -p calib-agent --bench td_step`. Throughput is in updates of one agent.
 
@@ -9,7 +10,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 const SENSORS: usize = 142;
 const BATCH: usize = 256;
 
-/// Random states: what they are has no influence on the time.
+/// Returns random states. Their values do not influence the time.
 fn stream(steps: usize) -> RowStream {
     let mut rng = Seed::new(1).rng();
     let values = (0..steps * SENSORS).map(|_| rng.unit() as f32).collect();
@@ -17,7 +18,7 @@ fn stream(steps: usize) -> RowStream {
     RowStream::unbroken(states, (0..steps).map(RowIndex::new).collect())
 }
 
-/// Learning rates from 1e-5 on, by half a decade.
+/// Returns `size` agents with learning rates from 1e-5 upwards, by half a decade.
 fn population(
     size: usize,
     value_function: ValueFunction,

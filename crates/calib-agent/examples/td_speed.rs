@@ -1,11 +1,11 @@
-//! TD(0) updates a second of a population on one thread, as one line of JSON, beside the bare matrix products of
-//! such an update; `scripts/peers/td0.py` compares them with other packages.
+//! Measures the TD(0) updates per second of a population on one thread, beside the bare matrix products of such an
+//! update. The result is one line of JSON; `scripts/peers/td0.py` compares it with other packages.
 //!
 //! ```text
 //! td_speed mlp|mlp-bf16|linear AGENTS UPDATES
 //! ```
 //!
-//! Shapes are those of the paper: 142 sensors, two hidden layers of 256 units, batches of 256. An update is one
+//! Shapes are those of the paper: 142 sensors, two hidden layers of 256 units, batches of 256. One update is the update
 //! of one agent.
 
 #![expect(clippy::print_stdout, reason = "a program prints")]
@@ -66,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The time of the wall and of the processor.
+/// The start of a measurement in wall time and processor time.
 struct Clock(Instant, Option<f64>);
 
 impl Clock {
@@ -74,7 +74,8 @@ impl Clock {
         Self(Instant::now(), processor_seconds())
     }
 
-    /// The seconds of both since then; where the system does not tell those of the processor, the same twice.
+    /// Returns the elapsed wall and processor seconds. Where the system does not report processor time, both are wall
+    /// time.
     fn seconds(&self) -> [f64; 2] {
         let wall = self.0.elapsed().as_secs_f64();
         let processor = self.1.zip(processor_seconds()).map(|(before, after)| after - before);
@@ -82,13 +83,13 @@ impl Clock {
     }
 }
 
-/// What this thread has had of a processor so far, as Linux counts it.
+/// Returns the processor time of this thread so far, as Linux counts it.
 fn processor_seconds() -> Option<f64> {
     let text = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split(' ').next()?.parse::<f64>().ok()? / 1e9)
 }
 
-/// Random states: what they are has no influence on the time.
+/// Returns random states. Their values do not influence the time.
 fn stream(steps: usize) -> Result<RowStream, Box<dyn Error>> {
     let mut rng = Seed::new(1).rng();
     let values = (0..steps * SENSORS).map(|_| rng.unit() as f32).collect();
@@ -96,8 +97,8 @@ fn stream(steps: usize) -> Result<RowStream, Box<dyn Error>> {
     Ok(RowStream::unbroken(states, (0..steps).map(RowIndex::new).collect()))
 }
 
-/// Operations and processor seconds of the five large products of one update: both layers forward for s, s' and the present
-/// state, both layers' weights, and the error of the first.
+/// Returns the operations and processor seconds of the five large products of one update: the forward pass of both
+/// layers for s, s' and the present state, the weight gradients of both layers, and the error of the first.
 fn products(repeats: usize) -> (f64, f64) {
     let rows = 2 * BATCH + 1;
     let ones = vec![1.0_f32; rows * UNITS];

@@ -2,24 +2,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Checkpoint, outcome::Tracker};
 
-/// Keeps the state of a long run, so that a killed one goes on from where it was last kept.
+/// Stores the state of a long run, so that an interrupted run can resume from the last stored state.
 ///
 /// The result of a run does not depend on whether, where and how often it was resumed.
 pub trait Checkpointer {
-    /// Work between two states that are kept, in multiplications (see [`train_learners`](crate::train_learners)).
+    /// Returns the work between two stored states, in multiplications
+    /// (see [`train_learners`](crate::train_learners)).
     fn work_between(&self) -> u64;
 
-    /// The state that was kept last, if there is one of this very run.
+    /// Returns the last stored state, if there is one of exactly this run.
     fn load(&self) -> Option<RunState>;
 
-    /// Keep this state instead of the one before.
+    /// Stores this state in place of the one before.
     ///
     /// # Errors
-    /// Why it cannot be kept, for the user.
+    /// The reason why the state cannot be stored, for the user.
     fn keep(&self, state: RunState) -> Result<(), String>;
 }
 
-/// Keeps nothing: for short runs, and for tests.
+/// Stores nothing: for short runs and for tests.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoKeeper;
 
@@ -37,19 +38,19 @@ impl Checkpointer for NoKeeper {
     }
 }
 
-/// A run between two steps. Replay buffers need no place in it: they follow from seed and step.
+/// The state of a run between two steps. Replay buffers are not part of it: they follow from seed and step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunState {
-    /// Where the run stands, and the errors so far.
+    /// The position in the run, and the errors so far.
     pub progress: RunProgress,
     /// The learners that are in the middle of their stream, by their position in the run.
     pub values: Vec<(usize, ValueState)>,
 }
 
-/// Where a run stands, and the errors so far.
+/// The position in a run, and the errors so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunProgress {
-    /// Populations that are finished.
+    /// Number of populations that are finished.
     pub(crate) populations: usize,
     /// The next step of the present population.
     pub(crate) step: usize,
@@ -60,18 +61,18 @@ pub struct RunProgress {
 /// A value function in the middle of training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ValueState {
-    /// Parameters and moments.
+    /// Parameters and optimiser moments.
     pub checkpoint: Checkpoint,
-    /// Parameters of the target network, where there is one.
+    /// Parameters of the target network, if there is one.
     pub target: Option<Vec<f32>>,
-    /// Eligibility traces and what goes with them, where there are any.
+    /// Eligibility traces and the related state of each weight, if there are any.
     pub traces: Option<Vec<f32>>,
-    /// Updates so far; they decide when the target network is due for a copy.
+    /// Updates so far. They decide when the target network is next copied.
     pub updates: usize,
 }
 
 impl From<&Checkpoint> for ValueState {
-    /// Before the first update; the target network is the network itself.
+    /// Returns the state before the first update. The target network is a copy of the network.
     fn from(checkpoint: &Checkpoint) -> Self {
         Self { checkpoint: checkpoint.clone(), target: None, traces: None, updates: 0 }
     }

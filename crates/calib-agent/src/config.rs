@@ -50,7 +50,7 @@ pub enum OptimiserKind {
 }
 
 impl OptimiserKind {
-    /// Its name in a study.
+    /// Returns the name in a study.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Adam => "adam",
@@ -60,7 +60,7 @@ impl OptimiserKind {
         }
     }
 
-    /// Whether it learns from each transition once, in the order of time, with eligibility traces.
+    /// Whether the optimiser learns from each transition once, in time order, with eligibility traces.
     pub(crate) fn has_traces(self) -> bool {
         matches!(self, Self::TrueOnlineTd | Self::SwiftTd)
     }
@@ -227,14 +227,14 @@ impl Default for AgentConfig {
 pub struct AgentConfigError {
     /// The field's name, as in a study.
     pub field: &'static str,
-    /// Its value.
+    /// The rejected value.
     pub got: String,
-    /// The values it may have.
+    /// The permitted values.
     pub expected: String,
 }
 
 impl AgentConfig {
-    /// Transitions that an update learns from: the present one alone without replay.
+    /// Returns the number of transitions per update. Without replay this is 1, the present transition.
     pub(crate) fn transitions_per_update(&self) -> usize {
         match self.replay {
             ReplayKind::Uniform => self.batch_size,
@@ -242,10 +242,10 @@ impl AgentConfig {
         }
     }
 
-    /// Check every field against its range.
+    /// Checks every field against its range.
     ///
     /// # Errors
-    /// The first field that is outside.
+    /// The first field that is outside its range.
     pub fn check(&self) -> Result<(), AgentConfigError> {
         self.check_kind()?;
         let mlp = self.value_function == ValueFunction::Mlp;
@@ -301,18 +301,19 @@ impl AgentConfig {
         require(self.updates_per_step >= 1, "updates_per_step", &self.updates_per_step, "1 or more")
     }
 
-    /// The discount factor of a sensor's return: the one of `gammas`, or `gamma`.
+    /// Returns the discount factor for a sensor's return: its entry in `gammas`, or `gamma`.
     pub fn gamma_for(&self, sensor: &str) -> f64 {
         self.gammas.get(sensor).copied().unwrap_or(self.gamma)
     }
 
-    /// The agent that predicts a sensor: it has one discount factor, which is its `gamma`.
+    /// Returns the agent that predicts `sensor`. Its single discount factor is in `gamma`.
     #[must_use]
     pub fn for_sensor(&self, sensor: &str) -> Self {
         Self { gamma: self.gamma_for(sensor), gammas: BTreeMap::new(), ..self.clone() }
     }
 
-    /// What an agent would have to be for the hyperparameter `field` to decide anything, where this one is not.
+    /// Returns the property that an agent needs for the hyperparameter `field` to have an effect, if this agent lacks
+    /// it.
     pub fn lacks(&self, field: &str) -> Option<&'static str> {
         let (other, needed) = match field {
             "hidden_layers" | "hidden_units" | "precision" => {
@@ -329,8 +330,9 @@ impl AgentConfig {
         (other && !self.is_external()).then_some(needed)
     }
 
-    /// Every hyperparameter by its name in a study, also one that is left out where it is the default: of a program, `gamma` and its own.
-    /// `gammas` is not among them, because it is no hyperparameter of one agent.
+    /// Returns every hyperparameter by its name in a study, including those that a study omits at their default. For an
+    /// external program these are `gamma` and the program's own. `gammas` is not included, because it is not a
+    /// hyperparameter of a single agent.
     pub fn fields(&self) -> Map<String, Value> {
         if self.is_external() {
             let gamma = [("gamma".to_owned(), Value::from(self.gamma))];
@@ -355,7 +357,7 @@ impl AgentConfig {
         }
     }
 
-    /// The step size after so many updates.
+    /// Returns the step size after `updates` updates.
     pub(crate) fn rate_after(&self, updates: usize) -> f64 {
         match self.halve_after {
             0 => self.learning_rate,
@@ -363,7 +365,7 @@ impl AgentConfig {
         }
     }
 
-    /// The ranges of all discount factors.
+    /// Checks the ranges of all discount factors.
     fn check_gammas(&self) -> Result<(), AgentConfigError> {
         let expected =
             "a number in [0, 1): returns with a discount factor of 1 or more do not converge";
@@ -374,7 +376,7 @@ impl AgentConfig {
         Ok(())
     }
 
-    /// What eligibility traces go with, and their ranges.
+    /// Checks the settings that eligibility traces require, and their ranges.
     fn check_online(&self) -> Result<(), AgentConfigError> {
         require((0.0..=1.0).contains(&self.lambda), "lambda", &self.lambda, "a number in [0, 1]")?;
         require(
@@ -433,7 +435,7 @@ impl AgentConfig {
         *value == RATE_DECAY
     }
 
-    /// What the agent sees of a state of `width` values: these and their traces.
+    /// Returns the width of the agent's input for a state of `width` values: the state and its traces.
     pub fn seen_width(&self, width: usize) -> usize {
         width * (1 + self.traces.len())
     }
@@ -466,7 +468,7 @@ fn is_fraction(value: f64) -> bool {
     (0.0..1.0).contains(&value)
 }
 
-/// With an exponent where digits alone would be hundreds.
+/// Formats with an exponent where plain digits would be hundreds of characters.
 fn in_short(value: &dyn Display) -> String {
     let text = value.to_string();
     match text.parse::<f64>() {

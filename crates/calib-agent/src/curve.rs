@@ -1,10 +1,11 @@
 use serde::{Deserialize, Serialize};
 
-/// How a learning curve is sub-sampled: the run's steps are cut into `windows` windows of equal length
-/// (window w of a run of n steps holds the steps t with ⌊t · windows / n⌋ = w), one point each.
+/// How a learning curve is sub-sampled. The run's steps are cut into `windows` windows of equal
+/// length, with one point each: window w of a run of n steps holds the steps t with ⌊t · windows / n⌋
+/// = w.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CurveRule {
-    /// Number of windows; 0 draws no curve. Default 100.
+    /// Number of windows. 0 draws no curve. Default 100.
     pub windows: usize,
 }
 
@@ -19,7 +20,7 @@ impl Default for CurveRule {
 pub struct CurvePoint {
     /// The step after the window's last.
     pub step: usize,
-    /// RMSE over the steps of the window whose returns are known.
+    /// RMSE over the steps of the window with known returns.
     #[serde(with = "crate::scoring::infinite")]
     pub rmse: f64,
 }
@@ -41,7 +42,7 @@ impl Curve {
         Self { windows, steps, window: 0, sum: 0.0, count: 0, points: Vec::with_capacity(windows) }
     }
 
-    /// Add the squared error at step `t`; steps come in order.
+    /// Adds the squared error at step `t`. Steps come in order.
     pub(crate) fn add(&mut self, t: usize, squared_error: f64) {
         if self.windows == 0 {
             return;
@@ -66,13 +67,13 @@ impl Curve {
         (self.sum, self.count) = (0.0, 0);
     }
 
-    /// All points. Windows without a known return have none.
+    /// Returns all points. Windows without a known return have no point.
     pub(crate) fn finish(mut self) -> Vec<CurvePoint> {
         self.close();
         self.points
     }
 
-    /// The points of the windows before the present one.
+    /// Returns the points of the windows before the present one.
     pub(crate) fn abandon(self) -> Vec<CurvePoint> {
         self.points
     }
@@ -85,7 +86,7 @@ mod tests {
     #[test]
     fn windows_are_equal_and_hold_their_steps() {
         let mut curve = Curve::new(CurveRule { windows: 3 }, 10);
-        // Windows hold 0..4, 4..7, 7..10.
+        // The windows are 0..4, 4..7 and 7..10.
         for t in [0, 1, 2, 3, 8] {
             curve.add(t, (t * t) as f64);
         }

@@ -2,7 +2,7 @@ use calib_core::Cancelled;
 
 use crate::AgentConfigError;
 
-/// Why agents could not be trained.
+/// An error that prevents or stops the training of agents.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum AgentError {
     /// A hyperparameter is outside its range.
@@ -13,41 +13,41 @@ pub enum AgentError {
         "cumulant column {got} does not exist: expected a column below {width}, the width of a state"
     )]
     Cumulant {
-        /// Column asked for.
+        /// The requested column.
         got: usize,
         /// Number of values in a state.
         width: usize,
     },
-    /// The sensor to predict is not a number somewhere.
+    /// The sensor to predict is not finite at some step.
     #[error("cumulant column {column} is {value} at step {step}: expected finite states")]
     NonFiniteCumulant {
         /// The column.
         column: usize,
-        /// Where.
+        /// The step.
         step: usize,
-        /// Its value there.
+        /// The value at that step.
         value: f32,
     },
     /// A run is longer than its stream.
     #[error("a run of {steps} steps needs more states than that, and its data has {states}")]
     ShortStream {
-        /// Steps asked for.
+        /// Requested number of steps.
         steps: usize,
-        /// States of the stream.
+        /// Number of states of the stream.
         states: usize,
     },
-    /// Nothing is left to score.
+    /// No step can be scored.
     #[error(
         "no step can be scored: with gamma = {gamma}, scoring a prediction needs the {horizon} states after it, the longest of {pieces} stretches without a gap has {longest} steps, and scoring begins at step {first} of {steps}; use longer runs, a smaller gamma, or score the whole run"
     )]
     NothingToScore {
         /// Discount factor.
         gamma: f64,
-        /// Unscored steps at the end of a piece.
+        /// Unscored steps at the end of each piece.
         horizon: usize,
         /// Number of unbroken pieces.
         pieces: usize,
-        /// Steps of the longest of them.
+        /// Steps of the longest piece.
         longest: usize,
         /// First step that scoring may include.
         first: usize,
@@ -64,48 +64,49 @@ pub enum AgentError {
         /// Parameters of the value function.
         expected: usize,
     },
-    /// A baseline is not one of the stream.
+    /// A baseline does not fit the stream.
     #[error(
         "the baseline has {got} predictions: expected {expected}, one for each state of the stream"
     )]
     Baseline {
-        /// Predictions there are.
+        /// Number of predictions of the baseline.
         got: usize,
-        /// States of the stream.
+        /// Number of states of the stream.
         expected: usize,
     },
-    /// There is nothing to pre-train on.
+    /// There are too few transitions to pre-train on.
     #[error(
         "pre-training requires at least {expected} transitions to learn from and one to validate on, \
          got {got} in all; use a longer range, or a smaller pretrain.validation_fraction or agent.batch_size"
     )]
     TooFewTransitions {
-        /// Transitions there are.
+        /// Available transitions.
         got: usize,
         /// Transitions of one mini-batch.
         expected: usize,
     },
-    /// Pre-training shuffles transitions, and traces need their order.
+    /// Pre-training shuffles transitions, but eligibility traces need their
+    /// order.
     #[error(
         "agents are pre-trained on mini-batches in random order, and agent.optimiser learns along the stream; use \"adam\" or \"sgd\", or \
          start from a predictor that is fitted on the log (agent.baseline) instead of pre-training"
     )]
     TracesInBatches,
-    /// Runs side by side see different numbers of values.
+    /// Runs side by side have states of different widths.
     #[error("runs that learn side by side see as many values a state: got {got} beside {expected}")]
     Widths {
-        /// Values in a state of one.
+        /// Width of the states of one run.
         got: usize,
-        /// Values in a state of the first.
+        /// Width of the states of the first run.
         expected: usize,
     },
-    /// Agents that no accelerator trains.
+    /// The accelerator does not support these agents.
     #[error("agents with {0} are not trained side by side; leave --device out")]
     NotAccelerated(&'static str),
     /// An accelerator failed.
     #[error("{0}")]
     Accelerator(String),
-    /// The state of a long run could not be kept.
+    /// The state of a long run could not be stored.
     #[error("cannot keep the state of a run: {0}")]
     Keep(String),
     /// The observer asked to stop.

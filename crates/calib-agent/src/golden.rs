@@ -1,4 +1,4 @@
-//! The same updates as PyTorch from the same weights and mini-batches: `scripts/golden/td0.py`.
+//! Compares updates with PyTorch's from the same weights and mini-batches: `scripts/golden/td0.py`.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +13,11 @@ use crate::{
     values::{Batch, Learned, Values},
 };
 
-/// Values are about 5; PyTorch's own single precision ends up to 3.4e-6 from the double precision in the file.
+/// Values are about 5. PyTorch's own single precision deviates by up to 3.4e-6 from the double precision in
+/// the file.
 const TOLERANCE: f64 = 2e-5;
 
-/// The same for products of numbers of eight bits.
+/// The tolerance for products in bfloat16, which has eight significant bits.
 const ROUNDED_TOLERANCE: f64 = 0.05;
 
 #[derive(Deserialize)]
@@ -25,7 +26,7 @@ struct Golden {
     /// `[steps][sensors]`.
     states: Vec<Vec<f32>>,
     sizes: BTreeMap<String, Vec<usize>>,
-    /// Initial ones, by the name of the value function.
+    /// Initial parameters, by the name of the value function.
     parameters: BTreeMap<String, Vec<f32>>,
     /// The step at which each transition of an update starts.
     batches: Vec<Vec<usize>>,
@@ -35,13 +36,13 @@ struct Golden {
 #[derive(Deserialize)]
 struct Case {
     agent: AgentConfig,
-    /// Of `v(s_n)` before update n.
+    /// Predictions `v(s_n)` before update n.
     predictions: Vec<f64>,
-    /// After the last update.
+    /// Parameters after the last update.
     parameters: Vec<f64>,
 }
 
-/// Predictions before each update and parameters after the last, in the file's order.
+/// Returns the predictions before each update and the parameters after the last, in the file's order.
 fn trained(golden: &Golden, config: &AgentConfig) -> (Vec<f32>, Vec<f32>) {
     let steps = golden.states.len();
     let width = golden.states[0].len();

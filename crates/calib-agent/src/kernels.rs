@@ -1,10 +1,11 @@
-//! Dot products and sums of linear value functions, for the widest vectors the processor has.
+//! Dot products and sums for linear value functions, with the widest vectors that the processor has.
 //!
-//! A dot product is 16 partial sums, whatever the processor's vectors hold: product i is added to sum
-//! i mod 16 by a fused multiply-add, and the sums are added by halves. Results depend neither on the
-//! processor nor on how many agents or transitions share a pass.
+//! A dot product consists of 16 partial sums, whatever the vector width: product i is added to sum i
+//! mod 16 by a fused multiply-add, and the partial sums are then added pairwise by halves. Results
+//! therefore depend neither on the processor nor on how many agents or transitions share a pass.
 //!
-//! Loops rather than iterator closures: a closure that is not inlined is compiled without vectors.
+//! The code uses loops, not iterator closures: a closure that is not inlined is compiled without
+//! vectors.
 
 #![expect(
     clippy::inline_always,
@@ -13,10 +14,11 @@
 
 use pulp::Simd;
 
-/// Number of partial sums. Values are stored in multiples of this many, the rest zeros.
+/// Number of partial sums. Vectors are padded with zeros to a multiple of this length.
 pub(crate) const LANES: usize = 16;
 
-/// The dot products of each of `rows` with `weights`; all of one length, a multiple of [`LANES`].
+/// Returns the dot product of each of `rows` with `weights`. All have one length, a multiple of
+/// [`LANES`].
 #[inline(always)]
 pub(crate) fn dot_products<S: Simd, const ROWS: usize>(
     simd: S,
@@ -50,7 +52,7 @@ pub(crate) fn dot_products<S: Simd, const ROWS: usize>(
     totals
 }
 
-/// `sum` += Σ `scales`ᵢ · `rows`ᵢ, one row after the other, by fused multiply-adds.
+/// Adds Σ `scales`ᵢ · `rows`ᵢ to `sum`, one row after the other, by fused multiply-adds.
 #[inline(always)]
 pub(crate) fn add_scaled<S: Simd, const ROWS: usize>(
     simd: S,

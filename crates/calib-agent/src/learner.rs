@@ -3,33 +3,32 @@ use calib_nn::Moments;
 
 use crate::{AgentConfig, AgentError, ValueFunction};
 
-/// One agent of a run: how it learns, what it predicts, and what it starts from.
+/// One agent of a run: how it learns, what it predicts, and where it starts.
 #[derive(Clone, Copy, Debug)]
 pub struct Learner<'a> {
-    /// Its hyperparameters.
+    /// Hyperparameters.
     pub config: &'a AgentConfig,
-    /// The state column whose discounted sum it predicts.
+    /// The state column whose discounted sum is predicted.
     pub cumulant: usize,
-    /// What it starts from; `None` draws initial parameters from the run's seed.
+    /// The value function to start from. `None` draws initial parameters from the run's seed.
     pub start: Option<&'a Checkpoint>,
-    /// What its value function is added to: a prediction for each state of the run's stream. The value function then
-    /// starts as 0, unless there is a checkpoint.
+    /// Predictions to which the value function is added: one for each state of the run's stream. The value function
+    /// then starts as 0, unless there is a checkpoint.
     pub baseline: Option<&'a [f32]>,
 }
 
-/// A value function as training left it, for other training to start from.
+/// A trained value function, as a starting point for other training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// Weights and biases, layer by layer in the order of [`calib_nn::Mlp`]; a linear value function is
-    /// a network without hidden layers.
+    /// Weights and biases, layer by layer in the order of [`calib_nn::Mlp`]. A linear value function is a network
+    /// without hidden layers.
     pub parameters: Vec<f32>,
-    /// Adam's moments, to go on with; with `None` they start from zero.
+    /// Adam's moments, to continue with. With `None` they start from zero.
     pub moments: Option<Moments>,
 }
 
-/// Sizes of the layers of an agent's value function that sees `width` values
-/// ([`AgentConfig::seen_width`]), input first, the single
-/// output last.
+/// Returns the layer sizes of an agent's value function with `width` inputs ([`AgentConfig::seen_width`]): input
+/// first, the single output last.
 pub fn layer_sizes(config: &AgentConfig, width: usize) -> Vec<usize> {
     let hidden = match config.value_function {
         ValueFunction::Mlp => vec![config.hidden_units; config.hidden_layers],
@@ -38,18 +37,18 @@ pub fn layer_sizes(config: &AgentConfig, width: usize) -> Vec<usize> {
     [vec![width], hidden, vec![1]].concat()
 }
 
-/// Number of weights and biases of that value function.
+/// Returns the number of weights and biases of that value function.
 pub fn parameter_count(config: &AgentConfig, width: usize) -> usize {
     layer_sizes(config, width).windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum()
 }
 
 impl<'a> Learner<'a> {
-    /// One that starts from nothing.
+    /// Returns a learner without checkpoint and baseline.
     pub const fn new(config: &'a AgentConfig, cumulant: usize) -> Self {
         Self { config, cumulant, start: None, baseline: None }
     }
 
-    /// Check the hyperparameters, and that checkpoint and baseline fit them and the stream.
+    /// Checks the hyperparameters, and that checkpoint and baseline fit them and the stream.
     pub(crate) fn check(&self, stream: &dyn Stream) -> Result<(), AgentError> {
         self.config.check()?;
         let width = stream.width();
@@ -67,17 +66,17 @@ impl<'a> Learner<'a> {
         }
     }
 
-    /// Whether both learn from the same numbers.
+    /// Whether both learn from the same cumulants.
     fn has_cumulant_of(&self, other: &Self) -> bool {
         self.cumulant == other.cumulant && self.baseline_address() == other.baseline_address()
     }
 
-    /// Where its baseline is in memory, if it has one.
+    /// Returns the memory address of its baseline, if it has one.
     fn baseline_address(&self) -> Option<*const f32> {
         self.baseline.map(<[f32]>::as_ptr)
     }
 
-    /// What is received on arriving at each state. That of the first state of a piece is never used.
+    /// Returns the cumulant on arriving at each state. That of the first state of a piece is never used.
     fn cumulants(&self, stream: &dyn Stream) -> Vec<f32> {
         let gamma = self.config.gamma as f32;
         let received = |t: usize| stream.state(t)[self.cumulant];
@@ -89,35 +88,35 @@ impl<'a> Learner<'a> {
         }
     }
 
-    /// Whether updates can change its parameters.
+    /// Whether updates can change the parameters.
     pub(crate) fn learns(&self) -> bool {
         self.config.learning_rate > 0.0
     }
 
-    /// What an update costs, in multiplications of the matrix products: forward for s and s', backward for the
-    /// weights and for the layer before. An update counts as at least a million, which small agents spend
-    /// on gathering and bookkeeping.
+    /// Returns the cost of an update, in multiplications of the matrix products: forward for s and s', backward for
+    /// the weights and for the layer before. An update counts as at least a million, which small agents spend on
+    /// gathering and bookkeeping.
     pub fn work_per_update(&self, width: usize) -> u64 {
         let parameters = parameter_count(self.config, self.config.seen_width(width)) as u64;
         let transitions = self.config.transitions_per_update() as u64;
         parameters.saturating_mul(transitions).saturating_mul(4).max(1_000_000)
     }
 
-    /// What a step costs; see [`work_per_update`](Self::work_per_update).
+    /// Returns the cost of a step; see [`work_per_update`](Self::work_per_update).
     pub fn work_per_step(&self, width: usize) -> u64 {
         self.work_per_update(width).saturating_mul(self.config.updates_per_step as u64)
     }
 }
 
-/// What value functions learn the discounted sums of: the predicted sensor, less what a baseline knows of it.
+/// The cumulants whose discounted sums value functions learn: the predicted sensor, minus what the baseline explains.
 ///
-/// A value function u that is added to a baseline b has the TD error `(o' + γ b(s') − b(s)) + γ u(s') − u(s)`: that of
-/// the cumulant in brackets.
+/// A value function u that is added to a baseline b has the TD error `(o' + γ b(s') − b(s)) + γ u(s') − u(s)`. The
+/// cumulant is the term in brackets.
 #[derive(Clone, Debug)]
 pub(crate) struct Cumulants {
-    /// The distinct ones, each with its value on arriving at each state of the stream.
+    /// The distinct cumulants, each with its value on arriving at each state of the stream.
     pub(crate) series: Vec<Vec<f32>>,
-    /// Which of them each learner has.
+    /// The index in `series` of each learner's cumulant.
     pub(crate) series_of: Vec<usize>,
 }
 

@@ -1,27 +1,27 @@
 //! TD(0) nexting agents: linear and MLP value functions, replay buffer, returns, scores.
 //!
-//! An agent predicts the discounted sum of one sensor's future,
-//! `G_t = Σ_k γᵏ o_{t+k+1}`, from the state `s_t`, and learns v by semi-gradient TD(0)
-//! (Sutton & Barto 2018):
+//! An agent predicts the discounted sum of one sensor's future, `G_t = Σ_k γᵏ o_{t+k+1}`, from the state `s_t`, and
+//! learns v by semi-gradient TD(0) (Sutton & Barto 2018):
 //!
 //! `δ = o_{t+1} + γ v(s_{t+1}) − v(s_t)`; θ moves along the mean over a mini-batch of `δ ∇v(s_t)`.
 //!
-//! In the order of a run:
+//! The parts, in the order of a run:
 //!
 //! - [`AgentConfig`]: every hyperparameter, checked.
-//! - [`train`]: a population of agents over one [`Stream`](calib_core::Stream); each agent's result is
-//!   to the byte what it would be alone.
-//! - [`train_learners`]: the same for agents that predict several sensors, start from a [`Checkpoint`], or run
-//!   so long that a [`Checkpointer`] keeps their state.
-//! - [`train_together`]: many runs side by side, their networks on an [`Accelerator`].
-//! - [`pretrain`]: epochs over recorded transitions, validated and stopped early, before any of that.
-//! - [`StateFile`]: unfinished training in a file.
-//! - [`Part`], [`CurveRule`]: over which steps errors are taken, and how the learning curve is sub-sampled.
-//! - [`score_predictions`]: the same errors of predictions that another agent made.
-//! - [`SimplePredictor`], [`Fitter`]: predictors without a step size, fitted on a log: what an agent has to beat.
+//! - [`train`]: trains a population of agents over one [`Stream`](calib_core::Stream). Each agent's result is to the
+//!   byte that of training it alone.
+//! - [`train_learners`]: trains agents that predict several sensors, start from a [`Checkpoint`], or run so long that a
+//!   [`Checkpointer`] stores their state.
+//! - [`train_together`]: trains many runs side by side, with their networks on an [`Accelerator`].
+//! - [`pretrain`]: makes epochs over recorded transitions before such a run, with validation and early stopping.
+//! - [`StateFile`]: the state of unfinished training in a file.
+//! - [`Part`], [`CurveRule`]: the steps over which errors are averaged, and how the learning curve is sub-sampled.
+//! - [`score_predictions`]: the same scores for predictions that an external agent made.
+//! - [`SimplePredictor`], [`Fitter`]: predictors without a step size, fitted on a log. An agent has to beat them.
 //! - [`RunOutcome`]: errors and the learning curve.
-//! - [`training_bytes`], [`pretraining_bytes`]: the memory that a training takes.
-//! - [`discounted_returns`], [`truncation_horizon`], [`ReturnMoments`]: the Monte-Carlo returns that predictions are held to.
+//! - [`training_bytes`], [`pretraining_bytes`]: the memory that training takes.
+//! - [`discounted_returns`], [`truncation_horizon`], [`ReturnMoments`]: the Monte-Carlo returns against which
+//!   predictions are scored.
 //!
 //! ```
 //! use calib_agent::{AgentConfig, CurveRule, Part, ValueFunction, train};

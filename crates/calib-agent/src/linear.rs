@@ -17,32 +17,33 @@ use crate::{
 
 /// A population of linear value functions v(s) = w · s + b.
 ///
-/// Weights, bias and zeros up to a multiple of [`LANES`] lie in one vector that is multiplied with
+/// Weights, bias and padding zeros up to a multiple of [`LANES`] form one vector that is multiplied with
 /// (s, 1, 0 …). A transition is read once for all agents.
 pub(crate) struct LinearValues {
     gamma: f32,
     agents: Vec<Agent>,
-    /// What is learnt from on arriving at each state, and that of a few transitions.
+    /// Distinct cumulants on arriving at each state, and the cumulants of one block of transitions.
     series: Vec<Vec<f32>>,
     cumulants: Vec<[f32; BLOCK]>,
     /// Length of (s, 1), and of (s, 1, 0 …).
     length: usize,
     padded: usize,
-    /// (s, 1, 0 …) of a few transitions.
+    /// Features (s, 1, 0 …) of one block of transitions.
     states: Vec<f32>,
-    /// γ (s', 1, 0 …) of them with target networks, γ (s', 1, 0 …) − (s, 1, 0 …) without.
+    /// Features ahead for the same block: γ (s', 1, 0 …) with target networks, γ (s', 1, 0 …) − (s, 1, 0
+    /// …) without.
     ahead: Vec<f32>,
 }
 
-/// Transitions read at a time: their states stay in registers and the nearest cache.
+/// Transitions read at a time, so that their states stay in registers and the nearest cache.
 const BLOCK: usize = 8;
 
 struct Agent {
     config: AgentConfig,
-    /// Which of the series it learns from.
+    /// Index of the cumulant that the agent learns from.
     series: usize,
     weights: Vec<f32>,
-    /// Bootstraps come from here, where there is one.
+    /// Weights of the target network for bootstrapping, if there is one.
     target: Option<Vec<f32>>,
     clock: TargetClock,
     gradient: Vec<f32>,
@@ -50,8 +51,9 @@ struct Agent {
 }
 
 impl LinearValues {
-    /// Agents of one discount factor, all with target networks or none, for the states of `stream`.
-    /// Initial weights are those of a network without hidden layers, or 0 where there is a baseline.
+    /// Returns agents of one discount factor, either all with target networks or all without, for the
+    /// states of `stream`. Initial weights are those of a network without hidden layers, or 0 if there
+    /// is a baseline.
     pub(crate) fn new(learners: &[Learner<'_>], stream: &dyn Stream, seed: Seed) -> Self {
         let width = stream.width();
         let padded = (width + 1).next_multiple_of(LANES);
@@ -194,7 +196,7 @@ impl WithSimd for Predict<'_> {
     }
 }
 
-/// Gradients of all live agents from the transitions of a batch.
+/// One pass that sums the gradients of all live agents from the transitions of a batch.
 struct Pass<'a> {
     values: &'a mut LinearValues,
     batch: Batch<'a>,
@@ -221,7 +223,7 @@ impl WithSimd for Pass<'_> {
 }
 
 impl Pass<'_> {
-    /// Read a few transitions once, then add to the gradient of each agent.
+    /// Reads a block of transitions once, then adds to the gradient of each agent.
     #[inline(always)]
     fn add_gradients<S: Simd, const ROWS: usize>(&mut self, simd: S, starts: [usize; ROWS]) {
         let LinearValues { gamma, agents, series, cumulants, padded, states, ahead, .. } =
@@ -274,7 +276,7 @@ impl Pass<'_> {
     }
 }
 
-/// The first rows of `length` values each.
+/// Returns the first `ROWS` rows of `length` values each.
 fn rows_of<const ROWS: usize>(values: &[f32], length: usize) -> [&[f32]; ROWS] {
     std::array::from_fn(|index| &values[index * length..][..length])
 }
@@ -295,7 +297,7 @@ mod tests {
         }
     }
 
-    /// One agent that predicts the first of two columns.
+    /// Returns a population of one agent that predicts the first of two columns.
     fn agents_of(config: &AgentConfig, stream: &RowStream) -> LinearValues {
         LinearValues::new(&[Learner::new(config, 0)], stream, Seed::new(1))
     }
@@ -338,7 +340,7 @@ mod tests {
         }
     }
 
-    /// Gauss–Jordan elimination of three equations.
+    /// Solves three equations by Gauss–Jordan elimination.
     fn solve(mut system: [[f64; 4]; 3]) -> [f64; 3] {
         for pivot in 0..3 {
             let scale = system[pivot][pivot];

@@ -12,11 +12,11 @@ mod cohort;
 
 use cohort::Cohort;
 
-/// The most runs that are trained side by side: more make a GPU hardly faster.
+/// The most runs that are trained side by side. More runs hardly make a GPU faster.
 pub const MOST_TOGETHER: usize = 64;
 
-/// Runs of `learners` that `accelerator` trains side by side, at most: as many as its memory holds, one at least. `states` and `width` are those of a
-/// run's stream.
+/// Returns how many runs of `learners` fit into the memory of `accelerator` side by side: at least one, at most
+/// [`MOST_TOGETHER`]. `states` and `width` are those of a run's stream.
 pub fn runs_together(
     accelerator: &dyn Accelerator,
     learners: &[Learner<'_>],
@@ -32,26 +32,28 @@ pub fn runs_together(
     fits.clamp(1, MOST_TOGETHER)
 }
 
-/// Bytes that a run takes for `learners` learners of one group, over a stream of `states` states of `width` values.
+/// Returns the bytes per run for `learners` learners of one group, over a stream of `states` states of `width` values.
 fn group_bytes(config: &AgentConfig, learners: usize, states: usize, width: usize) -> u64 {
     let seen = config.seen_width(width);
     let sizes = layer_sizes(config, seen);
     let rows = 2 * config.transitions_per_update() + 1;
-    // Inputs of each layer, and as much again for their gradients and what is made on the way.
+    // Inputs of each layer, their gradients, and intermediate results.
     let activations = 3 * rows * sizes.iter().sum::<usize>();
-    // Parameters, gradient, two moments, target network, and what an optimiser's step makes.
+    // Parameters, gradient, two moments, target network, and temporaries of an optimiser step.
     let parameters = 8 * parameter_count(config, seen);
     4 * (learners * (activations + parameters) + 2 * states * seen) as u64
 }
 
-/// Train the same `learners` in every run, all of them side by side; outcomes run by run, in the order of the learners.
+/// Trains the same `learners` in every run, all side by side. Outcomes are listed run by run, in the order of the
+/// learners.
 ///
-/// What they predict, learn from and are held to is that of [`train_learners`](crate::train_learners): the same initial parameters, mini-batches and returns.
-/// Products and sums are the accelerator's, so errors differ in their last digits, and more where learning is about to diverge. A run
-/// is not resumed in its middle. `monitor` advances by the steps of all runs.
+/// Initial parameters, mini-batches and returns are the same as those of [`train_learners`](crate::train_learners). The
+/// accelerator computes products and sums, so errors differ in their last digits, and by more where learning is about
+/// to diverge. A run cannot be resumed in its middle. `monitor` advances by the steps of all runs.
 ///
 /// # Errors
-/// As [`train_learners`](crate::train_learners); if a value function is not a network in single precision; if the accelerator fails.
+/// As [`train_learners`](crate::train_learners); if a value function is not a network in single precision; if the
+/// accelerator fails.
 pub fn train_together(
     runs: &[Run<'_>],
     learners: &[Learner<'_>],
@@ -95,10 +97,10 @@ pub fn train_together(
     Ok(outcomes.into_iter().map(|outcome| outcome.into_iter().flatten().collect()).collect())
 }
 
-/// Check that an accelerator trains such agents: networks in single precision.
+/// Checks that an accelerator supports these agents: networks in single precision.
 ///
 /// # Errors
-/// [`AgentError::NotAccelerated`], with what is in the way.
+/// [`AgentError::NotAccelerated`], with the setting that it does not support.
 pub fn check_accelerated(config: &AgentConfig) -> Result<(), AgentError> {
     if config.kind != AgentKind::Td {
         return Err(AgentError::NotAccelerated("kind = \"external\""));
@@ -118,7 +120,7 @@ pub fn check_accelerated(config: &AgentConfig) -> Result<(), AgentError> {
     }
 }
 
-/// Learners that can share a population and have the same kind of optimiser.
+/// Groups learners that can share a population and have the same kind of optimiser.
 fn groups(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
     grouped(learners, |a, b| can_share(a, b) && a.optimiser == b.optimiser)
 }

@@ -3,17 +3,17 @@ use crate::{
     parameter_count, population::can_share,
 };
 
-/// Bytes that [`train_learners`](crate::train_learners) takes at most beside the stream, if each of `agents`
-/// predicts each of `sensors` columns of a stream of `states` states of `width` values.
+/// Returns an upper bound on the bytes that [`train_learners`](crate::train_learners) takes beside the stream, if each
+/// of `agents` predicts each of `sensors` columns of a stream of `states` states of `width` values.
 ///
-/// The sum over what is allocated, an upper bound by a few per cent (populations are trained one after the other,
-/// so the largest counts):
+/// The bound is the sum of all allocations, a few per cent too high. Populations are trained one after the other, so
+/// the largest counts:
 ///
-/// - for each agent and sensor: parameters, two moments (Adam) and a target network, if any, 4 bytes each, and
-///   twice more while the state of a long run is written; what parameters are rounded to, where they are;
-/// - for the population: a mini-batch of s and s' with its activations and their gradients, 4 bytes each;
-///   the states with traces, if any, 4 bytes each; returns, 8 bytes a step and sensor; the replay buffer, which
-///   is a list of step numbers, 4 bytes a step.
+/// - for each agent and sensor: parameters, two moments (Adam) and a target network, if any, 4 bytes each; twice more
+///   while the state of a long run is written; and the rounded copies of parameters, if any;
+/// - for the population: a mini-batch of s and s' with its activations and their gradients, 4 bytes each; the states
+///   with traces, if any, 4 bytes each; returns, 8 bytes per step and sensor; the replay buffer, which is a list of
+///   step numbers, 4 bytes per step.
 pub fn training_bytes(agents: &[AgentConfig], sensors: usize, width: usize, states: usize) -> u64 {
     agents
         .iter()
@@ -25,13 +25,13 @@ pub fn training_bytes(agents: &[AgentConfig], sensors: usize, width: usize, stat
         .unwrap_or(0)
 }
 
-/// Bytes that [`pretrain`](crate::pretrain) takes at most beside the stream, with one `agent` for each of `sensors`
-/// columns of a stream of `states` states of `width` values, on `threads` threads:
+/// Returns an upper bound on the bytes that [`pretrain`](crate::pretrain) takes beside the stream, with one `agent` for
+/// each of `sensors` columns of a stream of `states` states of `width` values, on `threads` threads:
 ///
-/// - for each agent: parameters and moments and what is written of them at the end of an epoch, with the best epoch's
-///   where it may stop early, 4 bytes each;
-/// - for each thread: a mini-batch with its activations, as in [`training_bytes`], and values of the longest
-///   piece that validates, 4 bytes a state;
+/// - for each agent: parameters and moments, their copy that is written at the end of an epoch, and the best epoch's if
+///   the agent may stop early, 4 bytes each;
+/// - for each thread: a mini-batch with its activations, as in [`training_bytes`], and values of the longest validation
+///   piece, 4 bytes per state;
 /// - two lists of transitions, in time order and shuffled, 8 bytes each; the states with traces, if any.
 pub fn pretraining_bytes(
     agent: &AgentConfig,
@@ -63,7 +63,7 @@ fn population_bytes(
     let seen = agent.seen_width(width);
     let parameters = parameter_count(agent, seen);
     let target = usize::from(agent.target_network_period > 0);
-    // The copy that is written, and its bytes.
+    // The copy that is written, and its serialised bytes.
     let own = 3 * (3 + target) * parameters + (1 + target) * rounded(agent, seen);
     let work = batch_work(agent, agent.transitions_per_update(), size, seen);
     let traced = if agent.traces.is_empty() { 0 } else { states * seen };
@@ -71,7 +71,7 @@ fn population_bytes(
     4 * (size * own + work + traced + buffer) as u64 + 8 * (states * sensors) as u64
 }
 
-/// Values of a mini-batch of s and s', its activations and gradients, for a population of `size` agents.
+/// Returns the number of values in a mini-batch of s and s', its activations and gradients, for `size` agents.
 fn batch_work(agent: &AgentConfig, batch: usize, size: usize, seen: usize) -> usize {
     let sizes = layer_sizes(agent, seen);
     let parameters = parameter_count(agent, seen);
@@ -83,22 +83,24 @@ fn batch_work(agent: &AgentConfig, batch: usize, size: usize, seen: usize) -> us
             rows * (sizes.iter().sum::<usize>() + 2 * widest) + parameters
         }
         (ValueFunction::Mlp, Precision::Bf16) => {
-            // Two bytes each: states and activations by rows, those that are learnt from and their errors once or twice more.
+            // Two bytes each: states and activations by rows. Those that are learned from and their errors count once
+            // or twice more.
             let hidden: usize = sizes[1..sizes.len() - 1].iter().map(|&size| whole(size)).sum();
             rows * (seen + whole(seen) + BLOCK + hidden * 3 / 2) + parameters
         }
     }
 }
 
-/// Features lie in blocks of so many where they are rounded.
+/// Features per block in rounded storage.
 const BLOCK: usize = 32;
 
-/// So many features in whole blocks.
+/// Rounds the number of features up to whole blocks.
 fn whole(features: usize) -> usize {
     features.next_multiple_of(BLOCK)
 }
 
-/// What the parameters of an agent are rounded to, as numbers of 4 bytes: weights as they are and transposed, two bytes each.
+/// Returns the size of an agent's rounded parameters, as numbers of 4 bytes: plain and transposed weights, two bytes
+/// each.
 fn rounded(agent: &AgentConfig, seen: usize) -> usize {
     match agent.precision {
         Precision::F32 => 0,
@@ -127,7 +129,7 @@ mod tests {
         assert_eq!(bytes(PretrainSettings { patience: 3, ..settings }, 1, 2), one + 4 * 9 * 169);
     }
 
-    /// Bytes that training takes with one sensor, over 1,000 states of 10 values.
+    /// Returns the bytes of training with one sensor, over 1,000 states of 10 values.
     fn bytes_for_one_sensor(agents: &[AgentConfig]) -> u64 {
         training_bytes(agents, 1, 10, 1000)
     }

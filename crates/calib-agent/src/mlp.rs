@@ -14,17 +14,17 @@ use crate::{
 
 /// A population of multilayer perceptrons of one shape and precision.
 ///
-/// A batch is gathered once for all of them. Each agent then runs its own products, so that its bytes do
-/// not depend on its neighbours; the first layer of nine agents as one wide product was measured 4 %
-/// slower, because its output leaves the cache.
+/// A batch is gathered once for all of them. Each agent then computes its own products, so that its bytes do not
+/// depend on the other agents. One wide product for the first layer of nine agents was measured to be 4 % slower,
+/// because its output leaves the cache.
 pub(crate) struct MlpValues {
     gamma: f32,
     agents: Vec<Agent>,
-    /// What is learnt from on arriving at each state of the stream.
+    /// Distinct cumulants on arriving at each state of the stream.
     series: Vec<Vec<f32>>,
-    /// s of the batch, then that of the present step if asked for, then s' of the batch.
+    /// Input rows: s of the batch, then the present state if asked for, then s' of the batch.
     pass: Pass,
-    /// That of the batch, series after series.
+    /// Cumulants of the batch, series after series.
     cumulants: Vec<f32>,
     /// v(s') of the batch under the target network.
     next_values: Vec<f32>,
@@ -35,18 +35,18 @@ pub(crate) struct MlpValues {
 struct Agent {
     config: AgentConfig,
     network: Network,
-    /// Which of the series it learns from.
+    /// Index of the cumulant that the agent learns from.
     series: usize,
-    /// Whether updates can change its parameters; otherwise it only predicts.
+    /// Whether updates can change the parameters. Otherwise the agent only predicts.
     learns: bool,
-    /// Bootstraps come from here, where there is one.
+    /// The target network for bootstrapping, if there is one.
     target: Option<Network>,
     clock: TargetClock,
     optimiser: Optimiser,
 }
 
 impl MlpValues {
-    /// Agents of one shape, discount factor and batch size, for the states of `stream`.
+    /// Returns agents of one shape, discount factor and batch size, for the states of `stream`.
     pub(crate) fn new(
         learners: &[Learner<'_>],
         stream: &dyn Stream,
@@ -60,7 +60,8 @@ impl MlpValues {
         let network = Network::new(shape.precision, parameters);
         let mut zero_output = network.clone();
         let mut zeroed = network.parameters().to_vec();
-        // Weights and bias of the output come last. Hidden layers keep their draws, or nothing would ever be learnt.
+        // Weights and bias of the output come last. Hidden layers keep their random weights; otherwise every
+        // gradient would be 0.
         zeroed[count - network.hidden_units() - 1..].fill(0.0);
         zero_output.set_parameters(&zeroed);
         let Cumulants { series, series_of } = Cumulants::new(learners, stream);

@@ -1,4 +1,4 @@
-//! Value networks and their passes, in either precision.
+//! Value networks and their forward and backward passes, in either precision.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use calib_nn::{Bf16Batch, Bf16Network, Bf16Workspace, Mlp, Optimiser, Workspace}
 
 use crate::Precision;
 
-/// States on their way through networks of one shape, which use it one after the other, and every buffer of that.
+/// States on their way through networks of one shape, with all buffers. The networks use a pass one after the other.
 pub(crate) struct Pass {
     rows: Vec<f32>,
     width: usize,
@@ -20,13 +20,14 @@ enum Products {
 
 struct Rounded {
     batch: Bf16Batch,
-    /// Of one state.
+    /// Buffer for a single state.
     one: Bf16Batch,
     workspace: Bf16Workspace,
 }
 
 impl Pass {
-    /// Buffers for up to `rows` states, the first `learnt` of which may be learnt from, and networks shaped like `network`.
+    /// Returns buffers for up to `rows` states, the first `learnt` of which may be learned from, and networks shaped
+    /// like `network`.
     pub(crate) fn new(precision: Precision, network: &Mlp, rows: usize, learnt: usize) -> Self {
         let width = network.inputs();
         let products = match precision {
@@ -40,7 +41,7 @@ impl Pass {
         Self { rows: Vec::with_capacity(rows * width), width, products }
     }
 
-    /// The most states of a pass.
+    /// Returns the maximum number of states per pass.
     pub(crate) fn capacity(&self) -> usize {
         match &self.products {
             Products::Single(workspace) => workspace.capacity(),
@@ -48,7 +49,8 @@ impl Pass {
         }
     }
 
-    /// Take in these states, of which the first `learnt` will be learnt from; rounded, where they are, once for all networks.
+    /// Loads these states, of which the first `learnt` will be learned from. In bfloat16, they are rounded once for all
+    /// networks.
     pub(crate) fn set<'s>(&mut self, states: impl Iterator<Item = &'s [f32]>, learnt: usize) {
         self.rows.clear();
         for state in states {
@@ -60,7 +62,7 @@ impl Pass {
     }
 }
 
-/// A value network: parameters in single precision and, where its products are of bfloat16 numbers, what they are rounded to.
+/// A value network: parameters in single precision and, if its products are in bfloat16, their rounded copies.
 #[derive(Clone, Debug)]
 pub(crate) struct Network {
     single: Mlp,
@@ -76,7 +78,7 @@ impl Network {
         Self { single: network, rounded }
     }
 
-    /// Units of the last hidden layer.
+    /// Returns the number of units of the last hidden layer.
     pub(crate) fn hidden_units(&self) -> usize {
         self.single.layers().last().map_or(0, |output| output.inputs)
     }
@@ -85,13 +87,13 @@ impl Network {
         self.single.parameters()
     }
 
-    /// Go on with these, of which there are as many.
+    /// Replaces the parameters by as many others.
     pub(crate) fn set_parameters(&mut self, parameters: &[f32]) {
         self.single.parameters_mut().copy_from_slice(parameters);
         self.round();
     }
 
-    /// The value of one state. What the pass was set to stays there.
+    /// Returns the value of one state. The states of the pass are unchanged.
     pub(crate) fn value(&self, state: &[f32], pass: &mut Pass) -> f32 {
         match (&mut pass.products, &self.rounded) {
             (Products::Bf16(pass), Some(rounded)) => {
@@ -104,7 +106,7 @@ impl Network {
         }
     }
 
-    /// Values of `rows` of the pass.
+    /// Returns the values of `rows` of the pass.
     ///
     /// If they begin with the first row, the next [`Network::step`] learns from the pass.
     pub(crate) fn values<'p>(&self, rows: Range<usize>, pass: &'p mut Pass) -> &'p [f32] {
@@ -120,7 +122,7 @@ impl Network {
         }
     }
 
-    /// One step of the optimiser, given the gradient of a loss with respect to the values that are learnt from.
+    /// Makes one step of the optimiser, given the gradient of a loss with respect to the values that are learned from.
     pub(crate) fn step(&mut self, optimiser: &mut Optimiser, gradient: &[f32], pass: &mut Pass) {
         match (&mut pass.products, &mut self.rounded) {
             (Products::Bf16(pass), Some(rounded)) => {

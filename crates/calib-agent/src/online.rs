@@ -7,15 +7,15 @@ use crate::{
     values::{Batch, Learned, Values},
 };
 
-/// A population of linear value functions v(s) = w · (s, 1) that learn from each transition once, in the order of time:
-/// true online TD(λ) (van Seijen and others 2016), or `SwiftTD` (Javed, Sharifnassab and Sutton 2024), which also adapts a
-/// step size for every weight and bounds the rate of learning.
+/// A population of linear value functions v(s) = w · (s, 1) that learn from each transition once, in time order. The
+/// algorithm is true online TD(λ) (van Seijen and others 2016), or `SwiftTD` (Javed, Sharifnassab and Sutton 2024),
+/// which also adapts a step size for every weight and bounds the rate of learning.
 pub(crate) struct OnlineValues {
     gamma: f32,
     agents: Vec<Agent>,
-    /// What is learnt from on arriving at each state.
+    /// Distinct cumulants on arriving at each state.
     series: Vec<Vec<f32>>,
-    /// (s, 1) of the state that is arrived at.
+    /// Features (s, 1) of the next state.
     features: Vec<f32>,
 }
 
@@ -28,43 +28,43 @@ struct Agent {
     updates: usize,
 }
 
-/// The smallest step size: features far out of their range would shrink it until it can neither be divided by nor grow
-/// again.
+/// The smallest step size. Features far outside their range would otherwise shrink it until it can neither be divided
+/// by nor grow again.
 const LEAST_RATE: f32 = 1e-10;
 
-/// Names and symbols are those of the paper: λ, η, ε and θ.
+/// The update rule of an agent. Names and symbols are those of the paper: λ, η, ε and θ.
 #[derive(Clone, Copy, Debug)]
 struct Rule {
     lambda: f32,
-    /// The most that an update may take back of the error at the present state.
+    /// The largest share of the error at the present state that an update may correct.
     bound: f32,
     /// Logarithm of the factor by which step sizes shrink where they would exceed the bound.
     log_decay: f32,
-    /// Step size of the step sizes' own descent.
+    /// Step size of the gradient descent on the step sizes.
     meta_step_size: f32,
 }
 
-/// What an agent remembers from step to step: of each weight, and of the present state.
+/// The state of an agent between steps: values of each weight, and of the present state.
 #[derive(Clone, Debug, Default)]
 struct Memory {
     /// Logarithms of the step sizes.
     log_rates: Vec<f32>,
-    /// Eligibility, and what the present state added to it.
+    /// Eligibility, and the present state's contribution to it.
     trace: Vec<f32>,
     trace_step: Vec<f32>,
     /// The last change of the weight.
     weight_step: Vec<f32>,
-    /// How the weight depends on its step size: now, a step before, and a step ahead.
+    /// Sensitivity of the weight to its step size: now, a step before, and a step ahead.
     h: Vec<f32>,
     h_old: Vec<f32>,
     h_next: Vec<f32>,
-    /// How the eligibility does.
+    /// Sensitivity of the eligibility to the step size.
     trace_bar: Vec<f32>,
-    /// The trace of what step sizes learn from.
+    /// The trace that step sizes learn from.
     p: Vec<f32>,
-    /// v of the present state, by the weights before the last update.
+    /// v of the present state, with the weights before the last update.
     value: f32,
-    /// How much the last update changed v of the present state.
+    /// Change of v of the present state by the last update.
     value_step: f32,
 }
 
@@ -92,7 +92,7 @@ impl Memory {
         ]
     }
 
-    /// Forget what was before a gap. Step sizes, and what they are learnt by, stay.
+    /// Resets the traces after a gap. Step sizes, and what adapts them, are kept.
     fn begin(&mut self) {
         let Self { trace, trace_step, weight_step, trace_bar, p, .. } = self;
         for part in [trace, trace_step, weight_step, trace_bar, p] {
@@ -101,7 +101,7 @@ impl Memory {
         self.value_step = 0.0;
     }
 
-    /// All numbers, one after the other.
+    /// Returns all numbers as one vector.
     fn flat(&self) -> Vec<f32> {
         let mut copy = self.clone();
         let mut numbers = copy.parts().map(std::mem::take).concat();
@@ -109,7 +109,7 @@ impl Memory {
         numbers
     }
 
-    /// What [`flat`](Self::flat) gave for as many weights.
+    /// Restores the output of [`flat`](Self::flat) for the same number of weights.
     fn restore(&mut self, numbers: &[f32]) {
         let [parts @ .., value, value_step] = numbers else { return };
         let length = self.trace.len();
@@ -121,7 +121,7 @@ impl Memory {
 }
 
 impl Agent {
-    /// One of so many weights, that learns from the first of the series.
+    /// Returns an agent with `length` weights that learns from the first cumulant.
     fn new(config: &AgentConfig, length: usize) -> Self {
         let rule = Rule::of(config);
         let memory = Memory::new(length, config.learning_rate, rule);
@@ -132,7 +132,7 @@ impl Agent {
         self.weights.iter().zip(features).map(|(w, x)| w * x).sum()
     }
 
-    /// Learn from arriving at these features with this reward; the TD error.
+    /// Learns from the transition to these features with this reward, and returns the TD error.
     fn arrive(&mut self, features: &[f32], reward: f32, gamma: f32) -> f32 {
         let value = self.value(features);
         let error = reward + gamma * value - self.memory.value;
@@ -176,7 +176,7 @@ impl Agent {
         error
     }
 
-    /// Put the present features into the traces.
+    /// Adds the present features to the traces.
     fn observe(&mut self, features: &[f32], value: f32) {
         let Rule { bound, log_decay, meta_step_size, .. } = self.rule;
         let least = LEAST_RATE.ln();
@@ -224,7 +224,7 @@ impl Agent {
 }
 
 impl OnlineValues {
-    /// Agents of one discount factor. All weights begin with 0.
+    /// Returns agents of one discount factor. All weights start at 0.
     pub(crate) fn new(learners: &[Learner<'_>], stream: &dyn Stream) -> Self {
         let length = stream.width() + 1;
         let Cumulants { series, series_of } = Cumulants::new(learners, stream);
@@ -342,7 +342,7 @@ mod tests {
         rate_bound: f64,
         rate_decay: f64,
         meta_step_size: f64,
-        /// v of each state, by the weights before the transition that leads there was learnt from.
+        /// v of each state, with the weights before the transition to it was learned from.
         values: Vec<f64>,
         weights: Vec<f64>,
         log_rates: Vec<f64>,
@@ -405,7 +405,7 @@ mod tests {
         }
     }
 
-    /// A sensor that is off the scale for a while: the state is far outside of the range that it was scaled by.
+    /// A sensor is off the scale for a while: the state is far outside its scaling range.
     #[test]
     fn outliers_end_nothing() {
         for learning_rate in [1e-6, 1e-3] {

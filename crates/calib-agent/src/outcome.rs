@@ -2,18 +2,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::{CurvePoint, CurveRule, Part, PartScore, Scores, curve::Curve, scoring::ScoredReturns};
 
-/// What one agent's run came to. Errors and returns are in normalised units of the sensor.
+/// The result of one agent's run. Errors and returns are in normalised units of the
+/// sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunOutcome {
     /// The error over each part of the run.
     pub scores: Scores,
     /// Steps of the run.
     pub steps: usize,
-    /// Updates made.
+    /// Number of updates.
     pub updates: u64,
     /// The step at which a prediction, a TD error or a parameter was no longer finite.
     pub diverged: Option<usize>,
-    /// Learning curve; it ends before the window in which a run diverged.
+    /// Learning curve. It ends before the window in which the run diverged.
     pub curve: Vec<CurvePoint>,
 }
 
@@ -40,7 +41,7 @@ impl Tracker {
         }
     }
 
-    /// A prediction for a step whose return is known.
+    /// Records a prediction for a step with a known return.
     pub(crate) fn record(&mut self, t: usize, prediction: f32, value: f64) {
         let squared_error = (f64::from(prediction) - value).powi(2);
         self.curve.add(t, squared_error);
@@ -52,7 +53,7 @@ impl Tracker {
         }
     }
 
-    /// The outcome, where `returns` says what was to be predicted in each part.
+    /// Returns the outcome. `returns` gives the statistics of the returns in each part.
     pub(crate) fn outcome(self, returns: impl Fn(Part) -> Option<ScoredReturns>) -> RunOutcome {
         let diverged = self.diverged.is_some();
         let scores = Scores::each(|part| {

@@ -13,7 +13,8 @@ use crate::{
     values::{Batch, Learned, Values},
 };
 
-/// The value functions of learners of one kind and shape, as they start, for batches of up to `batch` transitions of a stream.
+/// Returns the initial value functions of learners of one kind and shape, for batches of up to `batch` transitions of a
+/// stream.
 pub(crate) fn values_of(
     learners: &[Learner<'_>],
     stream: &dyn Stream,
@@ -34,8 +35,8 @@ pub(crate) fn values_of(
     values
 }
 
-/// What agents must share to learn in lockstep: what they see, the shape and precision of the value function, γ, whether there are
-/// target networks, and everything that decides which transitions an update sees.
+/// Whether two agents can learn in lockstep. They must share their input, the shape and precision of the value
+/// function, γ, whether there are target networks, and everything that decides the transitions of an update.
 pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
     a.traces == b.traces
         && a.optimiser.has_traces() == b.optimiser.has_traces()
@@ -46,7 +47,7 @@ pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
         && (a.target_network_period > 0) == (b.target_network_period > 0)
 }
 
-/// Hidden layers, units of each, and precision; none without a network.
+/// Returns hidden layers, units per layer and precision, or `None` without a network.
 fn network_shape(config: &AgentConfig) -> Option<(usize, usize, Precision)> {
     match config.value_function {
         ValueFunction::Mlp => Some((config.hidden_layers, config.hidden_units, config.precision)),
@@ -54,7 +55,7 @@ fn network_shape(config: &AgentConfig) -> Option<(usize, usize, Precision)> {
     }
 }
 
-/// Transitions that are kept, and those of a mini-batch; none without replay.
+/// Returns the replay capacity and the size of a mini-batch, or `None` without replay.
 fn replay_sizes(config: &AgentConfig) -> Option<(usize, usize)> {
     match config.replay {
         ReplayKind::Uniform => Some((config.replay_capacity, config.batch_size)),
@@ -62,17 +63,18 @@ fn replay_sizes(config: &AgentConfig) -> Option<(usize, usize)> {
     }
 }
 
-/// What a population is trained on and held to.
+/// The data on which a population is trained and scored.
 #[derive(Clone, Copy)]
 pub(crate) struct Task<'a> {
-    /// At least one state longer than the run: what follows only completes returns.
+    /// The stream, at least one state longer than the run. The states after the run only complete returns.
     pub(crate) stream: &'a dyn Stream,
     pub(crate) steps: usize,
     pub(crate) seed: Seed,
 }
 
 impl<'a> Task<'a> {
-    /// The steps that are made, in order, and whether their returns by `gamma` are known. No step leads from one piece into the next.
+    /// Returns the steps of the run, in order, and whether their returns for `gamma` are known. No step leads from one
+    /// piece into the next.
     pub(crate) fn course(self, gamma: f64) -> impl Iterator<Item = (usize, bool)> + use<'a> {
         self.stream.pieces().iter().flat_map(move |piece| {
             let known = known_returns(piece, gamma);
@@ -82,11 +84,11 @@ impl<'a> Task<'a> {
     }
 }
 
-/// The returns that the predictions of a population are held to, for each column that it predicts.
+/// The returns against which the predictions of a population are scored, for each predicted column.
 pub(crate) struct Truth<'a> {
-    /// The column of each learner, by its place among the returns.
+    /// The position of each learner's column among the returns.
     columns: Vec<usize>,
-    /// What each learner's value function is added to.
+    /// The baseline to which each learner's value function is added.
     baselines: Vec<Option<&'a [f32]>>,
     returns: Vec<Vec<f64>>,
     /// Statistics of the returns of each column, part by part.
@@ -94,7 +96,7 @@ pub(crate) struct Truth<'a> {
 }
 
 impl<'a> Truth<'a> {
-    /// For learners that [`can_share`] with one another.
+    /// Returns the truth for learners that [`can_share`] with one another.
     pub(crate) fn new(task: Task<'_>, learners: &[Learner<'a>]) -> Result<Self, AgentError> {
         let Task { stream, steps, .. } = task;
         let gamma = learners[0].config.gamma;
@@ -122,27 +124,27 @@ impl<'a> Truth<'a> {
         Ok(Self { columns, baselines, returns, scored })
     }
 
-    /// Statistics of the returns that `learner` predicts in one part of the run.
+    /// Returns statistics of the returns that `learner` predicts in one part of the run.
     pub(crate) fn scored(&self, learner: usize, part: Part) -> Option<ScoredReturns> {
         self.scored[self.columns[learner]][part as usize]
     }
 
-    /// The return of step `t` that `learner` predicts.
+    /// Returns the return of step `t` that `learner` predicts.
     pub(crate) fn of(&self, learner: usize, t: usize) -> f64 {
         self.returns[self.columns[learner]][t]
     }
 
-    /// What `learner` predicts at step `t`, where its value function has this value.
+    /// Returns the prediction of `learner` at step `t`, given the value of its value function.
     pub(crate) fn prediction(&self, learner: usize, t: usize, value: f32) -> f32 {
         self.baselines[learner].map_or(value, |baseline| baseline[t] + value)
     }
 }
 
-/// Work after which somebody looks whether a run is to stop, in multiplications: about a second. A step that takes less
-/// is made to its end, so that the state before the next one can be kept.
+/// Work between two checks for cancellation, in multiplications: about a second. A step that takes less is completed,
+/// so that the state before the next one can be stored.
 pub(crate) const WORK_PER_LOOK: u64 = 5_000_000_000;
 
-/// Work of a step of all of them.
+/// Returns the total work per step of all learners.
 pub(crate) fn work_per_step(learners: &[Learner<'_>], width: usize) -> u64 {
     let each = learners.iter().map(|learner| learner.work_per_step(width));
     each.fold(0, u64::saturating_add)
@@ -160,21 +162,21 @@ pub(crate) struct Population<'a> {
     truth: &'a Truth<'a>,
     gamma: f64,
     updates_per_step: usize,
-    /// Updates of a step between two looks at the monitor.
+    /// Updates of a step between two checks of the monitor.
     updates_per_look: usize,
     values: Box<dyn Values>,
     replay: Option<Replay>,
     trackers: Vec<Tracker>,
-    /// The first step that is still to be made.
+    /// The next step.
     next: usize,
-    /// Agents that have not diverged, and room for what they learned.
+    /// Agents that have not diverged, and a buffer for the results of their updates.
     live: Vec<usize>,
     learned: Vec<Learned>,
     starts: Vec<usize>,
 }
 
 impl<'a> Population<'a> {
-    /// Learners that [`can_share`] with one another, with a tracker for each.
+    /// Returns a population of learners that [`can_share`] with one another, with a tracker for each.
     pub(crate) fn new(
         task: Task<'a>,
         truth: &'a Truth<'a>,
@@ -202,7 +204,7 @@ impl<'a> Population<'a> {
         }
     }
 
-    /// Go on at step `next`, before which these agents were left like this; the others have diverged.
+    /// Resumes at step `next` with these states of the agents before it. All other agents have diverged.
     pub(crate) fn resume<'s>(
         &mut self,
         next: usize,
@@ -220,7 +222,7 @@ impl<'a> Population<'a> {
         }
     }
 
-    /// Agents that are still learning, as they stand.
+    /// Returns the present states of the agents that are still learning.
     pub(crate) fn values(&self) -> impl Iterator<Item = (usize, ValueState)> {
         self.live.iter().map(|&agent| (agent, self.values.state(agent)))
     }
@@ -229,8 +231,8 @@ impl<'a> Population<'a> {
         &self.trackers
     }
 
-    /// Train over the rest of the run. `before` is called before each step and may end the run; so may the monitor, also within a
-    /// step of many updates, which is then made again as a whole.
+    /// Trains over the rest of the run. `before` is called before each step and may end the run. The monitor may also
+    /// end it within a step of many updates; that whole step is then repeated on resuming.
     pub(crate) fn run(
         &mut self,
         monitor: &dyn Monitor,
@@ -253,7 +255,7 @@ impl<'a> Population<'a> {
         Ok(())
     }
 
-    /// Predict at step `t`, see the next state, learn.
+    /// Predicts at step `t`, observes the next state, and learns.
     fn step(&mut self, t: usize, known: bool, monitor: &dyn Monitor) -> Result<(), AgentError> {
         let ready = match &mut self.replay {
             Some(replay) => {
@@ -297,7 +299,7 @@ impl<'a> Population<'a> {
         self.settle(t, known);
     }
 
-    /// Record what live agents predicted, and drop those that diverged.
+    /// Records the predictions of live agents, and drops those that diverged.
     fn settle(&mut self, t: usize, known: bool) {
         for (learned, &agent) in self.learned.iter().zip(&self.live) {
             let tracker = &mut self.trackers[agent];

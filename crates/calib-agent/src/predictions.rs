@@ -1,4 +1,4 @@
-//! Scores of predictions that some other agent made.
+//! Scores of predictions that an external agent made.
 
 use calib_core::Stream;
 
@@ -8,11 +8,11 @@ use crate::{
     scoring::{ScoredReturns, known_returns, nothing_to_score},
 };
 
-/// What `predictions` of the returns of state column `cumulant` came to, one for each step of a run over `stream`: prediction t was made
-/// at state t, before state t + 1 was seen. They are scored as those of [`train`](crate::train) are; a run diverged at its first
-/// prediction that is not finite.
+/// Scores `predictions` of the returns of state column `cumulant`, one for each step of a run over `stream`. Prediction
+/// t was made at state t, before state t + 1 was seen. The scores are defined as in [`train`](crate::train). A run
+/// diverged at its first prediction that is not finite.
 ///
-/// `updates` is what the agent says that it made.
+/// `updates` is the number of updates that the agent reports.
 ///
 /// # Errors
 /// If the stream is not longer than the run, the cumulant is not one of its columns, or no step can be scored.
@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(run.curve.len(), 3, "windows before it");
     }
 
-    /// What predictions of 0 come to in every step of a run.
+    /// Returns the scores of a prediction of 0 at every step of a run.
     fn scored_zeros(column: usize, gamma: f64, steps: usize) -> Result<RunOutcome, AgentError> {
         score_predictions(&stream(), column, gamma, &vec![0.0; steps], 0, CurveRule::default())
     }

@@ -13,25 +13,25 @@ use crate::{
     values::{Batch, Learned, Values},
 };
 
-/// How long agents are pre-trained, and what they are validated on.
+/// Length of pre-training, and the share of validation data.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PretrainSettings {
-    /// The most passes over the training transitions.
+    /// Maximum number of passes over the training transitions.
     pub epochs: usize,
     /// Epochs without a better validation error after which an agent stops; 0 never stops early.
     pub patience: usize,
-    /// Share of the transitions, the last in time, that agents are validated on; in (0, 1).
+    /// Share of the transitions for validation, the last in time; in (0, 1).
     pub validation_fraction: f64,
 }
 
-/// What agents are pre-trained on.
+/// The data, settings and seed of a pre-training.
 #[derive(Clone, Copy)]
 pub struct Pretraining<'a> {
-    /// Recorded states; nothing is learnt across its pieces.
+    /// Recorded states. No transition crosses from one piece into the next.
     pub stream: &'a dyn Stream,
-    /// How long, and what is held back.
+    /// Number of epochs and share of validation data.
     pub settings: PretrainSettings,
-    /// Of initial parameters and of the order of transitions in each epoch.
+    /// Seed of initial parameters and of the order of transitions in each epoch.
     pub seed: Seed,
 }
 
@@ -52,7 +52,7 @@ pub struct Epoch {
 }
 
 impl Epoch {
-    /// What early stopping watches: the error to returns, or the loss where no return is known.
+    /// Returns the early-stopping criterion: the error to returns, or the loss where no return is known.
     fn error(&self) -> f64 {
         self.validation_rmse.unwrap_or(self.validation_loss)
     }
@@ -61,15 +61,15 @@ impl Epoch {
 /// A pre-trained agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pretrained {
-    /// What it learnt: after the last epoch, or with early stopping after the best.
+    /// The learned parameters: after the last epoch, or with early stopping after the best.
     pub checkpoint: Checkpoint,
-    /// The epoch after which that was.
+    /// The epoch of the checkpoint.
     pub epoch: usize,
     /// All epochs that were run.
     pub curve: Vec<Epoch>,
 }
 
-/// An agent whose values left the finite numbers; nothing is kept of it.
+/// An agent whose values became non-finite. Its parameters are discarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("pre-training diverged in epoch {epoch}; use a smaller learning rate")]
 pub struct PretrainingDiverged {
@@ -77,7 +77,7 @@ pub struct PretrainingDiverged {
     pub epoch: usize,
 }
 
-/// One agent between two epochs.
+/// The state of one agent between two epochs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Course {
     curve: Vec<Epoch>,
@@ -89,22 +89,22 @@ struct Course {
     diverged: Option<usize>,
 }
 
-/// Pre-train `learners`, which differ in the sensor they predict, by TD(0) over shuffled transitions.
+/// Pre-trains `learners`, which differ in the sensor they predict, by TD(0) over shuffled transitions.
 ///
 /// The transitions of the stream, in time order, are cut in two: the first 1 − `validation_fraction` are for
-/// training, the rest for validation. An epoch is one pass over the training transitions in an order drawn for
-/// it, in mini-batches of `batch_size` (the last one may be smaller), one update each: the semi-gradient step of
-/// [`train`](crate::train). All learners see the same mini-batches in one pass over the data; what an agent
-/// learns does not depend on the others, nor on the number of threads.
+/// training, the rest for validation. An epoch is one pass over the training transitions in an order drawn for it,
+/// in mini-batches of `batch_size` (the last one may be smaller). Each mini-batch gives one update, the
+/// semi-gradient step of [`train`](crate::train). All learners see the same mini-batches in one pass over the data.
+/// The result of an agent depends neither on the other agents nor on the number of threads.
 ///
-/// With a `file` the state is written there after each epoch that took long enough to be worth it, so that a
-/// killed training goes on to the same result.
+/// With a `file`, the state is written there after each epoch that took long enough to be worth it. An interrupted
+/// training then resumes and reaches the same result.
 ///
-/// An agent that diverges stops there and costs nothing further; the others go on.
+/// An agent that diverges stops there and takes no further time. The others continue.
 ///
 /// # Errors
 /// If hyperparameters or checkpoints do not fit, there are too few transitions, the state cannot be written, or the
-/// monitor is interrupted. Divergence is an outcome of one agent.
+/// monitor is interrupted. Divergence is an outcome of one agent, not an error.
 ///
 /// # Panics
 /// If the learners differ in other settings than their sensors and discount factors.
@@ -165,7 +165,7 @@ pub fn pretrain<'a>(
     Ok(run.finish())
 }
 
-/// Work after which the state is worth a file, in multiplications: some seconds.
+/// Work after which the state is written to a file, in multiplications: some seconds.
 const WORK_BETWEEN_EPOCHS: u64 = 500_000_000_000;
 
 /// Learners that one thread trains.
@@ -178,11 +178,11 @@ struct LearnerGroup {
 struct PretrainRun<'a> {
     training: Pretraining<'a>,
     groups: Vec<LearnerGroup>,
-    /// Of each learner.
+    /// Validation data of each learner.
     validations: Vec<Validation<'a>>,
     courses: Vec<Course>,
     best: Vec<Option<Checkpoint>>,
-    /// Epochs that are done.
+    /// Completed epochs.
     epochs: usize,
 }
 
@@ -192,7 +192,7 @@ impl<'a> PretrainRun<'a> {
         let of_group = learners.len().div_ceil(rayon::current_num_threads());
         Self {
             training,
-            // Those of one discount factor learn in lockstep.
+            // Learners with one discount factor learn in lockstep.
             groups: grouped(learners, |a, b| a.gamma == b.gamma)
                 .iter()
                 .flat_map(|positions| positions.chunks(of_group))
@@ -214,7 +214,7 @@ impl<'a> PretrainRun<'a> {
         }
     }
 
-    /// One pass over the training transitions in this order, then validation.
+    /// Makes one pass over the training transitions in this order, then validates.
     fn epoch(
         &mut self,
         order: &[usize],
@@ -276,7 +276,7 @@ impl<'a> PretrainRun<'a> {
         Ok(())
     }
 
-    /// Take down an epoch of a learner; keep what is best; stop what gets no better.
+    /// Records an epoch of a learner, keeps the best parameters, and stops a learner that no longer improves.
     fn settle(&mut self, learner: usize, epoch: Epoch) {
         let patience = self.training.settings.patience;
         let course = &mut self.courses[learner];
@@ -303,7 +303,7 @@ impl<'a> PretrainRun<'a> {
             .unwrap_or_else(|| unreachable!("every learner is in a group"))
     }
 
-    /// Write the state: learners by their position, their best checkpoints behind them.
+    /// Writes the state: learners by their position, followed by their best checkpoints.
     fn keep(&self, file: &StateFile) -> Result<(), AgentError> {
         let count = self.courses.len();
         let mut values: Vec<_> = (0..count).map(|learner| (learner, self.state(learner))).collect();
@@ -354,7 +354,7 @@ impl<'a> PretrainRun<'a> {
     }
 }
 
-/// `transitions` in an order drawn from `seed`.
+/// Returns `transitions` in an order drawn from `seed`.
 fn shuffled(transitions: &[usize], seed: Seed) -> Vec<usize> {
     let mut order = transitions.to_vec();
     seed.rng().shuffle(&mut order);

@@ -2,15 +2,16 @@ use calib_core::Seed;
 
 use crate::{AgentConfig, ReplayKind};
 
-/// A replay buffer of transitions, named by the step they start from.
+/// A replay buffer of transitions, identified by the step they start from.
 ///
 /// The draw of an update depends only on the seed, the step, the number of the update in that step and
-/// on how many transitions the buffer holds: agents with the same buffer see the same mini-batches.
+/// the number of transitions in the buffer. Agents with the same buffer therefore see the same
+/// mini-batches.
 #[derive(Clone, Debug)]
 pub(crate) struct Replay {
     seed: Seed,
     capacity: usize,
-    /// All transitions so far; the buffer is the last `capacity` of them.
+    /// All transitions so far. The buffer is the last `capacity` of them.
     starts: Vec<u32>,
 }
 
@@ -20,13 +21,13 @@ impl Replay {
         Self { seed, capacity, starts: Vec::with_capacity(steps) }
     }
 
-    /// The buffer of an agent that replays, in a run of so many steps from `run`.
+    /// Returns the buffer of an agent with replay, for a run of `steps` steps with seed `run`.
     pub(crate) fn of_agent(config: &AgentConfig, run: Seed, steps: usize) -> Option<Self> {
         (config.replay == ReplayKind::Uniform)
             .then(|| Self::new(run.child("replay"), config.replay_capacity, steps))
     }
 
-    /// Add the transition from step `t` to the next.
+    /// Adds the transition from step `t` to the next.
     pub(crate) fn push(&mut self, t: usize) {
         self.starts.push(t as u32);
     }
@@ -35,7 +36,8 @@ impl Replay {
         self.starts.len().min(self.capacity)
     }
 
-    /// Fill `batch` with transitions drawn uniformly with replacement, for update `update` of step `t`.
+    /// Fills `batch` with transitions drawn uniformly with replacement, for update `update` of step
+    /// `t`.
     pub(crate) fn draw(&self, t: usize, update: usize, batch: &mut [usize]) {
         let mut rng = self.seed.number(t as u64).number(update as u64).rng();
         let held = &self.starts[self.starts.len() - self.len()..];
@@ -73,7 +75,7 @@ mod tests {
         assert!(chi_square < 43.8, "chi-square {chi_square} with 19 degrees of freedom");
     }
 
-    /// Eight transitions that an update draws.
+    /// Returns the eight transitions that an update draws.
     fn drawn(replay: &Replay, t: usize, update: usize) -> [usize; 8] {
         let mut batch = [0; 8];
         replay.draw(t, update, &mut batch);

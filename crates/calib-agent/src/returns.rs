@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scoring::ScoredReturns;
 
-/// Steps at the end of an unbroken piece whose returns are truncated by more than 1 %:
-/// H = ⌈ln 0.01 / ln γ⌉, and 0 for γ = 0.
+/// Returns the number of steps at the end of an unbroken piece whose returns are truncated by more than 1 %: H = ⌈ln
+/// 0.01 / ln γ⌉, and 0 for γ = 0.
 ///
 /// # Panics
 /// If `gamma` is not in [0, 1).
@@ -14,11 +14,11 @@ pub fn truncation_horizon(gamma: f64) -> usize {
     if gamma == 0.0 { 0 } else { (0.01_f64.ln() / gamma.ln()).ceil() as usize }
 }
 
-/// Monte-Carlo returns `G_t = Σ_k γᵏ o_{t+k+1}` of state column `cumulant`, for every step of the
-/// stream, by the recursion `G_t = o_{t+1} + γ G_{t+1}` inside each unbroken piece.
+/// Returns the Monte-Carlo returns `G_t = Σ_k γᵏ o_{t+k+1}` of state column `cumulant`, for every step of the stream,
+/// by the recursion `G_t = o_{t+1} + γ G_{t+1}` inside each unbroken piece.
 ///
-/// Sums end with their piece: the last step of a piece has return 0, and the last
-/// [`truncation_horizon`] steps are not to be compared with predictions.
+/// Sums end with their piece: the last step of a piece has return 0. Do not compare the last [`truncation_horizon`]
+/// steps of a piece with predictions.
 pub fn discounted_returns(stream: &dyn Stream, cumulant: usize, gamma: f64) -> Vec<f64> {
     let mut returns = vec![0.0; stream.len()];
     for piece in stream.pieces() {
@@ -43,8 +43,8 @@ pub struct ReturnMoments {
 }
 
 impl ReturnMoments {
-    /// Of the returns of column `cumulant` for `gamma`, as [`discounted_returns`] gives them, over all steps of `stream` but
-    /// those at the ends of pieces whose returns are cut off. `None` if there is no other.
+    /// Returns the moments of the returns of column `cumulant` for `gamma`, as [`discounted_returns`] computes them.
+    /// Steps at the ends of pieces, whose returns are truncated, are excluded. `None` if there is no other step.
     ///
     /// # Panics
     /// As [`truncation_horizon`].
@@ -68,7 +68,7 @@ mod tests {
         let states = States::new((0..20_u8).map(f32::from).collect(), 20, 1).expect("valid");
         let segments = Segments::from_lengths([12, 8]).expect("valid");
         let stream = RowStream::replay(states, &segments);
-        // γ = 0: the return is the next value, known but at the last step of each piece.
+        // γ = 0: the return is the next value, known except at the last step of each piece.
         let moments = ReturnMoments::of(&stream, 0, 0.0).expect("some");
         assert_eq!((moments.steps, moments.mean), (18, (66.0 + 112.0) / 18.0));
         // γ = 0.5 cuts off seven steps of each piece.
@@ -96,7 +96,7 @@ mod tests {
             cuts in prop::collection::vec(1_usize..20, 1..8),
             gamma in 0.0_f64..0.99,
         ) {
-            // Pieces of the drawn lengths, the last one taking what is left.
+            // Pieces of the drawn lengths. The last one takes the rest.
             let mut lengths = vec![];
             let mut left = values.len();
             for cut in cuts {

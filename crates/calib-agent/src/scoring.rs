@@ -18,10 +18,10 @@ pub enum Part {
 }
 
 impl Part {
-    /// All of them, the longest first.
+    /// All parts, the longest first.
     pub const ALL: [Self; 3] = [Self::WholeRun, Self::AfterFirstQuarter, Self::FinalQuarter];
 
-    /// Its name in studies and files.
+    /// Returns the name in studies and files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::WholeRun => "whole_run",
@@ -30,7 +30,7 @@ impl Part {
         }
     }
 
-    /// First step of a run of `steps` that counts.
+    /// Returns the first step of this part in a run of `steps` steps.
     pub fn first_step(self, steps: usize) -> usize {
         let before = match self {
             Self::WholeRun => 0.0,
@@ -40,8 +40,8 @@ impl Part {
         (steps as f64 * before).round() as usize
     }
 
-    /// Steps that count in a run of `steps` over a stream of these unbroken `pieces`: those of the part whose
-    /// returns are known.
+    /// Returns the number of scored steps in a run of `steps` over a stream of these unbroken `pieces`: the steps of
+    /// the part with known returns.
     pub fn scored_steps(self, pieces: &[Range<usize>], gamma: f64, steps: usize) -> usize {
         scored(pieces, gamma, self.first_step(steps)..steps).map(|range| range.len()).sum()
     }
@@ -63,7 +63,7 @@ pub struct PartScore {
     pub return_std: f64,
 }
 
-/// JSON has no infinity: the error of a diverged run is `null`.
+/// Serialisation of errors that may be infinite. JSON has no infinity, so the error of a diverged run is `null`.
 pub(crate) mod infinite {
     use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
 
@@ -89,7 +89,7 @@ pub struct Scores {
 }
 
 impl Scores {
-    /// The score of one part; `None` if it has no step whose return is known.
+    /// Returns the score of one part, or `None` if no step of it has a known return.
     pub fn of(&self, part: Part) -> Option<PartScore> {
         match part {
             Part::WholeRun => self.whole_run,
@@ -98,21 +98,21 @@ impl Scores {
         }
     }
 
-    /// The scores that `score` gives for each part.
+    /// Returns the scores that `score` gives for each part.
     pub(crate) fn each(mut score: impl FnMut(Part) -> Option<PartScore>) -> Self {
         let [whole_run, after_first_quarter, final_quarter] = Part::ALL.map(&mut score);
         Self { whole_run, after_first_quarter, final_quarter }
     }
 }
 
-/// The steps of `piece` whose returns are known: all but the last H, and never the last,
-/// from which nothing follows.
+/// Returns the steps of `piece` with known returns: all but the last H, and never the very last step, which has no
+/// successor.
 pub(crate) fn known_returns(piece: &Range<usize>, gamma: f64) -> Range<usize> {
     let unknown = truncation_horizon(gamma).max(1);
     piece.start..piece.end.saturating_sub(unknown).max(piece.start)
 }
 
-/// The steps of each piece that lie in `part` and whose returns are known.
+/// Returns the steps of each piece that lie in `part` and have known returns.
 fn scored(
     pieces: &[Range<usize>],
     gamma: f64,
@@ -125,7 +125,7 @@ fn scored(
     })
 }
 
-/// Count, mean and standard deviation (divided by n) of the returns that are scored.
+/// Count, mean and standard deviation (divided by n) of the scored returns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ScoredReturns {
     pub(crate) steps: usize,
@@ -134,7 +134,7 @@ pub(crate) struct ScoredReturns {
 }
 
 impl ScoredReturns {
-    /// Statistics of the steps of `part` of `returns`; `None` if it has none whose return is known.
+    /// Returns statistics of `returns` over the steps of `part`, or `None` if no step of it has a known return.
     pub(crate) fn new(
         returns: &[f64],
         pieces: &[Range<usize>],
@@ -150,7 +150,7 @@ impl ScoredReturns {
     }
 }
 
-/// Why a run of `steps` over these pieces cannot be scored from `first` on.
+/// Returns the error that a run of `steps` over these pieces cannot be scored from `first` on.
 pub(crate) fn nothing_to_score(
     pieces: &[Range<usize>],
     gamma: f64,
@@ -171,7 +171,7 @@ pub(crate) fn nothing_to_score(
 mod tests {
     use super::*;
 
-    /// How many of the first `steps` steps are scored of a stream without gaps, for γ = 0.99.
+    /// Returns how many of the first `steps` steps of a stream without gaps are scored, for γ = 0.99.
     fn steps_of_unbroken(part: Part, states: usize, steps: usize) -> usize {
         let unbroken = 0..states;
         part.scored_steps(std::slice::from_ref(&unbroken), 0.99, steps)
@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn streams_that_are_too_short_are_known_beforehand() {
-        // H = 459 for γ = 0.99: the last quarter must be longer, or the stream goes on after the run.
+        // H = 459 for γ = 0.99: the last quarter must be longer, or the stream must continue after the run.
         assert_eq!(steps_of_unbroken(Part::FinalQuarter, 4 * 459, 4 * 459), 0);
         assert_eq!(steps_of_unbroken(Part::FinalQuarter, 4 * 459 + 4, 4 * 459 + 4), 1);
         assert_eq!(steps_of_unbroken(Part::WholeRun, 459, 459), 0);
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(steps_of_unbroken(Part::AfterFirstQuarter, 1459, 1000), 750);
     }
 
-    /// Where each part of a run of `steps` steps begins.
+    /// Returns the first step of each part of a run of `steps` steps.
     fn first_steps(steps: usize) -> [usize; 3] {
         Part::ALL.map(|part| part.first_step(steps))
     }
@@ -206,7 +206,7 @@ mod tests {
         assert_eq!(known_returns(&(10..30), 0.0), 10..29);
         assert_eq!(known_returns(&(10..12), 0.5), 10..10);
         let returns: Vec<f64> = (0..30).map(f64::from).collect();
-        // 0..10 knows 0..3, 10..30 knows 10..23; scoring begins at 20: 20, 21, 22.
+        // In 0..10 the returns of 0..3 are known, in 10..30 those of 10..23. Scoring begins at 20: 20, 21, 22.
         let pieces = [0..10, 10..30];
         let scored = ScoredReturns::new(&returns, &pieces, 0.5, 20..30).expect("some");
         assert_eq!((scored.steps, scored.mean), (3, 21.0));

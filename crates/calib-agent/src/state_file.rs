@@ -9,11 +9,12 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{Checkpoint, ValueState};
 
-/// The state of unfinished training, in one file (safetensors; what is no array is JSON in its metadata).
+/// The state of unfinished training in one file (safetensors, with non-array data as JSON in its
+/// metadata).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StateFile(CheckpointFile);
 
-/// What does not fit into arrays.
+/// The data that are not arrays.
 #[derive(Serialize, Deserialize)]
 struct Scalars {
     number: usize,
@@ -24,18 +25,18 @@ struct Scalars {
 const PARTS: [&str; 5] = ["parameters", "mean", "square", "target", "traces"];
 
 impl StateFile {
-    /// The file at `path` of the training that `key` stands for.
+    /// Returns the file at `path` for the training that `key` identifies.
     pub fn new(path: PathBuf, key: String) -> Self {
         Self(CheckpointFile::new(path, key))
     }
 
-    /// Where it is.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         self.0.path()
     }
 
-    /// Progress and value functions as they were written last. A file that is missing, damaged or of other
-    /// training is no state.
+    /// Reads the last written progress and value functions. `None` if the file is missing, damaged or of
+    /// another training.
     pub fn read<P: DeserializeOwned>(&self) -> Option<(P, Vec<(usize, ValueState)>)> {
         let mut file = self.0.read()?;
         let progress = serde_json::from_str(file.metadata.get("progress")?).ok()?;
@@ -55,7 +56,7 @@ impl StateFile {
         Some((progress, values.collect::<Option<_>>()?))
     }
 
-    /// Write progress and numbered value functions in place of what was there.
+    /// Writes progress and numbered value functions in place of the previous content.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -84,9 +85,9 @@ impl StateFile {
         self.0.write(Tensors { tensors, metadata })
     }
 
-    /// The training is finished.
+    /// Removes the file after the training is finished.
     pub fn remove(&self) {
-        // A file that stays is not looked at again by other training.
+        // If the file remains, other training ignores it.
         let _ = self.0.remove();
     }
 }
@@ -95,7 +96,7 @@ impl StateFile {
 mod tests {
     use super::*;
 
-    /// A value function of three parameters after seven updates.
+    /// Returns a value function of three parameters after seven updates.
     fn state(target: Option<Vec<f32>>, powers: Option<(f64, f64)>) -> ValueState {
         ValueState {
             checkpoint: Checkpoint {

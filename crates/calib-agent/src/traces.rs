@@ -2,12 +2,12 @@ use std::ops::Range;
 
 use calib_core::Stream;
 
-/// A stream whose states are followed by their exponential traces: (s, e(β₁), e(β₂), …), the traces of all
-/// columns of one decay rate after those of the other.
+/// A stream whose states are extended by their exponential traces: (s, e(β₁), e(β₂), …). The traces of all
+/// columns with one decay rate precede those with the next.
 ///
-/// `e_t = β e_{t−1} + (1 − β) s_t`, and `e = s` at the first state of each unbroken piece: a trace remembers
-/// neither what was before a gap nor, at the start of a rollout, how the log came to the start state. So a
-/// trace is the same function of what the agent has seen whether states are replayed or generated.
+/// `e_t = β e_{t−1} + (1 − β) s_t`, and `e = s` at the first state of each unbroken piece. A trace holds
+/// neither what was before a gap nor, at the start of a rollout, how the log came to the start state. It is
+/// therefore the same function of the agent's past input whether states are replayed or generated.
 pub(crate) struct TracedStream {
     width: usize,
     states: Vec<f32>,
@@ -15,12 +15,12 @@ pub(crate) struct TracedStream {
 }
 
 impl TracedStream {
-    /// All of `stream` with a trace for each of `decays`.
+    /// Extends all of `stream` by a trace for each of `decays`.
     pub(crate) fn new(stream: &dyn Stream, decays: &[f64]) -> Self {
         let sensors = stream.width();
         let width = sensors * (1 + decays.len());
         let mut states = Vec::with_capacity(stream.len() * width);
-        // In f64: a trace of many steps must not gather the rounding of each.
+        // In f64: a trace of many steps must not accumulate the rounding of each step.
         let mut traces = vec![0.0_f64; sensors * decays.len()];
         for piece in stream.pieces() {
             for t in piece.clone() {
@@ -40,7 +40,8 @@ impl TracedStream {
     }
 }
 
-/// What an agent with traces of these decay rates sees of a stream: the stream itself where there are none.
+/// Returns the input of an agent with traces of these decay rates: the stream itself if there are no decay
+/// rates.
 pub fn with_traces<'a>(stream: &'a dyn Stream, decays: &[f64]) -> Box<dyn Stream + 'a> {
     if decays.is_empty() {
         Box::new(Untraced(stream))
@@ -117,7 +118,7 @@ mod tests {
         let rollout = RowStream::unbroken(states(), (0..4).map(RowIndex::new).collect());
         let rollout = TracedStream::new(&rollout, &[0.9]);
         assert!((0..4).all(|t| replay.state(t) == rollout.state(t)));
-        // One that jumps there remembers only its own way.
+        // A stream that jumps there has traces only of its own path.
         let jump = RowStream::unbroken(states(), [2, 0].map(RowIndex::new).to_vec());
         let jump = TracedStream::new(&jump, &[0.5]);
         assert_eq!(jump.state(1), [1.0, 10.0, 3.0, 30.0]);

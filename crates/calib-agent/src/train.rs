@@ -8,23 +8,23 @@ use crate::{
     traces::TracedStream,
 };
 
-/// Steps after which the monitor hears of them, unless they take long.
+/// Steps between two updates of the monitor, unless they take long.
 const STEPS_PER_LOOK: usize = 64;
 
-/// Train every agent on the same stream to predict the returns of state column `cumulant`.
+/// Trains every agent on the same stream to predict the returns of state column `cumulant`.
 ///
-/// At step t an agent predicts `v(s_t)`, which is recorded; then it sees `s_{t+1}`, puts the transition into
-/// its buffer and makes its updates. No transition and no return crosses from one unbroken piece of the
-/// stream into the next. The result of an agent is to the byte that of training it alone: agents share
-/// `seed`, hence initial parameters (where shapes agree) and mini-batches (where batch size and buffer
-/// agree): the draw of an update depends only on the seed, the step and the update's number in that step.
+/// At step t an agent predicts `v(s_t)`, which is recorded. Then it sees `s_{t+1}`, puts the transition into its
+/// buffer and makes its updates. No transition and no return crosses from one unbroken piece of the stream into
+/// the next. The result of an agent is to the byte that of training it alone. Agents share `seed`, hence initial
+/// parameters (where shapes agree) and mini-batches (where batch size and buffer agree): the draw of an update
+/// depends only on the seed, the step and the update's number in that step.
 ///
-/// Outcomes come in the order of `agents`. `monitor` advances by the steps of the run in all, whatever the
-/// number of agents; the caller begins the task.
+/// Outcomes come in the order of `agents`. `monitor` advances by the steps of the run in all, whatever the number
+/// of agents. The caller begins the task.
 ///
 /// # Errors
-/// If a hyperparameter is outside its range, the cumulant is not a finite column of the stream, no step
-/// can be scored, or the monitor is interrupted. Divergence is not an error but an outcome.
+/// If a hyperparameter is outside its range, the cumulant is not a finite column of the stream, no step can be
+/// scored, or the monitor is interrupted. Divergence is not an error but an outcome.
 ///
 /// # Example
 ///
@@ -60,22 +60,22 @@ pub fn train(
     train_learners(Run { stream, steps, curve, seed }, &learners, &NoKeeper, monitor)
 }
 
-/// What all learners of a run share.
+/// The stream and settings that all learners of a run share.
 #[derive(Clone, Copy)]
 pub struct Run<'a> {
-    /// What they experience.
+    /// The states that the learners see.
     pub stream: &'a dyn Stream,
-    /// Steps of the run, fewer than the stream has states. States after it complete the returns of its last steps,
-    /// and are not learnt from.
+    /// Steps of the run, fewer than the stream has states. States after the run complete the returns of its last
+    /// steps, and are not learned from.
     pub steps: usize,
-    /// How their learning curves are sub-sampled.
+    /// How learning curves are sub-sampled.
     pub curve: CurveRule,
-    /// Of initial parameters and mini-batches.
+    /// Seed of initial parameters and mini-batches.
     pub seed: Seed,
 }
 
 impl Run<'_> {
-    /// Check that there are enough states for its steps, and that `learners` can learn from it.
+    /// Checks that the stream is long enough, and that `learners` can learn from it.
     pub(crate) fn check(&self, learners: &[Learner<'_>]) -> Result<(), AgentError> {
         let Self { stream, steps, .. } = *self;
         if steps > 0 && steps >= stream.len() {
@@ -89,16 +89,16 @@ impl Run<'_> {
     }
 }
 
-/// Train all `learners` of a run side by side; see [`train`].
+/// Trains all `learners` of a run side by side; see [`train`].
 ///
-/// Learners may predict different sensors and start from checkpoints: where their other settings agree they still
-/// see the same mini-batches, which are gathered once. A learning rate of 0 costs one prediction a step, and
-/// one that has diverged costs nothing further.
+/// Learners may predict different sensors and start from checkpoints. Where their other settings agree, they still
+/// see the same mini-batches, which are gathered once. A learner with a learning rate of 0 costs one prediction
+/// per step, and a diverged learner costs nothing further.
 ///
-/// A state goes to `keeper` whenever as much work as it asks for has been done since the last one, and when the
-/// run is interrupted after an eighth of that. Work is counted in multiplications of matrix products, four for
-/// each parameter and transition of a mini-batch, not in time, so that states are kept at the same steps on
-/// every machine.
+/// `keeper` receives a state whenever the work it asks for has been done since the last one. It also receives one
+/// when the run is interrupted after an eighth of that. Work is counted in multiplications of matrix products,
+/// four for each parameter and transition of a mini-batch. It is not counted in time, so that states are stored at
+/// the same steps on every machine.
 ///
 /// # Errors
 /// As [`train`]; if a checkpoint does not fit its agent; if the keeper fails.
@@ -178,12 +178,13 @@ pub fn train_learners(
     Ok(outcomes.into_iter().flatten().collect())
 }
 
-/// Learners grouped by what they can share.
+/// Groups learners that can share a population.
 pub(crate) fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
     grouped(learners, can_share)
 }
 
-/// Positions of learners that are `alike`, each group and the groups in the order of `learners`.
+/// Groups the positions of learners that are `alike`. The groups, and the positions in each, are in the order of
+/// `learners`.
 pub(crate) fn grouped(
     learners: &[Learner<'_>],
     alike: impl Fn(&AgentConfig, &AgentConfig) -> bool,
@@ -209,7 +210,7 @@ pub(crate) fn check_cumulant(stream: &dyn Stream, column: usize) -> Result<(), A
     }
 }
 
-/// Agent-steps done, told to the monitor as steps of the stream.
+/// Counts completed agent-steps, and reports them to the monitor as steps of the stream.
 struct Progress<'a> {
     monitor: &'a dyn Monitor,
     agents: u64,

@@ -4,20 +4,20 @@ use calib_core::Stream;
 
 use crate::{Epoch, Learner, scoring::known_returns};
 
-/// The held-back transitions of one sensor. The returns that values are held to are summed anew each epoch: it costs
-/// nothing beside the predictions, and years of them need no memory.
+/// The validation transitions of one sensor. The target returns are summed again in each epoch: this costs nothing
+/// beside the predictions, and years of returns need no memory.
 pub(crate) struct Validation<'a> {
     baseline: Option<&'a [f32]>,
     cumulant: usize,
     gamma: f64,
-    /// States from the first transition to where the last one leads, piece by piece.
+    /// States from the first transition to the end of the last one, piece by piece.
     stretches: Vec<Range<usize>>,
-    /// Steps of each stretch whose returns are known.
+    /// Steps of each stretch with known returns.
     known: Vec<Range<usize>>,
 }
 
 impl<'a> Validation<'a> {
-    /// The `transitions` of `stream`, by the steps they start from, in order.
+    /// Returns the validation data of `transitions` of `stream`, identified by the steps they start from, in order.
     pub(crate) fn new(stream: &dyn Stream, learner: &Learner<'a>, transitions: &[usize]) -> Self {
         let Learner { config, cumulant, baseline, .. } = *learner;
         let gamma = config.gamma;
@@ -33,7 +33,7 @@ impl<'a> Validation<'a> {
         Self { baseline, cumulant, gamma, stretches, known }
     }
 
-    /// The epoch of a learner whose values of some steps `predict` appends.
+    /// Returns the epoch of a learner. `predict` appends its values at some steps.
     pub(crate) fn epoch(
         &self,
         epoch: usize,

@@ -5,19 +5,19 @@ use calib_nn::{AdamRule, Optimiser, SgdRule};
 
 use crate::{AgentConfig, OptimiserKind, checkpointer::ValueState};
 
-/// The transitions of one update, by the steps they start from.
+/// The transitions of one update, identified by the steps they start from.
 #[derive(Clone, Copy)]
 pub(crate) struct Batch<'a> {
     pub(crate) stream: &'a dyn Stream,
     pub(crate) starts: &'a [usize],
-    /// The step whose prediction is to be recorded before this update, if it was not yet.
+    /// The step whose prediction must be recorded before this update, if that is still to do.
     pub(crate) present: Option<usize>,
 }
 
-/// What one agent's update came to.
+/// The result of one agent's update.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Learned {
-    /// The value of the present state before the update, where the batch asks for it.
+    /// The value of the present state before the update, if the batch asks for it.
     pub(crate) prediction: Option<f32>,
     /// Sum of the squared TD errors of the batch.
     pub(crate) squared_errors: f32,
@@ -27,12 +27,12 @@ pub(crate) struct Learned {
 
 /// The value functions of a population: agents of one kind and shape that learn from the same batches.
 ///
-/// What an agent computes does not depend on who else is in the population.
+/// The results of an agent do not depend on the other agents of the population.
 pub(crate) trait Values: Send {
-    /// v(state) of one agent.
+    /// Returns v(state) of one agent.
     fn predict(&mut self, agent: usize, state: &[f32]) -> f32;
 
-    /// Append v of the states at `steps` of a stream to `values`.
+    /// Appends v of the states at `steps` of a stream to `values`.
     fn predict_all(
         &mut self,
         agent: usize,
@@ -43,22 +43,22 @@ pub(crate) trait Values: Send {
         values.extend(steps.map(|t| self.predict(agent, stream.state(t))));
     }
 
-    /// One semi-gradient step of each agent in `live` on the same batch; `learned[i]` is that of
-    /// `live[i]`. The loss is the mean of ½δ², the target held fixed, so one step of gradient descent
-    /// without replay is the textbook's `θ ← θ + α δ ∇v(s_t)`.
+    /// Makes one semi-gradient step of each agent in `live` on the same batch. `learned[i]` is the
+    /// result of `live[i]`. The loss is the mean of ½δ², with the target held fixed. Without replay, one
+    /// step of gradient descent is therefore the textbook's `θ ← θ + α δ ∇v(s_t)`.
     fn learn(&mut self, batch: Batch<'_>, live: &[usize], learned: &mut [Learned]);
 
     fn state(&self, agent: usize) -> ValueState;
 
-    /// Go on from `state`, which fits the agent's shape. Without moments they start from zero; without a
-    /// target network that is the network itself.
+    /// Continues from `state`, which fits the agent's shape. Absent moments start from zero; an absent
+    /// target network is a copy of the network.
     fn restore(&mut self, agent: usize, state: &ValueState);
 
     /// Whether all parameters of one agent are finite.
     fn is_finite(&self, agent: usize) -> bool;
 }
 
-/// The seed of initial parameters: the same for all agents of a run.
+/// Returns the seed of initial parameters, the same for all agents of a run.
 pub(crate) fn parameter_seed(seed: Seed) -> Seed {
     seed.child("parameters")
 }
@@ -75,7 +75,7 @@ pub(crate) fn optimiser(config: &AgentConfig, parameters: usize) -> Optimiser {
             },
             parameters,
         ),
-        // Those with eligibility traces step by themselves.
+        // Optimisers with eligibility traces make their own steps.
         OptimiserKind::Sgd | OptimiserKind::TrueOnlineTd | OptimiserKind::SwiftTd => {
             Optimiser::sgd(SgdRule {
                 learning_rate: config.learning_rate,
@@ -85,7 +85,7 @@ pub(crate) fn optimiser(config: &AgentConfig, parameters: usize) -> Optimiser {
     }
 }
 
-/// Counts updates and says when the target network is due for a copy.
+/// Counts updates and decides when the target network is copied.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TargetClock {
     period: usize,
@@ -109,7 +109,7 @@ impl TargetClock {
         self.period > 0
     }
 
-    /// Count one update; whether a copy is due after it.
+    /// Counts one update, and returns whether a copy is due after it.
     pub(crate) fn tick(&mut self) -> bool {
         self.updates += 1;
         self.is_on() && self.updates.is_multiple_of(self.period)

@@ -1,4 +1,4 @@
-//! Agents of another program: what a study says of them.
+//! The study's configuration of agents that an external program implements.
 
 use std::{borrow::Cow, collections::BTreeMap};
 
@@ -21,7 +21,7 @@ pub enum AgentKind {
 pub(super) const STATES_PER_MESSAGE: usize = 1024;
 pub(super) const TIMEOUT_SECS: f64 = 60.0;
 
-/// Hyperparameters that calib's own agents have alone.
+/// Hyperparameters that only calib's own agents have.
 const OWN_FIELDS: [&str; 22] = [
     "lambda",
     "meta_step_size",
@@ -48,12 +48,13 @@ const OWN_FIELDS: [&str; 22] = [
 ];
 
 impl AgentConfig {
-    /// Whether the agents are those of a program.
+    /// Whether an external program implements the agents.
     pub fn is_external(&self) -> bool {
         self.kind == AgentKind::External
     }
 
-    /// What results follow from: all but how long calib waits, and the discount factors of other sensors.
+    /// Returns the part of the configuration that decides the results: everything but calib's time limit
+    /// and the discount factors of other sensors.
     pub fn identity(&self) -> Cow<'_, Self> {
         if self.timeout_secs == TIMEOUT_SECS && self.gammas.is_empty() {
             return Cow::Borrowed(self);
@@ -71,7 +72,8 @@ impl AgentConfig {
         *secs == TIMEOUT_SECS
     }
 
-    /// What is of programs is there where one is, and only there; and nothing that a program would not see.
+    /// Checks that the keys of external programs are set exactly where there is a program, and that the
+    /// program sees every key.
     pub(super) fn check_kind(&self) -> Result<(), AgentConfigError> {
         let external = self.is_external();
         let names_a_program = self.command.first().is_some_and(|program| !program.is_empty());
@@ -109,7 +111,7 @@ impl AgentConfig {
         if external { self.check_nothing_is_lost() } else { Ok(()) }
     }
 
-    /// A program knows nothing of the keys of calib's own agents.
+    /// Checks that no key is set that only calib's own agents use: the program would not see it.
     fn check_nothing_is_lost(&self) -> Result<(), AgentConfigError> {
         let default = Self { gamma: self.gamma, ..Self::default() };
         let own = Self { kind: AgentKind::Td, ..self.clone() }.fields();
@@ -154,7 +156,7 @@ mod tests {
         }
     }
 
-    /// Why `config` is refused after a change.
+    /// Returns the message with which `config` is refused after a change.
     fn refusal(change: fn(&mut AgentConfig), mut config: AgentConfig) -> String {
         change(&mut config);
         config.check().expect_err("refused").to_string()

@@ -19,7 +19,7 @@ fn defaults_are_valid_and_every_field_but_traces_is_a_scalar() {
     assert!(error.expect_err("unknown").to_string().contains("learning_rat"));
 }
 
-/// Why the default is refused after a change.
+/// Returns the error with which the default is refused after a change.
 fn refusal(change: fn(&mut AgentConfig)) -> AgentConfigError {
     let mut config = AgentConfig::default();
     change(&mut config);
@@ -69,7 +69,7 @@ fn fields_outside_their_range_are_named() {
     );
 }
 
-/// The precision in the text of a configuration, if it stands there.
+/// Returns the precision in the serialised configuration, if it is present.
 fn written_precision(precision: Precision) -> Option<Value> {
     let config = AgentConfig { precision, ..AgentConfig::default() };
     assert_eq!(config.fields()["precision"], serde_json::json!(precision));
@@ -92,7 +92,7 @@ fn a_sensor_has_its_own_discount_factor_or_that_of_all() {
     assert_eq!(config.for_sensor("A"), AgentConfig { gamma: 0.5, ..plain.clone() });
     assert_eq!(config.for_sensor("B"), plain);
     assert_eq!(config.check(), Ok(()));
-    // Neither a hyperparameter of one agent, nor what its runs are known by.
+    // It is neither a hyperparameter of one agent nor part of a run's key.
     assert_eq!(config.fields(), plain.fields());
     assert_eq!(*config.identity(), plain);
     let written = serde_json::to_value(&plain).expect("serialises");

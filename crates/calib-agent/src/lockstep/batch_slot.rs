@@ -8,32 +8,32 @@ use crate::{
     traces::with_traces,
 };
 
-/// One run of a cohort: what it sees, and what came of it so far.
+/// One run of a cohort: its input, and its results so far.
 pub(super) struct BatchSlot<'a> {
-    /// Its stream, with traces where learners have them.
+    /// The run's stream, with traces if the learners have them.
     seen: Box<dyn Stream + 'a>,
     pub(super) seed: Seed,
     truth: Truth<'a>,
-    /// The steps that it makes, and whether their returns are known.
+    /// The steps of the run, and whether their returns are known.
     course: Vec<(usize, bool)>,
     replay: Option<Replay>,
     trackers: Vec<Tracker>,
-    /// The last step that there is.
+    /// The last step of the run.
     last: usize,
 }
 
-/// What a network did at a step.
+/// The position of one update of a network in its run.
 #[derive(Clone, Copy)]
 pub(super) struct StepRecord {
     /// The step of the run.
     pub(super) at: usize,
-    /// The update of the step.
+    /// The number of the update in its step.
     pub(super) update: usize,
     pub(super) learnt: bool,
 }
 
 impl<'a> BatchSlot<'a> {
-    /// The run of learners that can share a population.
+    /// Returns the run of learners that can share a population.
     pub(super) fn new(run: &Run<'a>, learners: &[Learner<'a>]) -> Result<Self, AgentError> {
         let Run { stream, steps, curve, seed } = *run;
         let shared = learners[0].config;
@@ -55,14 +55,15 @@ impl<'a> BatchSlot<'a> {
         self.course.len()
     }
 
-    /// States that its steps see, from the first one on.
+    /// Returns the number of states that its steps see, from the first one on.
     pub(super) fn states(&self) -> usize {
-        // The state after the last step is learnt from, too.
+        // The state after the last step is also learned from.
         self.course.last().map_or(0, |&(t, _)| t + 2)
     }
 
-    /// The present state of its next step, `at`, and the starts of the transitions of each of its updates, `batch` of them, one after the other. A
-    /// run that is over goes on with its first state, and nobody looks.
+    /// Returns the present state of its next step, `at`. Appends the starts of the `batch` transitions of each of its
+    /// updates to `to`, one update after the other. A finished run repeats its first state, and the results are
+    /// ignored.
     pub(super) fn next(
         &mut self,
         at: usize,
@@ -87,7 +88,7 @@ impl<'a> BatchSlot<'a> {
         t as u32
     }
 
-    /// Record what each learner predicted, and whether it diverged.
+    /// Records the prediction of each learner, and whether it diverged.
     pub(super) fn settle(&mut self, did: StepRecord, predictions: &[f32], finite: &[bool]) {
         let Some(&(t, known)) = self.course.get(did.at) else { return };
         for (learner, tracker) in self.trackers.iter_mut().enumerate() {
@@ -105,7 +106,7 @@ impl<'a> BatchSlot<'a> {
         }
     }
 
-    /// Whoever has a parameter that is not finite at the end has diverged.
+    /// Marks learners with a parameter that is not finite at the end as diverged.
     pub(super) fn end(&mut self, finite: &[bool]) {
         for (tracker, _) in self.trackers.iter_mut().zip(finite).filter(|(_, finite)| !**finite) {
             tracker.diverged.get_or_insert(self.last);

@@ -9,16 +9,16 @@ use crate::{
     RunOutcome, Steps, layer_sizes, values::parameter_seed,
 };
 
-/// Updates that an accelerator makes before anybody looks at them.
+/// Updates that an accelerator makes before their results are inspected.
 const UPDATES: usize = 32;
 
-/// Runs of the same learners, which can share a population, through their streams in lockstep.
+/// Runs of the same learners, which can share a population. They pass through their streams in lockstep.
 pub(super) struct Cohort<'a> {
     learners: &'a [Learner<'a>],
     seats: Vec<BatchSlot<'a>>,
-    /// Updates of a step.
+    /// Number of updates per step.
     updates: usize,
-    /// Transitions of an update.
+    /// Number of transitions per update.
     batch: usize,
 }
 
@@ -32,7 +32,7 @@ impl<'a> Cohort<'a> {
         Ok(Self { learners, seats, updates, batch })
     }
 
-    /// Train to the end of the longest run. `look` is told the share that is done, and may end it.
+    /// Trains to the end of the longest run. `look` receives the completed share, and may end the training.
     pub(super) fn train(
         &mut self,
         accelerator: &dyn Accelerator,
@@ -66,7 +66,7 @@ impl<'a> Cohort<'a> {
         self.seats.into_iter().map(BatchSlot::outcomes)
     }
 
-    /// The networks, as they begin.
+    /// Creates the networks in their initial state.
     fn networks(&self, accelerator: &dyn Accelerator) -> Result<Box<dyn Lockstep>, AgentError> {
         let width = self.seats[0].stream().width();
         let sizes = layer_sizes(self.learners[0].config, width);
@@ -93,7 +93,8 @@ impl<'a> Cohort<'a> {
         self.learners[0].config.replay == ReplayKind::None || at + 1 >= self.batch
     }
 
-    /// The end of the steps that are made together: either all of them learn or none does, and no run ends among them.
+    /// Returns the end of the steps that are made together. Either all of them learn or none does, and no run ends
+    /// among them.
     fn end_of_chunk(&self, at: usize) -> usize {
         let ends = self.seats.iter().map(BatchSlot::len).filter(|&end| end > at);
         let enough = at + (UPDATES / self.updates).max(1);
@@ -101,7 +102,7 @@ impl<'a> Cohort<'a> {
         if self.learns_at(at) { end } else { end.min(self.batch - 1) }
     }
 
-    /// What networks do in these steps, with so many updates in each.
+    /// Returns the inputs of the networks for these steps, with `updates` updates per step.
     fn steps(&mut self, chunk: Range<usize>, updates: usize) -> Steps {
         let batch = self.batch;
         let of_seats: Vec<(Vec<u32>, Vec<u32>)> = self
@@ -126,7 +127,7 @@ impl<'a> Cohort<'a> {
         steps
     }
 
-    /// Record what came of these steps.
+    /// Records the results of these steps.
     fn settle(&mut self, chunk: Range<usize>, updates: usize, made: &LockstepResults) {
         let of_step = updates.max(1);
         let learners = self.learners.len();

@@ -6,7 +6,8 @@ use crate::{
     train::tests::{self, waves_in, weighted_sum},
 };
 
-/// A slow wave and its derivative in two segments; the second sensor is the first one a quarter later.
+/// Returns a slow wave and its derivative in two segments. The second sensor is the first one a quarter period
+/// later.
 fn waves(steps: usize) -> RowStream {
     waves_in([steps / 3, steps - steps / 3])
 }
@@ -56,7 +57,7 @@ fn agents_learn_from_epoch_to_epoch() {
     }
 }
 
-/// One epoch of linear gradient descent, as plainly as possible and in f64.
+/// Checks against one epoch of linear gradient descent, written as plainly as possible and in f64.
 #[test]
 fn an_epoch_is_one_pass_over_the_first_transitions() {
     let stream = waves(60);
@@ -64,7 +65,7 @@ fn an_epoch_is_one_pass_over_the_first_transitions() {
     let agent = run(&stream, settings(1, 0), &config, &[1], None).expect("trains").remove(0);
     let initial = calib_nn::Mlp::new(&[2, 1], Seed::new(5).child("parameters"));
     let mut w: Vec<f64> = initial.parameters().iter().map(|&p| f64::from(p)).collect();
-    // 58 transitions, as two segments have; the last quarter of them, 15 (14.5 rounded), is held back.
+    // Two segments have 58 transitions. The last quarter, 15 (14.5 rounded), is for validation.
     let train: Vec<usize> = (0..19).chain(20..44).collect();
     let order = shuffled(&train, Seed::new(5).child("epoch").number(0));
     let x = |t: usize| [f64::from(stream.state(t)[0]), f64::from(stream.state(t)[1]), 1.0];
@@ -117,7 +118,7 @@ fn sensors_together_are_what_they_are_alone_on_any_number_of_threads() {
 #[test]
 fn patience_keeps_the_best_epoch() {
     let stream = waves(600);
-    // A rate so large that epochs get worse now and then.
+    // The rate is so large that some epochs are worse than the one before.
     let config = mlp(0.05);
     let all = run(&stream, settings(40, 0), &config, &[0], None).expect("trains").remove(0);
     let early = run(&stream, settings(40, 2), &config, &[0], None).expect("trains").remove(0);
@@ -164,7 +165,7 @@ fn what_cannot_be_trained_says_why() {
 
 #[test]
 fn an_agent_that_diverges_stops_alone() {
-    // The third sensor never moves: an agent that starts from zero has nothing to learn, so no rate is too large.
+    // The third sensor is constant: an agent that starts from zero has nothing to learn, so no rate is too large.
     let values = (0..400).flat_map(|t| [(f64::from(t) * 0.05).sin() as f32, 1.0, 0.0]);
     let states = States::new(values.collect(), 400, 3).expect("valid");
     let stream = RowStream::replay(states, &Segments::from_lengths([400]).expect("valid"));

@@ -7,17 +7,17 @@ use super::{
     solve::Square,
 };
 
-/// Numbers of values that cross-validation chooses from.
+/// Numbers of lagged values that cross-validation chooses from.
 const ORDERS: [usize; 10] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32];
 
-/// Rows that each coefficient is to have at least.
+/// Minimum number of rows per coefficient.
 const ROWS_EACH: usize = 20;
 
-/// Added to the diagonal, by the diagonal's mean: successive values of a slow sensor are nearly the same.
+/// Added to the diagonal, in units of its mean: successive values of a slow sensor are nearly the same.
 const JITTER: f64 = 1e-9;
 
-/// The regression of `returns` on the latest values of a column whose order has the least squared error over the folds; none
-/// where the column does not move.
+/// Fits a regression of `returns` on the latest values of a column, with the order that has the least squared error
+/// over the folds. `None` if the column is constant.
 pub(super) fn fit(
     stream: &dyn Stream,
     column: usize,
@@ -65,7 +65,7 @@ pub(super) fn fit(
     Some(Judged { predictor, squared_error, cross_errors })
 }
 
-/// The first rows and columns, with a little on the diagonal.
+/// Returns the leading `size` rows and columns, with a small term added to the diagonal.
 fn leading(matrix: &Square, size: usize) -> Square {
     let mut part = Square::zeros(size);
     for row in 0..size {

@@ -9,18 +9,18 @@ use super::{
 };
 use crate::{discounted_returns, scoring::known_returns, truncation_horizon};
 
-/// Penalties that cross-validation chooses from, by the number of rows; features are standardised. The last one leaves
-/// only what is not penalised.
+/// Penalties that cross-validation chooses from, relative to the number of rows. Features are standardised. The largest
+/// leaves only the unpenalised terms.
 const PENALTIES: [f64; 10] = [1e6, 1e2, 10.0, 1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
 
-/// Fewer rows than this tell no more than their mean.
+/// With fewer rows than this, only the mean is fitted.
 const FEW_ROWS: usize = 20;
 
-/// Products that the sums of a fit take at most; of longer logs every n-th step counts.
+/// Maximum number of products in the sums of a fit. In longer logs, only every n-th step counts.
 const MOST_PRODUCTS: usize = 2_000_000_000;
 
-/// Fits simple predictors of any column on the same rows: those whose returns are known, which takes a horizon of states
-/// that follow without a gap. Excluded states are a gap.
+/// Fits simple predictors of any column on the same rows: those with known returns, which require a horizon of
+/// following states without a gap. Excluded states are a gap.
 pub struct Fitter<'a> {
     stream: Remaining<'a>,
     gamma: f64,
@@ -30,27 +30,27 @@ pub struct Fitter<'a> {
     ahead: OnceCell<Vec<Square>>,
 }
 
-/// This share of the best predictor's mean squared error over folds is added to the error of each fold before their logarithms
-/// are compared. Our choice.
+/// This share of the best predictor's mean squared error over folds is added to the error of each fold before their
+/// logarithms are compared. Our choice.
 const RESTING: f64 = 0.01;
 
-/// A predictor that was fitted on all rows.
+/// A predictor that was fitted on all rows, with its cross-validated errors.
 pub(super) struct Judged {
     pub(super) predictor: FittedPredictor,
-    /// Summed over later folds, each predicted by what earlier ones fit; infinite where one of them fits nothing.
+    /// Sum over later folds, each predicted by the fit to earlier folds. Infinite if one of these fits has no solution.
     pub(super) squared_error: f64,
-    /// In each fold, predicted by what the others fit.
+    /// Error in each fold, predicted by the fit to the other folds.
     pub(super) cross_errors: Vec<f64>,
 }
 
 impl Judged {
-    /// The mean of its errors over folds; 0 without any.
+    /// Returns the mean of the errors over folds, or 0 if there are no folds.
     fn mean_cross_error(&self) -> f64 {
         self.cross_errors.iter().sum::<f64>() / self.cross_errors.len().max(1) as f64
     }
 }
 
-/// What is chosen between by cross-validation.
+/// The systems of equations that cross-validation solves.
 enum Equations<'m> {
     /// Least squares: the second moments of the features are the matrix.
     Ridge,
@@ -59,7 +59,7 @@ enum Equations<'m> {
 }
 
 impl<'a> Fitter<'a> {
-    /// A fitter on the states of `stream`, but for those in the ranges `excluded`.
+    /// Returns a fitter on the states of `stream`, without those in the ranges `excluded`.
     ///
     /// # Panics
     /// If `gamma` is not in [0, 1).
@@ -77,13 +77,12 @@ impl<'a> Fitter<'a> {
         Self { stream, gamma, folds, features, second: OnceCell::new(), ahead: OnceCell::new() }
     }
 
-    /// Steps that predictors are fitted on.
+    /// Returns the number of steps that predictors are fitted on.
     pub fn rows(&self) -> usize {
         self.folds.rows.len()
     }
 
-    /// A predictor of the return of `column`. Where there are too few rows to fit more, it predicts their mean; where there
-    /// are none, 0.
+    /// Fits a predictor of the return of `column`. With too few rows it predicts their mean, and without any rows 0.
     pub fn fit(&self, predictor: SimplePredictor, column: usize) -> FittedPredictor {
         let width = self.stream.width();
         if predictor == SimplePredictor::Persistence {
@@ -104,12 +103,12 @@ impl<'a> Fitter<'a> {
         fitted.map_or(constant, |fitted| fitted.predictor)
     }
 
-    /// That of [`SimplePredictor::Best`]; the constant where nothing can be judged.
+    /// Fits [`SimplePredictor::Best`], or returns the constant if no predictor can be validated.
     fn best(&self, column: usize, returns: &[f64], constant: FittedPredictor) -> FittedPredictor {
         self.best_judged(column, returns).map_or(constant, |(_, judged)| judged.predictor)
     }
 
-    /// Which predictor is the best of a column; none where there are too few rows to tell.
+    /// Returns the best predictor for a column, or `None` if there are too few rows to tell.
     pub fn best_of(&self, column: usize) -> Option<SimplePredictor> {
         if self.folds.rows.len() < FEW_ROWS {
             return None;
@@ -118,10 +117,11 @@ impl<'a> Fitter<'a> {
         self.best_judged(column, &returns).map(|(best, _)| best)
     }
 
-    /// The simplest of those that are within a hundredth of the least error of the cross-validation, as a geometric mean over its
-    /// folds: one fold in which all err a lot must not decide alone. By later folds alone, what was
-    /// fitted on the first days of a log would count, and a plant that was run otherwise then would make persistence the best: it is
-    /// not fitted.
+    /// Returns the simplest predictor within a hundredth of the least cross-validated error.
+    ///
+    /// The error is a geometric mean over the folds, so that one fold in which all predictors err a lot does not decide
+    /// alone. Later folds alone would give weight to the fits on the first days of a log. If the plant was then run
+    /// differently, persistence would seem best, because it is not fitted.
     fn best_judged(&self, column: usize, returns: &[f64]) -> Option<(SimplePredictor, Judged)> {
         let judged: Vec<(SimplePredictor, Judged)> = SimplePredictor::ALL
             .into_iter()
@@ -129,7 +129,7 @@ impl<'a> Fitter<'a> {
             .collect();
         let least = judged.iter().map(|(_, judged)| judged.mean_cross_error());
         let least = least.fold(f64::INFINITY, f64::min);
-        // A fold in which the sensor rests must not decide either.
+        // A fold in which the sensor is constant must not decide either.
         let rest = RESTING * least + f64::MIN_POSITIVE;
         let typical = |judged: &Judged| {
             let errors = judged.cross_errors.iter().map(|error| (error.max(0.0) + rest).ln());
@@ -140,7 +140,7 @@ impl<'a> Fitter<'a> {
         judged.into_iter().find(|(_, judged)| typical(judged) <= 1.01 * 1.01 * least)
     }
 
-    /// All that can be judged on later folds, the simplest first.
+    /// Returns all predictors that can be validated on later folds, the simplest first.
     fn all_judged(&self, column: usize, returns: &[f64]) -> Vec<Judged> {
         SimplePredictor::ALL
             .into_iter()
@@ -149,7 +149,7 @@ impl<'a> Fitter<'a> {
             .collect()
     }
 
-    /// A mixture of all of them.
+    /// Returns a mixture of all predictors.
     fn mixture(
         &self,
         column: usize,
@@ -175,8 +175,8 @@ impl<'a> Fitter<'a> {
         FittedPredictor::Mixture(Mixture { column, range, gamma: self.gamma, predictors, errors })
     }
 
-    /// A predictor, and its error where later folds are predicted by what was fitted on earlier ones; none where the column
-    /// does not allow it.
+    /// Returns a predictor and its error on later folds when fitted on earlier ones, or `None` if the column does not
+    /// allow it.
     fn judged(&self, predictor: SimplePredictor, column: usize, returns: &[f64]) -> Option<Judged> {
         match predictor {
             SimplePredictor::Mean => self.line(None, returns),
@@ -206,7 +206,7 @@ impl<'a> Fitter<'a> {
         FittedPredictor::Affine { weights, bias: 0.0 }
     }
 
-    /// Least squares on a constant, and on one column if there is one.
+    /// Fits least squares on a constant, and on one column if given.
     fn line(&self, column: Option<usize>, returns: &[f64]) -> Option<Judged> {
         let width = self.stream.width();
         let size = 1 + usize::from(column.is_some());
@@ -236,7 +236,7 @@ impl<'a> Fitter<'a> {
         Some(Judged { predictor, squared_error, cross_errors })
     }
 
-    /// The linear predictor on all columns whose penalty has the least squared error over the folds.
+    /// Fits the linear predictor on all columns with the penalty that has the least squared error over the folds.
     fn linear(&self, column: usize, returns: &[f64], equations: &Equations<'_>) -> Option<Judged> {
         let size = self.stream.width() + 1;
         let second = self.second();
@@ -262,7 +262,7 @@ impl<'a> Fitter<'a> {
             for feature in 0..size - 1 {
                 let value = &mut matrix.row_mut(feature)[feature];
                 if self.features.scales[feature] == 0.0 {
-                    // A column that never moves has no equation: its weight is 0.
+                    // A constant column has no equation: its weight is 0.
                     *value = 1.0;
                 } else if feature != column {
                     *value += penalty;
@@ -276,7 +276,7 @@ impl<'a> Fitter<'a> {
                 .cross_errors(second, &targets, |parts: &[usize]| solve(parts, penalty))?;
             Some((penalty, errors.iter().sum::<f64>(), errors))
         });
-        // The largest penalty of those that are alike.
+        // The largest of the penalties with equal errors.
         let (best, _, cross_errors) =
             errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?;
         let predictor = self.features.affine(&solve(&self.folds.all(), best)?);
@@ -302,10 +302,10 @@ impl<'a> Fitter<'a> {
     }
 }
 
-/// Columns with mean 0 and standard deviation 1 over the rows, and a column of ones after them.
+/// Columns scaled to mean 0 and standard deviation 1 over the rows, followed by a column of ones.
 struct Features {
     means: Vec<f64>,
-    /// By what columns are multiplied; 0 for one that does not move.
+    /// Scaling factor per column; 0 for a constant one.
     scales: Vec<f64>,
 }
 
@@ -329,7 +329,7 @@ impl Features {
             .iter()
             .zip(&means)
             .map(|(square, mean): (&f64, &f64)| {
-                // Below this a column is constant but for rounding.
+                // Below this threshold a column is constant up to rounding.
                 let moves = square.sqrt() > 1e-7 * mean.abs().max(1e-7);
                 if moves { 1.0 / square.sqrt() } else { 0.0 }
             })
@@ -346,7 +346,7 @@ impl Features {
         to[state.len()] = 1.0;
     }
 
-    /// The predictor that has these weights on the features.
+    /// Returns the predictor with these weights on the features.
     fn affine(&self, weights: &[f64]) -> FittedPredictor {
         let width = self.means.len();
         let scaled: Vec<f64> = weights[..width]
@@ -359,7 +359,7 @@ impl Features {
     }
 }
 
-/// A stream without some of its states, which are gaps of it.
+/// A stream without some of its states. The removed states are gaps.
 struct Remaining<'a> {
     stream: &'a dyn Stream,
     pieces: Vec<Range<usize>>,

@@ -1,4 +1,4 @@
-//! All simple predictors at once, weighted by how well each has done so far.
+//! A mixture of all simple predictors, weighted by their past accuracy.
 
 use calib_core::Stream;
 use schemars::JsonSchema;
@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use super::FittedPredictor;
 
-/// Steps after which a prediction is judged, in units of 1 / (1 − γ): what follows later is a twentieth of the return.
+/// Steps after which a prediction is scored, in units of 1 / (1 − γ). Later rewards contribute a twentieth of the
+/// return.
 const JUDGED_AFTER: f64 = 3.0;
 
-/// The errors in the log count as much as those over so many stretches that are judged independently.
+/// The errors in the log count as much as those over this many independently scored stretches.
 const PRIOR_STRETCHES: f64 = 3.0;
 
 /// A mean of simple predictors whose weights follow how well each predicts.
@@ -38,7 +39,7 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// The prediction at every state of `stream`. What was learned about the predictors is kept over gaps.
+    /// Returns the prediction at every state of `stream`. The weights of the predictors are kept over gaps.
     pub(super) fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
         let mut each: Vec<Vec<f32>> =
             self.predictors.iter().map(|predictor| predictor.predictions(stream)).collect();

@@ -59,7 +59,7 @@ impl SimplePredictor {
         matches!(self, Self::Mean | Self::Persistence | Self::Line | Self::Autoregression)
     }
 
-    /// Its name in a study and in JSON.
+    /// Returns the name in a study and in JSON.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Mean => "mean",
@@ -73,7 +73,7 @@ impl SimplePredictor {
         }
     }
 
-    /// What it is called in text.
+    /// Returns the name in text.
     pub const fn label(self) -> &'static str {
         match self {
             Self::Mean => "the training mean",
@@ -114,10 +114,10 @@ pub enum FittedPredictor {
 }
 
 impl FittedPredictor {
-    /// The prediction at every state of `stream`, from that state and those before it in its piece.
+    /// Returns the prediction at every state of `stream`, from that state and those before it in its piece.
     ///
     /// # Panics
-    /// If the states are narrower than those that it was fitted on.
+    /// If the states are narrower than those that the predictor was fitted on.
     pub fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
         if let Self::Mixture(mixture) = self {
             return mixture.predictions(stream);

@@ -1,24 +1,25 @@
-//! Sums over the rows that a predictor is fitted on, kept apart by folds of a cross-validation.
+//! Sums over the rows that a predictor is fitted on, stored separately for the folds of a cross-validation.
 
 use std::ops::Range;
 
 use super::solve::{Square, dot};
 
-/// Folds of the cross-validation.
+/// Number of folds of the cross-validation.
 const FOLDS: usize = 5;
 
-/// Rows in time order, cut into folds, and each fold into a first part, a middle and a last part. The outer parts
-/// separate a fold from its neighbours: returns near the border share the same future.
+/// Rows in time order, cut into folds. Each fold has a first, a middle and a last part. The outer parts separate a fold
+/// from its neighbours, because returns near the border share the same future.
 #[derive(Clone, Debug)]
 pub(super) struct Folds {
-    /// Steps that count.
+    /// Steps that predictors are fitted on.
     pub(super) rows: Vec<usize>,
-    /// Positions in `rows`: three parts for each fold.
+    /// Ranges of positions in `rows`, three parts per fold.
     parts: Vec<Range<usize>>,
 }
 
 impl Folds {
-    /// Folds of `rows`, which a horizon of `gap` steps separates, or half a fold where folds are shorter than that.
+    /// Cuts `rows` into folds, separated by a horizon of `gap` steps, or by half a fold where folds are shorter than
+    /// that.
     pub(super) fn new(rows: Vec<usize>, gap: usize) -> Self {
         let count = rows.len();
         let mut parts = Vec::with_capacity(3 * FOLDS);
@@ -39,7 +40,7 @@ impl Folds {
         Self { rows, parts }
     }
 
-    /// Sums of each part, of features that `write` computes for a step.
+    /// Returns the second moments of each part, of the features that `write` computes for a step.
     pub(super) fn second_moments(
         &self,
         size: usize,
@@ -51,7 +52,7 @@ impl Folds {
             for &t in rows {
                 write(t, &mut features);
                 for (row, &left) in features.iter().enumerate() {
-                    // The upper triangle; the lower one is mirrored once for all rows.
+                    // Only the upper triangle; the lower one is mirrored once for all rows.
                     for (sum, right) in sums.row_mut(row)[row..].iter_mut().zip(&features[row..]) {
                         *sum += left * right;
                     }
@@ -66,7 +67,7 @@ impl Folds {
         })
     }
 
-    /// Sums of each part over products of two vectors of features, the first by rows.
+    /// Returns for each part the sums of products of two feature vectors. The first vector indexes the rows.
     pub(super) fn cross_moments(
         &self,
         size: usize,
@@ -88,7 +89,7 @@ impl Folds {
         })
     }
 
-    /// Sums of each part of features times a target.
+    /// Returns for each part the sums of features times a target.
     pub(super) fn target_moments(
         &self,
         size: usize,
@@ -114,7 +115,7 @@ impl Folds {
         self.parts.iter().map(|part| sum(&self.rows[part.clone()])).collect()
     }
 
-    /// Rows of a set of parts.
+    /// Returns the number of rows in a set of parts.
     pub(super) fn count(&self, parts: &[usize]) -> usize {
         parts.iter().map(|&part| self.parts[part].len()).sum()
     }
@@ -127,7 +128,7 @@ impl Folds {
         &self.rows[self.parts[part].clone()]
     }
 
-    /// The later folds, each judged by what all before it fit.
+    /// Returns the splits that validate each later fold with a fit to all folds before it.
     pub(super) fn splits_ahead() -> Vec<Split> {
         (FOLDS / 2..FOLDS)
             .map(|fold: usize| Split {
@@ -137,13 +138,14 @@ impl Folds {
             .collect()
     }
 
-    /// The steps of the later folds.
+    /// Returns the steps of the later folds.
     pub(super) fn rows_ahead(&self) -> impl Iterator<Item = usize> {
         let parts = Self::splits_ahead().into_iter().flat_map(|split| split.judged);
         parts.flat_map(|part| self.rows_of(part).iter().copied())
     }
 
-    /// The squared error over the later folds of what `solve` gives for the parts before them; infinite if it gives nothing.
+    /// Returns the squared error over the later folds of the solutions that `solve` gives for the parts before them.
+    /// Infinite if there is no solution.
     pub(super) fn error_ahead(
         second: &[Square],
         targets: &[Target],
@@ -158,7 +160,7 @@ impl Folds {
         total
     }
 
-    /// The squared error in each fold that others can predict, of what has this error at a step.
+    /// Returns the squared error in each fold that others can predict, where `error` gives the error at a step.
     pub(super) fn errors_across(&self, error: impl Fn(usize) -> f64) -> Vec<f64> {
         self.splits()
             .iter()
@@ -174,7 +176,8 @@ impl Folds {
             .collect()
     }
 
-    /// The squared error in each fold of what `solve` gives for the others; none if it gives nothing.
+    /// Returns the squared error in each fold of the solution that `solve` gives for the others, or `None` without a
+    /// solution.
     pub(super) fn cross_errors(
         &self,
         second: &[Square],
@@ -192,7 +195,7 @@ impl Folds {
             .collect()
     }
 
-    /// What is fitted on and what is judged by in each fold that has both.
+    /// Returns the training and validation parts of each fold that has both.
     pub(super) fn splits(&self) -> Vec<Split> {
         (0..FOLDS)
             .map(|fold: usize| {
@@ -208,7 +211,7 @@ impl Folds {
     }
 }
 
-/// Parts of a fold of the cross-validation.
+/// The training and validation parts of one fold of the cross-validation.
 #[derive(Clone, Debug)]
 pub(super) struct Split {
     pub(super) fitted: Vec<usize>,
@@ -218,9 +221,9 @@ pub(super) struct Split {
 /// Sums of a target over some rows.
 #[derive(Clone, Debug)]
 pub(super) struct Target {
-    /// Of features times the target.
+    /// Sums of features times the target.
     pub(super) products: Vec<f64>,
-    /// Of the target's square.
+    /// Sum of the squared target.
     pub(super) square: f64,
 }
 
@@ -236,13 +239,13 @@ impl Target {
         sum
     }
 
-    /// Σ (y − w · x)² over rows with these second moments.
+    /// Returns Σ (y − w · x)² over rows with these second moments.
     pub(super) fn squared_error(&self, second: &Square, weights: &[f64]) -> f64 {
         self.square - 2.0 * dot(&self.products, weights) + dot(weights, &second.times(weights))
     }
 }
 
-/// The sum of some parts' moments.
+/// Returns the sum of the moments of some parts.
 pub(super) fn sum(all: &[Square], parts: &[usize]) -> Square {
     let mut sum = Square::zeros(all[0].size);
     for &part in parts {

@@ -1,6 +1,6 @@
 //! Small dense systems of equations.
 
-/// A square matrix, row after row.
+/// A square matrix in row-major order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Square {
     pub(super) size: usize,
@@ -20,7 +20,7 @@ impl Square {
         &mut self.values[row * self.size..][..self.size]
     }
 
-    /// Add `factor` times `other`, which has the same size.
+    /// Adds `factor` times `other`, which has the same size.
     pub(super) fn add(&mut self, factor: f64, other: &Self) {
         for (value, other) in self.values.iter_mut().zip(&other.values) {
             *value += factor * other;
@@ -31,8 +31,8 @@ impl Square {
         (0..self.size).map(|row| dot(self.row(row), vector)).collect()
     }
 
-    /// The solution of `self · x = right` by Gaussian elimination with partial pivoting; none where the matrix is
-    /// singular to working precision.
+    /// Solves `self · x = right` by Gaussian elimination with partial pivoting. `None` if the matrix is singular
+    /// to working precision.
     pub(super) fn solve(mut self, right: &[f64]) -> Option<Vec<f64>> {
         let size = self.size;
         let mut right = right.to_vec();

@@ -6,7 +6,7 @@ use crate::{CurveRule, Part, discounted_returns, score_predictions};
 
 const GAMMA: f64 = 0.8;
 
-/// A vector autoregression of three columns, the third of which is noise.
+/// Returns a vector autoregression of three columns, the third of which is noise.
 fn stream(rows: usize, seed: u64) -> RowStream {
     let mut rng = Seed::new(seed).rng();
     let mut values: Vec<f32> = vec![0.5, 0.2, 0.0];
@@ -20,19 +20,19 @@ fn stream(rows: usize, seed: u64) -> RowStream {
     RowStream::replay(states, &Segments::from_lengths([rows / 3, rows - rows / 3]).expect("valid"))
 }
 
-/// One segment of states that have these values.
+/// Returns one segment of states with these values.
 fn replay(values: Vec<f32>, columns: usize) -> RowStream {
     let rows = values.len() / columns;
     let states = States::new(values, rows, columns).expect("valid");
     RowStream::replay(states, &Segments::from_lengths([rows]).expect("valid"))
 }
 
-/// The values of its first states.
+/// Returns the values of the first `rows` states.
 fn values_of(stream: &RowStream, rows: usize) -> Vec<f32> {
     (0..rows).flat_map(|t| Stream::state(stream, t).to_vec()).collect()
 }
 
-/// All that are told apart by their errors, and what is made of them.
+/// Returns all predictors that are compared by their errors, and those built from them.
 fn every_predictor() -> impl Iterator<Item = SimplePredictor> {
     SimplePredictor::ALL.into_iter().chain([SimplePredictor::Best, SimplePredictor::Mixture])
 }
@@ -44,7 +44,7 @@ fn error(fitted: &FittedPredictor, stream: &RowStream) -> f64 {
     run.expect("scored").scores.of(Part::WholeRun).expect("steps").rmse
 }
 
-/// What the return of column 0 is expected to be: the linear predictor that ridge and least-squares TD estimate.
+/// Returns the expected return of column 0: the linear predictor that ridge and least-squares TD estimate.
 fn exact() -> FittedPredictor {
     // G = Σ γᵏ E[o_{t+k+1}] with E[s_{t+1}] = A s_t + c. Solved for w and b by iteration.
     let mut w = [0.0; 2];
@@ -107,7 +107,7 @@ fn a_line_is_what_least_squares_gives() {
     assert!((predicted[0] - 10.0 / 3.0).abs() < 1e-3 && (predicted[1] - 8.0 / 3.0).abs() < 1e-3);
 }
 
-/// Which predictor of column 0 is taken for the best.
+/// Returns the predictor that is chosen as best for column 0.
 fn best_of(values: Vec<f32>, columns: usize) -> Option<SimplePredictor> {
     let train = replay(values, columns);
     let fitter = Fitter::new(&train, GAMMA, &[]);
@@ -133,15 +133,15 @@ fn the_best_is_what_predicts_what_comes_later() {
     assert_eq!(best_of(values_of(&train, 9000), 3), Some(SimplePredictor::Ridge));
 }
 
-/// A pump that was tried out at two speeds before it ran as it does now: what the first recordings fit fails later, and what all
-/// of them fit does not.
+/// A pump was tested at two speeds before its present operation. A fit to the first recordings fails later; a fit to
+/// all recordings does not.
 #[test]
 fn the_best_is_not_decided_by_the_first_recordings_alone() {
     let mut rng = Seed::new(14).rng();
     let rows = 5_000;
     let mut values = Vec::with_capacity(2 * rows);
     for t in 0..rows {
-        // The speed hardly moves in the first recordings, and noise has its place in the fit.
+        // The speed is nearly constant in the first recordings, so a fit can attribute noise to it.
         let speed = if t < 2 * rows / 5 {
             rng.normal() * 0.01
         } else {
@@ -165,7 +165,7 @@ fn a_mixture_does_nearly_as_well_as_the_best_of_what_it_mixes() {
     let best = each.into_iter().fold(f64::INFINITY, f64::min);
     let mixed = error(&mixture, &test);
     assert!(mixed <= 1.01 * best, "{mixed} {each:?}");
-    // A plant that starts to work otherwise: what was best goes wrong, and is left.
+    // The plant changes its behaviour: the best predictor fails, and the mixture abandons it.
     let states = (0..6000).flat_map(|t| {
         let [a, b, c] = Stream::state(&test, t) else { panic!("three columns") };
         let (up, down) = if t > 500 { (3.0, 40.0) } else { (0.0, 0.0) };
@@ -175,7 +175,7 @@ fn a_mixture_does_nearly_as_well_as_the_best_of_what_it_mixes() {
     let each = SimplePredictor::ALL.map(|predictor| error(&fitter.fit(predictor, 0), &changed));
     let best = each.into_iter().fold(f64::INFINITY, f64::min);
     let mixed = error(&mixture, &changed);
-    // Some steps pass before it is seen that they do.
+    // It takes some steps to notice the change.
     assert!(each[4] > 50.0 * best && mixed <= 2.0 * best, "{mixed} {each:?}");
 }
 
@@ -205,7 +205,7 @@ fn what_is_excluded_has_no_influence() {
 
 #[test]
 fn a_large_penalty_leaves_the_line() {
-    // The other column predicts perfectly in training, and is noise afterwards: within folds it helps nowhere.
+    // The other column predicts perfectly in training and is noise afterwards. Within folds it never helps.
     let mut rng = Seed::new(8).rng();
     let values = (0..2000).flat_map(|_| [rng.normal() as f32, rng.normal() as f32]).collect();
     let train = replay(values, 2);
@@ -234,7 +234,7 @@ fn logs_without_information_give_their_mean() {
 }
 
 proptest! {
-    /// Predictions follow units: a sensor in other units has its returns predicted in these.
+    /// Predictions are equivariant: a sensor in other units has its returns predicted in those units.
     #[test]
     fn predictors_are_equivariant(scale in 0.1_f32..10.0, shift in -5.0_f32..5.0) {
         let train = stream(1500, 6);
@@ -252,7 +252,7 @@ proptest! {
             let total = f64::from(shift) / (1.0 - GAMMA);
             for (a, b) in own.iter().zip(scaled) {
                 let expected = f64::from(*a) * f64::from(scale) + total;
-                // Sums end with the log: a hundredth of the last returns is missing, also of the shift.
+                // Sums end with the log: a hundredth of the last returns is missing, also from the shift.
                 prop_assert!((expected - f64::from(b)).abs() < 2e-3 * (expected.abs() + total.abs() + 1.0));
             }
         }

@@ -44,7 +44,8 @@ fn an_agent_that_does_not_learn_is_its_baseline() {
     }
 }
 
-/// A linear value function that is added to a linear baseline is one that begins with the baseline's weights.
+/// A linear value function that is added to a linear baseline equals one that starts with the baseline's
+/// weights.
 #[test]
 fn a_linear_baseline_is_where_a_linear_agent_begins() {
     let stream = waves(1500);
@@ -65,7 +66,7 @@ fn a_linear_baseline_is_where_a_linear_agent_begins() {
     );
 }
 
-/// The error of the last quarter.
+/// Returns the error of the last quarter.
 fn settled_error(outcome: &RunOutcome) -> f64 {
     outcome.scores.of(Part::FinalQuarter).expect("steps").rmse
 }
@@ -113,7 +114,7 @@ fn online(optimiser: OptimiserKind) -> AgentConfig {
     }
 }
 
-/// In two pieces, so that traces end at a gap.
+/// The stream has two pieces, so that traces end at a gap.
 #[test]
 fn agents_with_traces_learn_and_begin_anew_after_a_gap() {
     let stream = waves_in([2500, 1500]);
@@ -130,7 +131,8 @@ fn agents_with_traces_learn_and_begin_anew_after_a_gap() {
     }
 }
 
-/// TD(λ) of a table with λ = 0 and TD(0) are the same updates, up to when the value of a state is computed.
+/// Tabular TD(λ) with λ = 0 and TD(0) make the same updates, except for when they compute the value of a
+/// state.
 #[test]
 fn without_traces_true_online_td_is_td() {
     let stream = waves(3000);

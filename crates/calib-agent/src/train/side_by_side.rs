@@ -1,4 +1,4 @@
-//! Learners of several sensors, from checkpoints, and runs that are resumed.
+//! Tests of learners of several sensors, with checkpoints, and of resumed runs.
 
 use std::{cell::RefCell, sync::atomic::AtomicU64};
 
@@ -25,7 +25,7 @@ fn outcomes(stream: &dyn Stream, learners: &[Learner<'_>]) -> Vec<RunOutcome> {
     train_learners(run(stream), learners, &NoKeeper, &Silent).expect("trains")
 }
 
-/// Agents of every kind, one of which diverges.
+/// Returns agents of every kind, one of which diverges.
 fn agents() -> Vec<AgentConfig> {
     let adam = AgentConfig { optimiser: OptimiserKind::Adam, learning_rate: 1e-2, ..linear() };
     vec![
@@ -105,7 +105,7 @@ fn a_checkpoint_is_where_learning_starts() {
         assert!((rmse(&kept) - rmse(&moved)).abs() < 1e-5 * rmse(&kept), "no rate, or nearly none");
         assert_eq!(rmse(&kept), rmse(&outcome(&frozen, Some(&whole))));
         assert_ne!(rmse(&kept), rmse(&outcome(&frozen, None)));
-        // Without learning the curve repeats the stream's errors: the checkpoint never gets better.
+        // Without learning, the curve repeats the stream's errors: the checkpoint never improves.
         let scratch = outcome(&fast, None);
         let [reset, keep] = [&bare, &whole].map(|start| outcome(&fast, Some(start)));
         assert_ne!(rmse(&reset), rmse(&scratch));
@@ -127,7 +127,7 @@ fn a_checkpoint_of_another_shape_is_refused() {
     );
 }
 
-/// Keeps every state in memory.
+/// Stores every state in memory.
 struct Memory {
     work: u64,
     states: RefCell<Vec<RunState>>,
@@ -143,7 +143,7 @@ impl Checkpointer for Memory {
     }
 
     fn keep(&self, state: RunState) -> Result<(), String> {
-        // As a file would: figures as text.
+        // Numbers are stored as text, as in a file.
         let text = serde_json::to_string(&state.progress).expect("plain data");
         let progress = serde_json::from_str(&text).expect("reads");
         self.states.borrow_mut().push(RunState { progress, ..state });

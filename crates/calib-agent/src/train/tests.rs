@@ -14,7 +14,7 @@ fn unbroken(values: Vec<f32>, width: usize, order: impl IntoIterator<Item = usiz
     RowStream::unbroken(states, order.into_iter().map(RowIndex::new).collect())
 }
 
-/// A slow wave, its derivative, and a little noise.
+/// Returns a slow wave, its derivative, and a little noise.
 pub(crate) fn waves(steps: usize) -> RowStream {
     let mut rng: Rng = Seed::new(11).rng();
     let values = (0..steps).flat_map(|t| {
@@ -25,7 +25,7 @@ pub(crate) fn waves(steps: usize) -> RowStream {
     unbroken(values.collect(), 2, 0..steps)
 }
 
-/// The same in segments of these lengths.
+/// Returns the same waves in segments of these lengths.
 pub(crate) fn waves_in<const SEGMENTS: usize>(lengths: [usize; SEGMENTS]) -> RowStream {
     let steps = lengths.iter().sum();
     let whole = waves(steps);
@@ -43,7 +43,7 @@ fn whole(outcome: &RunOutcome) -> PartScore {
     outcome.scores.of(Part::WholeRun).expect("scored")
 }
 
-/// Once the agent has settled.
+/// Returns the score after the agent has settled.
 fn settled(outcome: &RunOutcome) -> PartScore {
     outcome.scores.of(Part::FinalQuarter).expect("scored")
 }
@@ -108,12 +108,13 @@ fn a_network_predicts_a_wave() {
     assert!(single != rounded && (single / rounded - 1.0).abs() < 0.05, "{single} {rounded}");
 }
 
-/// The value of features by the weights of a linear value function.
+/// Returns the value of features under the weights of a linear value function.
 pub(crate) fn weighted_sum(w: &[f64], x: [f64; 3]) -> f64 {
     x.iter().zip(w).map(|(x, w)| x * w).sum()
 }
 
-/// The whole algorithm once more, as plainly as possible and in f64: online, linear, piece by piece.
+/// Checks against the whole algorithm, written as plainly as possible and in f64: online, linear, piece
+/// by piece.
 #[test]
 fn the_online_agent_is_the_textbooks() {
     let stream = waves_in([50, 1, 30, 39]);
@@ -232,7 +233,7 @@ fn extreme_learning_rates_are_harmless() {
     let agents =
         [1e-40, 1e-43, 1e-6, 1.0].map(|learning_rate| AgentConfig { learning_rate, ..mlp() });
     let outcomes = run(&stream, &agents);
-    // Too small to move any parameter: predictions stay those of the initial network.
+    // The rate is too small to move any parameter: predictions stay those of the initial network.
     assert_eq!(outcomes[0], outcomes[1]);
     assert!(whole(&outcomes[2]).rmse < whole(&outcomes[0]).rmse);
     assert!(outcomes.iter().all(|outcome| whole(outcome).rmse.is_finite()));
@@ -244,12 +245,12 @@ fn a_target_copied_after_every_update_is_no_target() {
     let agents = [0, 1, 1_000_000]
         .map(|target_network_period| AgentConfig { target_network_period, ..linear() });
     let outcomes = run(&stream, &agents);
-    // Sums run in another order.
+    // Sums are computed in another order.
     assert!((whole(&outcomes[0]).rmse - whole(&outcomes[1]).rmse).abs() < 1e-5);
     assert!((whole(&outcomes[0]).rmse - whole(&outcomes[2]).rmse).abs() > 1e-2);
 }
 
-/// Three states, the last of which is not a number.
+/// A stream of three states, the last of which is not a number.
 struct Broken;
 
 impl Stream for Broken {
@@ -270,7 +271,7 @@ impl Stream for Broken {
     }
 }
 
-/// Why a training is refused.
+/// Returns the message with which a training is refused.
 fn refusal(stream: &RowStream, cumulant: usize, agent: AgentConfig) -> String {
     let curve = CurveRule::default();
     train(stream, cumulant, &[agent], curve, Seed::new(1), &Silent)
@@ -335,7 +336,7 @@ fn the_monitor_sees_the_stream_once_and_can_stop() {
     assert!((500..600).contains(&advanced), "{advanced}");
 }
 
-/// Asks to stop when it was asked twenty times.
+/// A monitor that asks to stop after twenty checks.
 struct Patience(AtomicU64);
 
 impl Monitor for Patience {
@@ -350,7 +351,8 @@ fn a_step_of_many_updates_can_be_stopped() {
     for agent in [linear(), mlp()] {
         let agents = [AgentConfig { updates_per_step: usize::MAX / 2, ..agent }];
         let curve = CurveRule { windows: 20 };
-        // Asked before each of the steps that fill a mini-batch, and then within the first that learns.
+        // The monitor is checked before each of the steps that fill a mini-batch, and then within the
+        // first that learns.
         let monitor = Patience(AtomicU64::new(0));
         let stopped = train(&stream, 0, &agents, curve, Seed::new(5), &monitor);
         assert!(matches!(stopped, Err(AgentError::Cancelled(_))), "{stopped:?}");
@@ -359,7 +361,7 @@ fn a_step_of_many_updates_can_be_stopped() {
 
 #[test]
 fn a_trace_predicts_what_the_state_alone_cannot() {
-    // 1, 0, 0, 1, 0, 0, …: after a 0 comes a 0 or a 1, and only memory tells which.
+    // 1, 0, 0, 1, 0, 0, …: the successor of a 0 is a 0 or a 1, and only memory tells which.
     let values = (0..6_000).map(|t| if t % 3 == 0 { 1.0 } else { 0.0 });
     let stream = unbroken(values.collect(), 1, 0..6_000);
     let agent = AgentConfig { gamma: 0.5, learning_rate: 0.5, ..linear() };
