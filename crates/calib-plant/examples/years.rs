@@ -1,12 +1,13 @@
-//! How far the second year of a plant is from the first one, with and without change.
+//! Measures how much the second year of a plant differs from the first, with and without change.
 //!
 //! ```text
 //! years [SEEDS]
 //! ```
 //!
-//! For each kind and strength of change: the 1-Wasserstein distance between the values of two successive years (hourly
-//! rows, 24 channels), in standard deviations of the first year, as the mean over SEEDS plants (6): of the three sensors
-//! that the paper predicts, and of all sensors. A normaliser and a model of the first year are off by as much in the second.
+//! The measure is the 1-Wasserstein distance between the values of two successive years (hourly rows, 24 channels), in
+//! standard deviations of the first year. It is given for each kind and strength of change as the mean over SEEDS
+//! plants (6): for the three sensors that the paper predicts, and for all sensors. A normaliser and a model of the
+//! first year are off by as much in the second.
 
 #![expect(clippy::print_stdout, reason = "a program prints")]
 
@@ -15,7 +16,7 @@ use calib_plant::{ChangeOptions, Plant, PlantOptions, ROLES};
 
 const YEAR_DAYS: f64 = 365.0;
 
-/// Quantiles by which samples are compared.
+/// Number of quantiles by which samples are compared.
 const QUANTILES: usize = 1000;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -57,7 +58,7 @@ fn of_strength(strength: f64) -> ChangeOptions {
     ChangeOptions { strength, ..ChangeOptions::default() }
 }
 
-/// Distances of the three roles, and the mean over all sensors.
+/// Returns the distances for the three roles, and the mean over all sensors.
 fn shifts(seed: u64, change: ChangeOptions) -> Result<[f64; 4], Box<dyn std::error::Error>> {
     let options = PlantOptions {
         days: 2.0 * YEAR_DAYS,
@@ -67,7 +68,7 @@ fn shifts(seed: u64, change: ChangeOptions) -> Result<[f64; 4], Box<dyn std::err
         ..PlantOptions::default()
     };
     let plant = Plant::new(options)?;
-    // Sensors have no part behind a point.
+    // Names of sensors have no suffix after a point.
     let sensors: Vec<usize> = (0..plant.schema().len())
         .filter(|&at| !plant.schema()[at].name.contains('.') && plant.schema()[at].name != "MODE")
         .collect();
@@ -85,7 +86,7 @@ fn shifts(seed: u64, change: ChangeOptions) -> Result<[f64; 4], Box<dyn std::err
     Ok([all[0], all[1], all[2], mean])
 }
 
-/// 1-Wasserstein distance by quantiles, in standard deviations of `a`; not a number where `a` is constant or empty.
+/// Returns the 1-Wasserstein distance by quantiles, in standard deviations of `a`; NaN if `a` is constant or empty.
 fn distance(a: &mut [f32], b: &mut [f32]) -> f64 {
     a.sort_unstable_by(f32::total_cmp);
     b.sort_unstable_by(f32::total_cmp);
@@ -98,7 +99,7 @@ fn distance(a: &mut [f32], b: &mut [f32]) -> f64 {
     apart.sum::<f64>() / QUANTILES as f64 / (square / a.len() as f64).sqrt()
 }
 
-/// The quantile at `place` of all [`QUANTILES`].
+/// Returns the quantile number `place` of [`QUANTILES`].
 fn quantile(sorted: &[f32], place: usize) -> f64 {
     f64::from(sorted[place * (sorted.len() - 1) / (QUANTILES - 1)])
 }

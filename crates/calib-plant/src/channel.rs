@@ -3,7 +3,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::signal::{Nature, Signal};
 
-/// What preprocessing should find in a channel, given a day or more and at least 1,000 rows.
+/// The decision that preprocessing should make about a channel, given a day or more and at least
+/// 1,000 rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fate {
@@ -15,20 +16,20 @@ pub enum Fate {
     Missing,
 }
 
-/// The truth about one channel.
+/// The ground truth about one channel.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChannelInfo {
     /// Name of the column, unique in the plant.
     pub name: String,
     /// Unit of the values; empty for switches and numbers.
     pub unit: String,
-    /// What the channel measures, in a few words.
+    /// The measured quantity, in a few words.
     pub description: String,
-    /// What preprocessing should find.
+    /// The expected decision of preprocessing.
     pub fate: Fate,
 }
 
-/// A channel: what it shows, and what its instrument and the historian do to it.
+/// A channel: its value, and the errors that its instrument and the historian add.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
     pub(crate) info: ChannelInfo,
@@ -38,7 +39,7 @@ pub(crate) struct Channel {
 }
 
 impl Channel {
-    /// Whether its values are made from this signal, and recorded at all.
+    /// Whether the channel is made from this signal, and is recorded at all.
     pub(crate) fn shows(&self, signal: Signal) -> bool {
         let made_from = match self.recipe {
             Recipe::Lagged { signal: source, .. } | Recipe::Filtered { signal: source, .. } => {
@@ -53,12 +54,12 @@ impl Channel {
     }
 }
 
-/// The value before any instrument.
+/// The value of a channel before any instrument error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Recipe {
     /// A signal as it was `lag_secs` ago.
     Lagged { signal: Signal, lag_secs: f64 },
-    /// A signal behind a first-order filter.
+    /// A signal after a first-order filter.
     Filtered { signal: Signal, tau_secs: f64 },
     /// a + b.
     Sum(Signal, Signal),
@@ -66,27 +67,27 @@ pub(crate) enum Recipe {
     Difference(Signal, Signal),
     /// a / b, and 0 where b is below the last number.
     Ratio(Signal, Signal, f32),
-    /// Always this.
+    /// A constant value.
     Constant(f32),
 }
 
-/// When a channel is recorded at all.
+/// The times at which a channel is recorded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Availability {
-    /// Always, but for outages of its input card.
+    /// Always, except during outages of its input card.
     Always,
-    /// In the first `share` of every `cycle_secs`, from `phase_secs` on: an analyser on a time table.
+    /// In the first `share` of every `cycle_secs`, from `phase_secs` on: a scheduled analyser.
     Scheduled { cycle_secs: f64, phase_secs: f64, share: f64 },
     /// Never: a retired instrument that the historian still lists.
     Never,
 }
 
-/// Errors of an instrument and of the historian behind it, in the unit of the channel.
+/// Errors of an instrument and of the historian after it, in the unit of the channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Instrument {
-    /// Shows the value as it is.
+    /// Shows the value without error.
     Exact,
-    /// Range, white noise, drift, quantisation, dead-band; may get stuck.
+    /// Has a range, white noise, drift, quantisation and a dead-band. The value may freeze.
     Analog {
         range: (f64, f64),
         /// Standard deviation of the white noise.
@@ -104,11 +105,11 @@ pub(crate) enum Instrument {
 const CONVERTER_STEPS: f64 = 16_384.0;
 /// Drift of a default plant, as a share of the range.
 const DRIFT_SHARE: f64 = 0.004;
-/// Dead-bands in use, as shares of the range; the three roles have none.
+/// Dead-bands in use, as shares of the range. The three roles have no dead-band.
 const DEAD_BANDS: [f64; 4] = [0.0, 0.0005, 0.001, 0.0025];
 
 impl Instrument {
-    /// The instrument of a quantity of this nature and range.
+    /// Returns the instrument for a quantity of this nature and range.
     pub(crate) fn new(name: &str, nature: Nature, range: (f64, f64)) -> Self {
         let Nature::Analog(noise) = nature else {
             return Self::Exact;
@@ -126,7 +127,8 @@ impl Instrument {
     }
 }
 
-/// A number that depends on the name only: properties of a channel do not change with its neighbours.
+/// Returns a number that depends only on the name, so that properties of a channel do not depend on
+/// other channels.
 pub(crate) fn name_number(name: &str) -> u64 {
     Seed::new(0).child("channel").child(name).get()
 }

@@ -14,17 +14,17 @@ pub(crate) struct DayGrid {
 }
 
 impl DayGrid {
-    /// Seconds from the plant's start to row `row`.
+    /// Returns the seconds from the plant's start to row `row`.
     pub(crate) fn secs(&self, row: usize) -> f64 {
         (self.first + row as i64) as f64 * self.period_secs
     }
 
-    /// Share of the day gone at row `row`, 0 – 1.
+    /// Returns the elapsed share of the day at row `row`, 0 – 1.
     pub(crate) fn share(&self, row: usize) -> f64 {
         self.secs(row) / SECONDS_PER_DAY - f64::from(self.day)
     }
 
-    /// The rows at or after `from` and before `to` seconds.
+    /// Returns the rows at or after `from` and before `to` seconds.
     fn rows_between(&self, from: f64, to: f64) -> Range<usize> {
         let row = |secs: f64| {
             let instant = (secs / self.period_secs).ceil() - self.first as f64;
@@ -34,14 +34,15 @@ impl DayGrid {
     }
 }
 
-/// Faults that begin at random instants and last for log-normal times. Those of a day follow from
-/// the seed and the number of the day alone, so that a day can be made without the days before it.
+/// Faults that begin at random instants and have log-normal durations. Those of a day follow only
+/// from the seed and the number of the day, so that a day can be generated without the days before
+/// it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Faults {
     pub(crate) seed: Seed,
-    /// Mean rate.
+    /// Mean rate per day.
     pub(crate) per_day: f64,
-    /// Median duration; no fault lasts more than `longest_secs`, which is at most a day.
+    /// Median duration. No fault lasts more than `longest_secs`, which is at most a day.
     pub(crate) median_secs: f64,
     /// Standard deviation of the logarithm of the duration.
     pub(crate) spread: f64,
@@ -49,13 +50,14 @@ pub(crate) struct Faults {
 }
 
 impl Faults {
-    /// Rows of the faults that begin on the day, cut at midnight.
+    /// Returns the rows of the faults that begin on the day, cut at midnight.
     pub(crate) fn within(&self, grid: &DayGrid) -> Vec<Range<usize>> {
         self.rows_of(grid, grid.day).collect()
     }
 
-    /// Rows in a fault, including what is left of the day before, in order, without overlap, and at
-    /// most `share` of the day's rows; what is over is left out.
+    /// Returns the rows in a fault, including faults that continue from the day before. Ranges are
+    /// in order, do not overlap, and cover at most `share` of the day's rows; the excess is
+    /// dropped.
     pub(crate) fn touching(&self, grid: &DayGrid, share: f64) -> Vec<Range<usize>> {
         let before = grid.day.checked_sub(1);
         let mut spans: Vec<Range<usize>> =
@@ -88,7 +90,8 @@ impl Faults {
     }
 }
 
-/// Instants of a Poisson process of rate `per_day` in a day, as shares of it, in order.
+/// Returns the instants of a Poisson process of rate `per_day` in a day, as shares of the day, in
+/// order.
 pub(crate) fn arrivals(per_day: f64, rng: &mut Rng) -> Vec<f64> {
     let mut instants = Vec::new();
     if per_day > 0.0 {

@@ -10,14 +10,14 @@ pub(crate) struct Fluctuation {
 }
 
 impl Fluctuation {
-    /// A process of standard deviation `deviation` and time constant `tau_secs`,
-    /// started from its stationary distribution and sampled every `step_secs`.
+    /// Returns a process of standard deviation `deviation` and time constant `tau_secs`, started
+    /// from its stationary distribution and sampled every `step_secs`.
     pub(crate) fn new(deviation: f64, tau_secs: f64, step_secs: f64, rng: &mut Rng) -> Self {
         let keep = (-step_secs / tau_secs).exp();
         Self { keep, kick: deviation * (1.0 - keep * keep).sqrt(), value: deviation * rng.normal() }
     }
 
-    /// The value one step later.
+    /// Returns the value one step later.
     pub(crate) fn step(&mut self, rng: &mut Rng) -> f64 {
         self.value = self.keep * self.value + self.kick * rng.normal();
         self.value
@@ -28,7 +28,7 @@ impl Fluctuation {
     }
 }
 
-/// A quantity that follows its target with a first-order lag, exactly for a target held over a step.
+/// A quantity that follows its target with a first-order lag, exact for a target held over a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Follower {
     gain: f64,
@@ -36,18 +36,18 @@ pub(crate) struct Follower {
 }
 
 impl Follower {
-    /// Starts at `value` and follows with time constant `tau_secs`.
+    /// Returns a follower that starts at `value` and has the time constant `tau_secs`.
     pub(crate) fn new(value: f64, tau_secs: f64, step_secs: f64) -> Self {
         Self { gain: 1.0 - (-step_secs / tau_secs).exp(), value }
     }
 
-    /// The same value, which follows with another time constant from now on.
+    /// Returns a follower with the same value and another time constant.
     #[must_use]
     pub(crate) fn with_time_constant(self, tau_secs: f64, step_secs: f64) -> Self {
         Self::new(self.value, tau_secs, step_secs)
     }
 
-    /// One step towards `target`.
+    /// Makes one step towards `target`, and returns the new value.
     pub(crate) fn step(&mut self, target: f64) -> f64 {
         self.value += self.gain * (target - self.value);
         self.value
@@ -60,7 +60,8 @@ mod tests {
 
     use super::*;
 
-    /// Standard deviation, and correlation over 600 s, of a process with deviation 2 and τ = 600 s.
+    /// Returns standard deviation, and correlation over 600 s, of a process with deviation 2 and τ =
+    /// 600 s.
     fn moments(step_secs: f64) -> (f64, f64) {
         let mut rng = Seed::new(5).rng();
         let mut process = Fluctuation::new(2.0, 600.0, step_secs, &mut rng);

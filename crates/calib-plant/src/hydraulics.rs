@@ -6,7 +6,7 @@ use crate::{
     signal::{Frame, Signal},
 };
 
-/// What the controller asks for: flows in L/s, air in m³/h.
+/// Set points of the controller: flows in L/s, air in m³/h.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Demand {
     pub(crate) feed: f64,
@@ -17,17 +17,17 @@ pub(crate) struct Demand {
     air: f64,
 }
 
-/// Level at which the membrane tank is kept, mm.
+/// Set point of the level in the membrane tank, mm.
 const TANK_LEVEL: f64 = 2200.0;
-/// Times in which the pumps answer to their set points, s.
+/// Response times of the pumps to their set points, s.
 const FEED_SECS: f64 = 6.0;
 const PERMEATE_SECS: f64 = 8.0;
 /// Share of mode 33 in which the tank drains; then it fills.
 const DRAIN_SHARE: f64 = 0.45;
 
 impl Demand {
-    /// The demand `elapsed` seconds into a `mode` that lasts `lasting` seconds,
-    /// at level `level` of the membrane tank and with permeate target `target`.
+    /// Returns the demand `elapsed` seconds into a `mode` that lasts `lasting` seconds, at
+    /// level `level` of the membrane tank and with permeate target `target`.
     pub(crate) fn of(mode: Mode, elapsed: f64, lasting: f64, level: f64, target: f64) -> Self {
         let pulsing = |on: f64, off: f64| elapsed % (on + off) < on;
         let air = 12.0;
@@ -109,7 +109,7 @@ impl Hydraulics {
         }
     }
 
-    /// Exchange a pump.
+    /// Exchanges a pump.
     pub(crate) fn fit(&mut self, pump: Pump) {
         let (flow, fitted, usual_secs) = match pump.duty {
             PumpDuty::Feed => (&mut self.feed, &mut self.feed_pump, FEED_SECS),
@@ -119,22 +119,22 @@ impl Hydraulics {
         *fitted = pump;
     }
 
-    /// Factor on the pulsation of the membrane pressure.
+    /// Returns the factor on the pulsation of the membrane pressure.
     pub(crate) fn pulsation(&self) -> f64 {
         self.permeate_pump.pulsation
     }
 
-    /// Level of the membrane tank, mm.
+    /// Returns the level of the membrane tank, mm.
     pub(crate) fn level(&self) -> f64 {
         self.membrane_tank
     }
 
-    /// Permeate flow less back-pulse flow, L/s.
+    /// Returns the permeate flow minus the back-pulse flow, L/s.
     pub(crate) fn net_flow(&self) -> f64 {
         self.permeate.value - self.back_pulse.value
     }
 
-    /// Feed flow, L/s.
+    /// Returns the feed flow, L/s.
     pub(crate) fn feed_flow(&self) -> f64 {
         self.feed.value
     }
@@ -186,7 +186,7 @@ impl Hydraulics {
         }
     }
 
-    /// Write flows, levels, valves, pumps and volumes.
+    /// Writes flows, levels, valves, pumps and volumes into `frame`.
     pub(crate) fn record(&self, demand: &Demand, pressure: f64, frame: &mut Frame) {
         let feed = self.feed.value;
         let permeate = self.permeate.value;
@@ -224,7 +224,7 @@ impl Hydraulics {
     }
 }
 
-/// 1 of a valve or a pump where something is to flow, else 0.
+/// Returns 1 for a valve or a pump with a positive demand, and 0 otherwise.
 fn opening(wanted: f64) -> f64 {
     f64::from(u8::from(wanted > 0.0))
 }

@@ -4,15 +4,15 @@ use crate::{Membranes, Mode};
 
 /// Pressure over the membrane and the fouling that builds it up.
 ///
-/// Darcy's law with the viscosity of water: `P = μ(T) · J · (R₀ + R_cake + R_pore)`, with the flow J in
-/// L/s, μ in mPa·s and resistances in kPa per (L/s · mPa·s). The cake grows in production,
-/// faster in turbid water, and is mostly pushed off by a back-pulse; the pores clog slowly and only
-/// a chemical clean opens them. The shape is textbook filtration, the constants are our choice.
+/// Darcy's law with the viscosity of water: `P = μ(T) · J · (R₀ + R_cake + R_pore)`, with the flow J in L/s, μ in
+/// mPa·s and resistances in kPa per (L/s · mPa·s). The cake grows in production, faster in turbid water, and a
+/// back-pulse removes most of it. The pores clog slowly, and only a chemical clean opens them. The shape is textbook
+/// filtration; the constants are our choice.
 #[derive(Clone, Debug)]
 pub(crate) struct Membrane {
     cake: f64,
     pores: f64,
-    /// What the running back-pulse will leave of the cake.
+    /// The cake that remains after the running back-pulse.
     residue: f64,
     fitted: Membranes,
     step_secs: f64,
@@ -20,7 +20,7 @@ pub(crate) struct Membrane {
 
 /// Resistance of a clean membrane.
 const CLEAN: f64 = 32.0;
-/// Where cake and clogging level off.
+/// Limits that cake and clogging approach.
 const CAKE_LIMIT: f64 = 70.0;
 const PORE_LIMIT: f64 = 45.0;
 /// Growth at production flow in clear water.
@@ -34,12 +34,12 @@ impl Membrane {
         Self { cake: 4.0, pores: 5.0, residue: 0.0, fitted, step_secs }
     }
 
-    /// Take the membranes out, and fit new ones, which are clean.
+    /// Replaces the membranes by new ones, which are clean.
     pub(crate) fn fit(&mut self, membranes: Membranes) {
         *self = Self { cake: 0.0, pores: 0.0, residue: 0.0, fitted: membranes, ..*self };
     }
 
-    /// Put it in this condition.
+    /// Sets the fouling to this state.
     pub(crate) fn foul(&mut self, cake: f64, pores: f64) {
         *self = Self { cake, pores, ..*self };
     }
@@ -50,8 +50,8 @@ impl Membrane {
         }
     }
 
-    /// One step in `mode` at permeate flow `flow` (L/s, negative in a back-pulse), in water of `turbidity` (NTU) with
-    /// `organics` times the usual organic matter.
+    /// Makes one step in `mode` at permeate flow `flow` (L/s, negative in a back-pulse), in water of `turbidity`
+    /// (NTU) with `organics` times the usual organic matter.
     pub(crate) fn step(&mut self, mode: Mode, flow: f64, turbidity: f64, organics: f64) {
         let h = self.step_secs;
         match mode {
@@ -65,7 +65,7 @@ impl Membrane {
                 self.pores = self.pores.min(PORE_LIMIT);
             }
             Mode::BackPulse => relax(&mut self.cake, self.residue, 25.0, h),
-            // The cake loosens a little when nothing presses on it.
+            // The cake loosens a little when there is no pressure on it.
             Mode::Standby | Mode::Stopped | Mode::Restart => {
                 let rest = 0.6 * self.cake;
                 relax(&mut self.cake, rest, 3600.0, h);
@@ -78,12 +78,12 @@ impl Membrane {
         }
     }
 
-    /// Resistance of membrane, cake and pores together.
+    /// Returns the total resistance of membrane, cake and pores.
     pub(crate) fn resistance(&self) -> f64 {
         CLEAN * self.fitted.resistance + self.cake + self.pores
     }
 
-    /// Pressure (kPa) at flow `flow` (L/s) and `celsius`; negative when the flow is.
+    /// Returns the pressure (kPa) at flow `flow` (L/s) and `celsius`; negative when the flow is.
     pub(crate) fn pressure(&self, flow: f64, celsius: f64) -> f64 {
         // A back-pulse lifts the cake instead of pressing on it.
         let resistance =
@@ -92,12 +92,12 @@ impl Membrane {
     }
 }
 
-/// `value` relaxes to `target` with time constant `tau_secs`.
+/// Relaxes `value` towards `target` with time constant `tau_secs`.
 fn relax(value: &mut f64, target: f64, tau_secs: f64, step_secs: f64) {
     *value += (1.0 - (-step_secs / tau_secs).exp()) * (target - *value);
 }
 
-/// Dynamic viscosity of water in mPa·s between 0 and 30 °C (the cubic fit used for membrane plants).
+/// Returns the dynamic viscosity of water in mPa·s between 0 and 30 °C (the cubic fit used for membrane plants).
 pub(crate) fn viscosity(celsius: f64) -> f64 {
     1.784 - 0.0575 * celsius + 0.0011 * celsius * celsius - 1e-5 * celsius.powi(3)
 }
@@ -140,7 +140,7 @@ mod tests {
         assert!(membrane.pores < 0.6 * clogged && membrane.cake < 0.5);
     }
 
-    /// The cake of new membranes after a second.
+    /// Returns the cake of new membranes after one second.
     fn cake_grown(organics: f64, fouling: f64) -> f64 {
         let mut membrane = Membrane::new(1.0);
         membrane.fit(Membranes { resistance: 1.0, fouling });

@@ -35,12 +35,12 @@ impl Mode {
         Self::ChemicalClean,
     ];
 
-    /// Whether the plant can be opened.
+    /// Whether the plant is stopped, so that parts can be exchanged.
     pub(crate) const fn stands_still(self) -> bool {
         matches!(self, Self::Stopped | Self::Standby | Self::ChemicalClean)
     }
 
-    /// The number in the channel `MODE`.
+    /// Returns the number in the channel `MODE`.
     pub const fn number(self) -> u8 {
         self as u8
     }

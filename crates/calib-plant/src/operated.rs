@@ -1,4 +1,4 @@
-//! A membrane plant whose operation is decided every half hour.
+//! A membrane plant that is operated by a decision every half hour.
 
 use calib_core::{Rng, Seed, Timestamp};
 
@@ -12,7 +12,7 @@ use crate::{
 
 /// Time from one decision to the next, s.
 pub const DECISION_SECS: f64 = 1800.0;
-/// Step of the physics, s; all recipes are whole numbers of steps.
+/// Step of the physics, s. All recipes are whole numbers of steps.
 const STEP_SECS: f64 = 30.0;
 /// Step of the weather, s.
 const WEATHER_SECS: f64 = 300.0;
@@ -21,16 +21,16 @@ pub const TRIP_KPA: f64 = 55.0;
 /// Flow of a back-pulse, L/s, and the power of its air scour, kW.
 const PULSE_FLOW: f64 = 1.1;
 const SCOUR_KW: f64 = 1.2;
-/// Share of the pump's work that reaches the water.
+/// Efficiency of the pump.
 const PUMP_EFFICIENCY: f64 = 0.5;
-/// Flow at which the fouling of [`Membrane`] is given, L/s.
+/// Flow for which the fouling rate of [`Membrane`] is given, L/s.
 const USUAL_FLOW: f64 = 0.28;
-/// What fouls at a dose of 2 mg/L, as a share of what does without: the factor is 0.5 to the dose / 2.
+/// Dose that halves the fouling, mg/L. The factor at dose d is 0.5 to the power d / 2.
 const HALVING_DOSE: f64 = 2.0;
 /// Relative error of instruments.
 const ERROR: f64 = 0.01;
 
-/// What the instruments show at the time of a decision.
+/// Instrument readings at the time of a decision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     /// Highest pressure since the last decision, kPa.
@@ -43,24 +43,25 @@ pub struct Reading {
     pub turbidity_ntu: f64,
 }
 
-/// What half an hour cost and brought.
+/// Cost and yield of half an hour.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Account {
-    /// Permeate, less what back-pulses took, m³.
+    /// Permeate minus the consumption of back-pulses, m³.
     pub permeate_m3: f64,
     /// Energy of the permeate pump and of the air scour, kWh.
     pub energy_kwh: f64,
     /// Coagulant, g.
     pub chemicals_g: f64,
-    /// Whether the plant tripped and has to be cleaned.
+    /// Whether the plant tripped and must be cleaned.
     pub tripped: bool,
 }
 
-/// A plant whose recipe is chosen every half hour, by whoever operates it.
+/// A plant whose recipe is chosen every half hour by a policy.
 ///
-/// The membrane is that of [`Plant`](crate::Plant), in the same weather. Beyond it: what is deposited a litre grows with the flow, and a dose
-/// of coagulant halves it. Which plant it is (its membrane, how often bursts of turbidity come, the time of the year) follows from its seed; the
-/// weather from the generator of the first start, so one plant can live through many years. Constants are our choice.
+/// The membrane is that of [`Plant`](crate::Plant), in the same weather. In addition, the deposit per litre grows with
+/// the flow, and a dose of coagulant halves it. The properties of the plant (its membrane, the rate of turbidity
+/// bursts, the time of the year) follow from its seed. The weather follows from the generator of the first start, so
+/// one plant can run through many different years. Constants are our choice.
 #[derive(Clone, Debug)]
 pub struct OperatedPlant {
     membranes: Membranes,
@@ -87,7 +88,7 @@ const CALM: Conditions = Conditions {
 };
 
 impl OperatedPlant {
-    /// The plant of this seed.
+    /// Returns the plant of this seed.
     pub fn new(seed: Seed) -> Self {
         let mut rng = seed.child("operated plant").rng();
         let membranes = Membranes {
@@ -113,22 +114,22 @@ impl OperatedPlant {
         }
     }
 
-    /// What the instruments show.
+    /// Returns the present instrument readings.
     pub fn reading(&self) -> Reading {
         self.reading
     }
 
-    /// What the half hour before cost and brought.
+    /// Returns cost and yield of the last half hour.
     pub fn account(&self) -> Account {
         self.account
     }
 
-    /// Begin with a membrane that was just cleaned; the weather goes on.
+    /// Starts with a membrane that was just cleaned. The weather continues.
     pub fn start_clean(&mut self, rng: &mut Rng) {
         self.start(rng, 1.0, 3.0);
     }
 
-    /// Begin with a membrane in any condition short of a trip.
+    /// Starts with a membrane in any condition short of a trip.
     pub fn start_anywhere(&mut self, rng: &mut Rng) {
         let cake = rng.uniform(0.0, 30.0);
         let pores = rng.uniform(2.0, 30.0);
@@ -155,7 +156,7 @@ impl OperatedPlant {
         self.read(pressure, self.membrane.resistance(), rng);
     }
 
-    /// Let the weather go on for `secs`.
+    /// Advances the weather by `secs`.
     fn pass(&mut self, secs: f64) {
         for _ in 0..(secs / WEATHER_SECS) as u32 {
             self.now += WEATHER_SECS;
@@ -175,7 +176,7 @@ impl OperatedPlant {
         };
     }
 
-    /// Operate by `recipe` until the next decision, or until the plant trips.
+    /// Operates by `recipe` until the next decision, or until the plant trips.
     pub fn operate(&mut self, recipe: &Recipe, rng: &mut Rng) -> Account {
         self.account = Account::default();
         let mut highest = 0.0_f64;
@@ -199,7 +200,7 @@ impl OperatedPlant {
         self.account
     }
 
-    /// One step of production; the pressure at its end.
+    /// Makes one step of production, and returns the pressure at its end.
     fn produce(&mut self, recipe: &Recipe) -> f64 {
         let flow = recipe.flow_litres_per_second;
         let undosed = 0.5_f64.powf(recipe.dose_mg_per_litre / HALVING_DOSE);
@@ -208,7 +209,7 @@ impl OperatedPlant {
         let pressure = self.membrane.pressure(flow, self.conditions.river);
         let litres = flow * STEP_SECS;
         self.account.permeate_m3 += litres / 1000.0;
-        // A kPa times a m³ is a kJ.
+        // 1 kPa times 1 m³ is 1 kJ.
         self.account.energy_kwh += pressure * litres / 1000.0 / 3600.0 / PUMP_EFFICIENCY;
         self.account.chemicals_g += litres * recipe.dose_mg_per_litre / 1000.0;
         self.account.tripped = pressure > TRIP_KPA;
@@ -216,7 +217,7 @@ impl OperatedPlant {
         pressure
     }
 
-    /// A back-pulse; how long it took, s.
+    /// Makes a back-pulse, and returns its duration, s.
     fn pulse(&mut self, recipe: &Recipe, rng: &mut Rng) -> f64 {
         self.membrane.enter(Mode::BackPulse, rng);
         let mut took = 0.0;
@@ -236,7 +237,7 @@ mod tests {
     use super::*;
     use crate::{RECIPES, operators_rule};
 
-    /// Totals over `decisions` of a policy, with the number of trips.
+    /// Returns the totals over `decisions` of a policy, with the number of trips.
     fn year(policy: impl Fn(Reading) -> usize, decisions: usize) -> (f64, usize) {
         let mut plant = OperatedPlant::new(Seed::new(3));
         let mut rng = Seed::new(4).rng();
@@ -281,7 +282,7 @@ mod tests {
         assert!(long > normal + 1.0 && normal > careful + 1.0, "{long} {normal} {careful}");
     }
 
-    /// Three half-hours of a plant, by the seeds of both.
+    /// Returns three half-hours of a plant, given the seeds of plant and weather.
     fn lived(plant: u64, life: u64) -> [Account; 3] {
         let mut plant = OperatedPlant::new(Seed::new(plant));
         let mut rng = Seed::new(life).rng();

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::ChangeOptions;
 
-/// What plant to simulate, for how long, and how unkind its instruments and its historian are.
+/// The plant to simulate, the length of its log, and the faults of its instruments and historian.
 ///
 /// | field | default | range | meaning |
 /// |---|---|---|---|
@@ -21,9 +21,9 @@ use crate::ChangeOptions;
 /// | `gaps_per_day` | 0.5 | 0 – 24 | mean rate of outages of the whole historian (absent rows) |
 /// | `stuck_per_day` | 0.02 | 0 – 10 | mean rate, per channel, of periods with a frozen value |
 /// | `duplicates_per_day` | 0 | 0 – 1,000 | mean rate of rows written twice |
-/// | `change` | none | [`ChangeOptions`] | what changes from year to year |
+/// | `change` | none | [`ChangeOptions`] | changes from year to year |
 ///
-/// Rates and durations are in seconds and days, never in rows: another `period` samples the same
+/// Rates and durations are in seconds and days, never in rows. Another `period` samples the same
 /// plant, with the same schedule of modes and the same storms, at other instants.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -34,9 +34,9 @@ pub struct PlantOptions {
     pub days: f64,
     /// Time between rows.
     pub period: Period,
-    /// Wall-clock time of the first row: the time of day and of the year start here.
+    /// Wall-clock time of the first row. It sets the time of day and of the year.
     pub start: Timestamp,
-    /// Everything random follows from it.
+    /// Seed of everything random.
     pub seed: Seed,
     /// Factor on the slow drift of the instruments.
     pub drift: f64,
@@ -52,7 +52,7 @@ pub struct PlantOptions {
     pub stuck_per_day: f64,
     /// Mean rate of rows written twice.
     pub duplicates_per_day: f64,
-    /// What changes from year to year. The defaults, no change, are not written down.
+    /// Changes from year to year. The default, no change, is omitted when serialised.
     #[serde(skip_serializing_if = "ChangeOptions::is_default")]
     pub change: ChangeOptions,
 }
@@ -80,7 +80,7 @@ impl Default for PlantOptions {
     }
 }
 
-/// With an exponent where digits alone would be hundreds.
+/// Formats with an exponent where plain digits would be hundreds of characters.
 fn in_short(number: f64) -> String {
     let digits = number.to_string();
     if digits.len() > 20 { format!("{number:e}") } else { digits }
@@ -110,12 +110,12 @@ pub enum OptionsError {
 }
 
 impl PlantOptions {
-    /// The fewest channels: the three sensors that the paper predicts.
+    /// Minimum number of channels: the three sensors that the paper predicts.
     pub const MIN_CHANNELS: usize = 3;
-    /// The most channels.
+    /// Maximum number of channels.
     pub const MAX_CHANNELS: usize = 10_000;
 
-    /// Check every field against its range.
+    /// Checks every field against its range.
     ///
     /// # Errors
     /// Names the first field outside its range, with the value and the range.
@@ -139,12 +139,13 @@ impl PlantOptions {
         Ok(())
     }
 
-    /// Rows of the whole log before gaps and duplicates: instants `start + k · period` within `days`.
+    /// Returns the number of rows of the whole log before gaps and duplicates:
+    /// instants `start + k · period` within `days`.
     pub(crate) fn instants(&self) -> i64 {
         (self.days * SECONDS_PER_DAY * 1e6 / self.period.as_micros() as f64).ceil().max(1.0) as i64
     }
 
-    /// The first instant of day `day`, counted from the start.
+    /// Returns the first instant of day `day`, counted from the start.
     pub(crate) fn first_instant(&self, day: u32) -> i64 {
         let micros = i64::from(day) * MICROS_PER_DAY;
         let period = self.period.as_micros();

@@ -11,7 +11,7 @@ use crate::{
     synthesis,
 };
 
-/// Filters and lags look back this far, s.
+/// Length of the history that filters and lags need, s.
 const HISTORY_SECS: f64 = 3600.0;
 
 /// One day of the log.
@@ -19,20 +19,20 @@ const HISTORY_SECS: f64 = 3600.0;
 pub struct DayLog {
     /// Number of the day, from 0.
     pub day: u32,
-    /// When the day begins: the plant's start plus whole days.
+    /// Start of the day: the plant's start plus whole days.
     pub start: Timestamp,
-    /// Time of each row, in order; a repeated time is a row written twice.
+    /// Time of each row, in order. A repeated time is a row written twice.
     pub timestamps: Vec<Timestamp>,
-    /// `columns[channel][row]`, in the order of [`Plant::schema`]; NaN is a missing value.
+    /// `columns[channel][row]`, in the order of [`Plant::schema`]. NaN is a missing value.
     pub columns: Vec<Vec<f32>>,
 }
 
 /// A simulated plant that writes its log day by day.
 ///
-/// An iterator of [`DayLog`]s. Only one day is held at a time (4 bytes per value and a tenth more).
-/// A day follows from the options and from the state at its beginning; [`Plant::skip_day`] advances
-/// the state without making the log, and the days after it are the same to the bit as if it had
-/// been made. Columns are made in parallel and do not depend on the number of threads.
+/// It is an iterator of [`DayLog`]s. Only one day is held at a time (4 bytes per value and a tenth more). A day follows
+/// from the options and from the state at its beginning. [`Plant::skip_day`] advances the state without making the log;
+/// the following days are then the same to the bit. Columns are generated in parallel and do not depend on the number
+/// of threads.
 ///
 /// ```
 /// use calib_plant::{Fate, Plant, PlantOptions};
@@ -63,7 +63,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// The plant at the beginning of its first day.
+    /// Returns the plant at the beginning of its first day.
     ///
     /// # Errors
     /// If an option is outside its range.
@@ -85,43 +85,43 @@ impl Plant {
         })
     }
 
-    /// The options of the plant.
+    /// Returns the options of the plant.
     pub fn options(&self) -> &PlantOptions {
         &self.options
     }
 
-    /// The truth about every channel, in the order of the columns.
+    /// Returns the ground truth about every channel, in the order of the columns.
     pub fn schema(&self) -> &[ChannelInfo] {
         &self.schema
     }
 
-    /// What changes while the log is written, in the order of time. A sensor is in the list if a channel is made from it.
+    /// Returns the changes during the log, in time order. Changes of a sensor are listed if a channel is made from it.
     pub fn changes(&self) -> Vec<Change> {
         self.changes
             .told(&self.options, |signal| self.channels.iter().any(|channel| channel.shows(signal)))
     }
 
-    /// Number of the next day.
+    /// Returns the number of the next day.
     pub fn day(&self) -> u32 {
         self.day
     }
 
-    /// Number of days of the whole log; the last may be a part of one.
+    /// Returns the number of days of the whole log. The last may be a part of one.
     pub fn days(&self) -> u32 {
         self.options.days.ceil() as u32
     }
 
-    /// Instants of the whole log: its rows, if there were neither gaps nor duplicates.
+    /// Returns the number of instants of the whole log: its rows without gaps and duplicates.
     pub fn instants(&self) -> u64 {
         self.options.instants() as u64
     }
 
-    /// Let the next day pass without making its log. Returns its number, or `None` after the last.
+    /// Skips the next day without making its log. Returns its number, or `None` after the last.
     pub fn skip_day(&mut self) -> Option<u32> {
         self.pass_day().map(|grid| grid.day)
     }
 
-    /// Run the process through the next day.
+    /// Runs the process through the next day.
     fn pass_day(&mut self) -> Option<DayGrid> {
         let first = self.options.first_instant(self.day);
         let rows = (self.options.first_instant(self.day + 1) - first) as usize;
@@ -141,7 +141,7 @@ impl Plant {
         Some(grid)
     }
 
-    /// The instants of the day that were written, in order, with repeats.
+    /// Returns the instants of the day that were written, in order, with repeats.
     fn written(&self, grid: &DayGrid) -> Vec<usize> {
         let mut rows: Vec<usize> = (0..grid.rows).collect();
         for gap in synthesis::gaps(&self.options, grid).into_iter().rev() {

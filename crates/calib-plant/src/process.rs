@@ -13,13 +13,13 @@ use crate::{
     weather::{Conditions, Weather},
 };
 
-/// The longest step of the process, s: coarser logs are integrated in between their rows.
+/// The longest step of the process, s. For coarser logs the process is integrated between rows.
 const LONGEST_STEP: f64 = 5.0;
-/// The synchronisation timer wraps after this many seconds, which no usual period divides.
+/// Period after which the synchronisation timer wraps, s. No usual sampling interval divides it.
 const SYNC_SECS: f64 = 119.965;
 
-/// The plant itself, without instruments: carried from row to row, and the same whether or not
-/// anybody looks at the rows.
+/// The plant itself, without instruments. Its state is carried from row to row, and is the same
+/// whether or not the rows are read.
 #[derive(Clone, Debug)]
 pub(crate) struct Process {
     period_secs: f64,
@@ -43,7 +43,7 @@ pub(crate) struct Process {
 }
 
 impl Process {
-    /// The plant at its start, with all that is going to change in it.
+    /// Returns the plant at its start, with all its later changes.
     pub(crate) fn new(options: &PlantOptions, changes: &Changes) -> Self {
         let period_secs = options.period.as_secs();
         let steps_per_row = (period_secs / LONGEST_STEP).ceil().max(1.0) as u32;
@@ -73,7 +73,7 @@ impl Process {
         }
     }
 
-    /// The signals of the next row.
+    /// Computes the signals of the next row.
     pub(crate) fn next_row(&mut self, frame: &mut Frame) {
         let steps = if self.row == 0 { 1 } else { self.steps_per_row };
         let now = self.row as f64 * self.period_secs;
@@ -130,7 +130,7 @@ impl Process {
         conditions
     }
 
-    /// What has been due since the plant last stood still is exchanged.
+    /// Exchanges the parts that have become due since the plant last stopped.
     fn exchange(&mut self) {
         let now = self.schedule.began();
         if let Some(membranes) = self.membranes.due(now) {
@@ -144,7 +144,7 @@ impl Process {
         }
     }
 
-    /// Permeate flow wanted in production, L/s: less at night.
+    /// Returns the target permeate flow in production, L/s: less at night.
     fn production_target(&self, t: f64, conditions: &Conditions) -> f64 {
         let usual = if (6.0..22.0).contains(&conditions.hour) { 0.3 } else { 0.25 };
         usual * self.settings.at(t).map_or(1.0, |settings| settings.value.production)
@@ -172,7 +172,7 @@ impl Process {
     }
 }
 
-/// A part of the plant that can be exchanged only while the plant stands still.
+/// A part of the plant that can be exchanged only while the plant is stopped.
 #[derive(Clone, Debug)]
 struct Exchanged<T> {
     timeline: Timeline<T>,
@@ -184,7 +184,7 @@ impl<T: Copy + PartialEq> Exchanged<T> {
         Self { timeline: timeline.clone(), fitted: None }
     }
 
-    /// What is to be fitted at `t`, if it is not there yet.
+    /// Returns the part that is due at `t`, if it is not installed yet.
     fn due(&mut self, t: f64) -> Option<T> {
         let wanted = self.timeline.at(t);
         if wanted == self.fitted {
@@ -248,7 +248,8 @@ mod tests {
             let options = PlantOptions { seed, days, change: often, ..at(1200.0) };
             for frame in rows_of(&options, 72 * 365) {
                 for info in crate::signal::SIGNALS {
-                    // Where membranes are bad and the water cold, an instrument may be at its end.
+                    // Where membranes are bad and the water cold, an instrument may reach the end
+                    // of its range.
                     let beyond = 0.5 * (info.range.1 - info.range.0);
                     let low = info.range.0 - beyond;
                     let high = info.range.1 + beyond;

@@ -13,7 +13,7 @@ const TURBIDITY_LIMIT: f64 = 4.9;
 
 /// The water in pipes and tanks: temperature, turbidity, salt, acidity, and the chemicals dosed.
 ///
-/// With the feed running, the pipe follows the river within a minute or so; standing water warms up
+/// With the feed running, the pipe follows the river within a minute or so. Standing water warms up
 /// towards the hall and settles. A restart flushes deposits past the turbidity sensor.
 #[derive(Clone, Debug)]
 pub(crate) struct Quality {
@@ -89,17 +89,17 @@ impl Quality {
         }
     }
 
-    /// Temperature at the membrane, °C.
+    /// Returns the temperature at the membrane, °C.
     pub(crate) fn tank_temperature(&self) -> f64 {
         self.tank_temperature.value
     }
 
-    /// Turbidity of the influent, NTU.
+    /// Returns the turbidity of the influent, NTU.
     pub(crate) fn turbidity(&self) -> f64 {
         (self.pipe.turbidity + self.flush.value).min(TURBIDITY_LIMIT)
     }
 
-    /// One step with `feed` L/s in the pipe and `permeate` L/s asked for.
+    /// Makes one step with `feed` L/s in the pipe and `permeate` L/s demanded.
     pub(crate) fn step(
         &mut self,
         mode: Mode,
@@ -131,13 +131,13 @@ impl Quality {
             Mode::ChemicalClean => 9.0,
             _ => 9.0 * permeate * (1.0 + 0.3 * pipe.turbidity.min(3.0)) * conditions.organics,
         };
-        // About an eighth of the tank a day; topped up to 55 % when it falls to 20 %.
+        // About an eighth of the tank per day; topped up to 55 % when it falls to 20 %.
         let change = if self.refilling { 0.06 } else { 0.0 } - self.dose * 5.0e-5;
         self.hypochlorite = (self.hypochlorite + self.step_secs * change).clamp(0.0, 58.0);
         self.refilling = self.hypochlorite < if self.refilling { 55.0 } else { 20.0 };
     }
 
-    /// Write temperatures, turbidities, chemistry and doses.
+    /// Writes temperatures, turbidities, chemistry and doses into `frame`.
     pub(crate) fn record(&self, frame: &mut Frame) {
         frame[Signal::Temperature] = self.pipe.temperature;
         frame[Signal::Turbidity] = self.turbidity();

@@ -1,11 +1,11 @@
-//! The ways in which a plant can be operated.
+//! The recipes by which a plant can be operated.
 
-/// How the plant is operated until the next decision.
+/// The settings of the plant until the next decision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recipe {
-    /// What operators call it.
+    /// Name that operators use.
     pub name: &'static str,
-    /// Production from one back-pulse to the next, s.
+    /// Production time from one back-pulse to the next, s.
     pub interval_secs: f64,
     /// Length of a back-pulse, s.
     pub pulse_secs: f64,
@@ -20,7 +20,7 @@ const fn recipe(name: &'static str, settings: [f64; 4]) -> Recipe {
     Recipe { name, interval_secs, pulse_secs, dose_mg_per_litre, flow_litres_per_second }
 }
 
-/// The recipes that a plant has: back-pulse interval (s) and length (s), dose (mg/L), flow (L/s).
+/// All recipes of a plant: back-pulse interval (s) and length (s), dose (mg/L), flow (L/s).
 pub const RECIPES: [Recipe; 8] = [
     recipe("relief", [900.0, 90.0, 2.0, 0.20]),
     recipe("normal", [1800.0, 60.0, 0.0, 0.28]),
@@ -32,8 +32,8 @@ pub const RECIPES: [Recipe; 8] = [
     recipe("high careful", [900.0, 60.0, 2.0, 0.36]),
 ];
 
-/// The recipe of a cautious operator: relief at high pressure, care in turbid water or at raised pressure, and normal otherwise. The highest flows are never
-/// used.
+/// Returns the recipe that a cautious operator chooses: relief at high pressure, care in turbid water or at raised
+/// pressure, and normal otherwise. The highest flows are never used.
 pub fn operators_rule(pressure_kpa: f64, turbidity_ntu: f64) -> usize {
     match (pressure_kpa, turbidity_ntu) {
         (pressure, _) if pressure > 45.0 => 0,

@@ -12,9 +12,9 @@ const DAYS_BETWEEN_CLEANS: (f64, f64) = (18.0, 24.0);
 
 /// The operating modes as a semi-Markov process in continuous time.
 ///
-/// When a mode is entered its successor j is drawn with `p_ij = n_ij / Σ_j n_ij`, then its duration
-/// from the tabulated quantiles of the passages i → j ([`PASSAGES`]). Instants are in seconds since
-/// the start of the plant, and do not depend on how often the plant is sampled.
+/// When a mode is entered, its successor j is drawn with `p_ij = n_ij / Σ_j n_ij`. Its duration is then drawn from
+/// the tabulated quantiles of the passages i → j ([`PASSAGES`]). Instants are in seconds since the start of the
+/// plant, and do not depend on the sampling interval.
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
     rng: Rng,
@@ -27,7 +27,7 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    /// A schedule that enters production at time zero, with `settings` that say how long it waits for a back-pulse.
+    /// Returns a schedule that enters production at time zero. `settings` scale the waiting time for a back-pulse.
     pub(crate) fn new(seed: Seed, settings: Timeline<Settings>) -> Self {
         let mut rng = seed.rng();
         let clean_due = rng.uniform(4.0, DAYS_BETWEEN_CLEANS.1) * SECONDS_PER_DAY;
@@ -48,7 +48,7 @@ impl Schedule {
         self.mode
     }
 
-    /// When the mode in force began.
+    /// Returns the start of the present mode.
     pub(crate) fn began(&self) -> f64 {
         self.began
     }
@@ -57,7 +57,7 @@ impl Schedule {
         self.ends
     }
 
-    /// Go to the mode that follows, at the instant the present one ends.
+    /// Advances to the next mode, at the instant the present one ends.
     pub(crate) fn advance(&mut self) {
         let at = self.ends;
         if self.mode == Mode::Production && at >= self.clean_due {
@@ -78,7 +78,7 @@ impl Schedule {
         self.ends = at + duration_at(&passage.seconds, level) * self.factor(passage, at);
     }
 
-    /// Factor on the duration of a mode that is entered at `at`.
+    /// Returns the factor on the duration of a mode that is entered at `at`.
     fn factor(&self, passage: &Passage, at: f64) -> f64 {
         match (passage.from, passage.to) {
             (Mode::Production, Mode::BackPulse) => {
@@ -107,7 +107,7 @@ mod tests {
     use super::*;
     use crate::statistics::OBSERVED;
 
-    /// Segments (mode, next mode, seconds) of `days` days.
+    /// Returns the segments (mode, next mode, seconds) of `days` days.
     fn segments(seed: u64, days: f64) -> Vec<(Mode, Mode, f64)> {
         let mut schedule = Schedule::new(Seed::new(seed), Timeline::default());
         let mut segments = Vec::new();

@@ -1,19 +1,19 @@
 use std::ops::{Index, IndexMut};
 
-/// How the values of a signal behave, which decides what its instrument can do to them.
+/// The kind of values of a signal, which decides the possible instrument errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Nature {
-    /// Continuous; white noise of this share of the range.
+    /// Continuous, with white noise of this share of the range.
     Analog(f64),
     /// A switch, 0 or 1.
     Binary,
-    /// A number written by the controller: exact.
+    /// A number written by the controller, without error.
     Exact,
     /// A number that only grows, or a clock.
     Counter,
 }
 
-/// What is known about a signal apart from its values.
+/// Metadata of a signal.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SignalInfo {
     pub(crate) signal: Signal,
@@ -25,8 +25,8 @@ pub(crate) struct SignalInfo {
 }
 
 impl SignalInfo {
-    /// Whether it is measured by an instrument in the plant, and not put out by the controller, whose tags have a
-    /// part behind a point.
+    /// Whether an instrument in the plant measures it. Signals that the controller puts out have tags with a
+    /// suffix after a point.
     pub(crate) fn is_sensor(&self) -> bool {
         matches!(self.nature, Analog(_)) && !self.tag.contains('.')
     }
@@ -34,7 +34,7 @@ impl SignalInfo {
 
 macro_rules! signals {
     ($($name:ident $tag:literal $unit:literal $low:literal $high:literal $nature:expr, $description:literal;)*) => {
-        /// The quantities that the process computes at every instant, most telling first.
+        /// The quantities that the process computes at every instant, the most informative first.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub(crate) enum Signal {
             $(#[doc = $description] $name,)*
@@ -144,12 +144,12 @@ pub(crate) struct Signals {
 }
 
 impl Signals {
-    /// Room for `before` rows of history.
+    /// Returns an empty buffer with room for `before` rows of history.
     pub(crate) fn new(before: usize) -> Self {
         Self { before, values: vec![Vec::new(); Signal::COUNT] }
     }
 
-    /// Forget all but the history; what follows are the rows of a new day.
+    /// Clears all but the history; rows of a new day follow.
     pub(crate) fn begin_day(&mut self) {
         for values in &mut self.values {
             let drop = values.len().saturating_sub(self.before);
@@ -157,7 +157,7 @@ impl Signals {
         }
     }
 
-    /// The signals of the next row. The first row ever also stands for the history before it.
+    /// Appends the signals of the next row. The first row ever also stands for the history before it.
     pub(crate) fn push(&mut self, frame: &Frame) {
         for (values, &value) in self.values.iter_mut().zip(&frame.0) {
             if values.is_empty() {
@@ -167,23 +167,23 @@ impl Signals {
         }
     }
 
-    /// The rows of the day.
+    /// Returns the rows of the day.
     pub(crate) fn day(&self, signal: Signal) -> &[f32] {
         &self.values[signal as usize][self.before..]
     }
 
-    /// The rows of the day as they were `lag` rows earlier; `lag` is at most the history.
+    /// Returns the rows of the day as they were `lag` rows earlier; `lag` is at most the history.
     pub(crate) fn lagged(&self, signal: Signal, lag: usize) -> &[f32] {
         let values = &self.values[signal as usize];
         &values[self.before - lag..values.len() - lag]
     }
 
-    /// History and day.
+    /// Returns history and day.
     pub(crate) fn with_history(&self, signal: Signal) -> &[f32] {
         &self.values[signal as usize]
     }
 
-    /// Number of rows of history.
+    /// Returns the number of rows of history.
     pub(crate) fn history(&self) -> usize {
         self.before
     }

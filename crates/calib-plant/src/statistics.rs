@@ -1,4 +1,4 @@
-//! The pilot's mode schedule in numbers.
+//! Statistics of the pilot's mode schedule.
 //!
 //! Counted by `scripts/mode_statistics.py` from `november_modes.json` of
 //! <https://github.com/haseebs/gvf-real-world> (MIT licence, code of Janjua et al. 2023, "GVFs in the
@@ -10,11 +10,11 @@ use crate::Mode;
 pub(crate) const LEVELS: [f64; 15] =
     [0.0, 0.025, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.975, 1.0];
 
-/// How often one mode follows another, and how long the first lasts when it does.
+/// How often one mode follows another, and the duration of the first before that transition.
 pub(crate) struct Passage {
     pub(crate) from: Mode,
     pub(crate) to: Mode,
-    /// Number in the published month.
+    /// Count in the published month.
     pub(crate) count: u32,
     /// Quantiles of the duration of `from` in seconds, at [`LEVELS`].
     pub(crate) seconds: [f64; 15],
@@ -28,7 +28,8 @@ use Mode::{
     BackPulse, ChemicalClean, DrainAndRefill, IntegrityTest, Production, Restart, Standby, Stopped,
 };
 
-/// The semi-Markov kernel. The chemical clean is ours: it is started by the calendar, not drawn.
+/// The semi-Markov kernel. The chemical clean is our addition: it is started by the calendar, not
+/// drawn.
 #[rustfmt::skip]
 pub(crate) const PASSAGES: [Passage; 15] = [
     passage(Stopped, Restart, 4, [496.0, 527.0, 558.0, 619.0, 743.0, 866.0, 1159.0, 1538.0, 1916.0, 2310.0, 2736.0, 3161.0, 3374.0, 3481.0, 3587.0]),
@@ -49,7 +50,7 @@ pub(crate) const PASSAGES: [Passage; 15] = [
     passage(ChemicalClean, Standby, 1, [14_400.0, 14_580.0, 14_760.0, 15_120.0, 15_840.0, 16_560.0, 17_280.0, 18_000.0, 18_720.0, 19_440.0, 20_160.0, 20_880.0, 21_240.0, 21_420.0, 21_600.0]),
 ];
 
-/// Share of time, median seconds and segments a day of a mode in the published month.
+/// Share of time, median seconds and segments per day of a mode in the published month.
 #[cfg(test)]
 pub(crate) const OBSERVED: [(Mode, f64, f64, f64); 5] = [
     (Standby, 0.1055, 79.0, 16.34),
@@ -59,7 +60,7 @@ pub(crate) const OBSERVED: [(Mode, f64, f64, f64); 5] = [
     (IntegrityTest, 0.0146, 1240.0, 1.01),
 ];
 
-/// The quantile at `level` of a duration tabulated at [`LEVELS`], log-linear in between.
+/// Returns the quantile at `level` of a duration tabulated at [`LEVELS`], log-linear in between.
 pub(crate) fn duration_at(seconds: &[f64; 15], level: f64) -> f64 {
     let after = LEVELS.iter().position(|&tabulated| tabulated > level).unwrap_or(LEVELS.len() - 1);
     let before = after - 1;

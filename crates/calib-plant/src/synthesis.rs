@@ -11,14 +11,14 @@ use crate::{
     signal::Signals,
 };
 
-/// Channels are wired to this many input cards; an outage takes all channels of a card at once.
+/// Number of input cards that channels are wired to. An outage affects all channels of a card at once.
 const CARDS: u64 = 6;
-/// The most rows of a day that a card can miss. Preprocessing drops a channel above 0.1.
+/// Maximum share of a day's rows that a card can miss. Preprocessing drops a channel above 0.1.
 const MOST_MISSING: f64 = 0.08;
 
-/// One column of the day, a value per instant, NaN where it is missing.
+/// Returns one column of the day: a value per instant, NaN where it is missing.
 ///
-/// The same for any set of other channels and any number of threads: it follows from the signals,
+/// The result does not depend on the other channels or the number of threads. It follows from the signals,
 /// the options, the channel's name, the number of the day, and the changes of its `sensor`, if there are any.
 pub(crate) fn column(
     channel: &Channel,
@@ -48,7 +48,7 @@ pub(crate) fn column(
     values
 }
 
-/// Values before any instrument.
+/// Returns the values before any instrument error.
 fn ideal(recipe: Recipe, signals: &Signals, grid: &DayGrid) -> Vec<f32> {
     let both = |a, b, combine: fn(f32, f32) -> f32| {
         let a = signals.day(a);
@@ -81,9 +81,9 @@ fn ideal(recipe: Recipe, signals: &Signals, grid: &DayGrid) -> Vec<f32> {
     }
 }
 
-/// What the instrument and the historian make of the values: noise and drift, the range, the steps
-/// of the converter, stuck periods, then the dead-band (a value is kept until it has changed by
-/// more). The historian begins every day with a fresh value.
+/// Applies the errors of instrument and historian to the values: noise and drift, the range, the steps of the
+/// converter, frozen periods, then the dead-band (a value is kept until it has changed by more). The
+/// historian begins every day with a fresh value.
 fn measure(
     instrument: Instrument,
     sensor: Option<&Timeline<Sensor>>,
@@ -125,13 +125,13 @@ fn measure(
     }
 }
 
-/// Factor on the noise of a sensor at `t`.
+/// Returns the factor on the noise of a sensor at `t`.
 fn noise_factor(sensor: Option<&Timeline<Sensor>>, t: f64) -> f64 {
     sensor.and_then(|timeline| timeline.at(t)).map_or(1.0, |sensor| sensor.value.noise)
 }
 
-/// The slow drift at the beginning of a day, about −1 to 1: a slow and a faster sine whose periods
-/// and phases belong to the channel. In between it is linear.
+/// Returns the slow drift at the beginning of a day, about −1 to 1: a slow and a faster sine whose periods
+/// and phases belong to the channel. Between days it is linear.
 fn wander(seed: Seed, day: u32) -> f64 {
     let mut rng = seed.child("drift").rng();
     let slow = rng.uniform(20.0, 60.0);
@@ -152,7 +152,8 @@ fn stuck_periods(options: &PlantOptions, seed: Seed) -> Faults {
     }
 }
 
-/// Outages of an input card: many short ones, so that a channel misses the wanted share.
+/// Returns the outages of an input card: many short ones, which add up to the expected missing share of a
+/// channel.
 fn card_outages(options: &PlantOptions, card: u64) -> Faults {
     let median_secs = 8.0;
     let spread = 1.0;
@@ -166,7 +167,7 @@ fn card_outages(options: &PlantOptions, card: u64) -> Faults {
     }
 }
 
-/// Outages of the historian: rows that are absent.
+/// Returns the outages of the historian: rows that are absent.
 pub(crate) fn gaps(options: &PlantOptions, grid: &DayGrid) -> Vec<Range<usize>> {
     let faults = Faults {
         seed: options.seed.child("gaps"),

@@ -9,7 +9,7 @@ use crate::{
     options::{PlantOptions, SECONDS_PER_DAY, SECONDS_PER_YEAR},
 };
 
-/// The river and the air: what the plant cannot influence.
+/// River and air: the conditions that the plant cannot influence.
 #[derive(Clone, Debug)]
 pub(crate) struct Weather {
     rng: Rng,
@@ -35,14 +35,14 @@ pub(crate) struct Conditions {
     pub(crate) conductivity: f64,
     /// River pH.
     pub(crate) acidity: f64,
-    /// Organic matter in the river, in units of the usual.
+    /// Organic matter in the river, relative to the usual amount.
     pub(crate) organics: f64,
     /// Hour of the day, 0 – 24.
     pub(crate) hour: f64,
 }
 
 impl Weather {
-    /// The weather of a plant that takes its water from `feeds`.
+    /// Returns the weather of a plant that takes its water from `feeds`.
     pub(crate) fn new(options: &PlantOptions, feeds: &Timeline<Feed>, step_secs: f64) -> Self {
         let mut rng = options.seed.child("weather").rng();
         Self {
@@ -58,7 +58,7 @@ impl Weather {
         }
     }
 
-    /// One step on, to `t` seconds after the start.
+    /// Makes one step, to `t` seconds after the start.
     pub(crate) fn step(&mut self, t: f64) -> Conditions {
         let rng = &mut self.rng;
         let clock = self.start_secs + t;
@@ -93,12 +93,12 @@ impl Weather {
     }
 }
 
-/// From −1 in the coldest season to 1 in the warmest, on about 26 July.
+/// Returns the season from −1 in the coldest to 1 in the warmest, on about 26 July.
 fn season(clock: f64) -> f64 {
     (TAU * (clock / SECONDS_PER_YEAR - 0.565)).cos()
 }
 
-/// Smooth floor at 0.1 °C: water does not cool below freezing.
+/// Applies a smooth floor at 0.1 °C: water does not cool below freezing.
 fn above_freezing(celsius: f64) -> f64 {
     let floor = 0.1;
     let softness = 0.5;
@@ -128,7 +128,7 @@ struct Storm {
 impl Storms {
     fn new(seed: Seed, per_day: f64) -> Self {
         let mut rng = seed.rng();
-        // Infinite for a rate of zero, also of a negative zero: no storm ever.
+        // Infinite for a rate of zero, also for a negative zero, so that there is no storm.
         let mean_wait = SECONDS_PER_DAY / per_day.abs();
         let next = mean_wait * rng.exponential();
         Self { rng, mean_wait, next, active: Vec::new() }
@@ -171,7 +171,7 @@ mod tests {
         sum / f64::from(count)
     }
 
-    /// Of every hour of two days.
+    /// Returns the turbidity in every hour of two days.
     fn turbidities(storms_per_day: f64) -> Vec<f64> {
         let conditions = hourly(&PlantOptions { storms_per_day, ..PlantOptions::default() }, 2);
         conditions.iter().map(|conditions| conditions.turbidity).collect()
@@ -195,7 +195,7 @@ mod tests {
         assert!(conditions.iter().all(|c| c.river > 0.0));
     }
 
-    /// Its temperature in every minute of twenty days.
+    /// Returns the river temperature in every minute of twenty days.
     fn river(feeds: &Timeline<Feed>) -> Vec<f64> {
         let mut weather = Weather::new(&PlantOptions::default(), feeds, 60.0);
         (0..20 * 1440).map(|minute| weather.step(f64::from(minute) * 60.0).river).collect()

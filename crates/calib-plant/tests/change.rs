@@ -1,4 +1,4 @@
-//! What changes in a plant, seen in its log.
+//! Tests of the changes of a plant, as its log shows them.
 
 use calib_core::{Period, Seed};
 use calib_plant::{
@@ -6,7 +6,7 @@ use calib_plant::{
 };
 use proptest::prelude::*;
 
-/// Everything changes as often.
+/// Returns options with the same rate for every kind of change.
 const fn all(per_year: f64) -> ChangeOptions {
     ChangeOptions {
         strength: 1.0,
@@ -20,7 +20,7 @@ const fn all(per_year: f64) -> ChangeOptions {
 
 const STILL: ChangeOptions = all(0.0);
 
-/// A mode as a log has it.
+/// Returns the number of a mode in a log.
 fn number(mode: Mode) -> f32 {
     f32::from(mode.number())
 }
@@ -47,12 +47,12 @@ fn position(options: &PlantOptions, name: &str) -> usize {
     plant(options).schema().iter().position(|channel| channel.name == name).expect("a channel")
 }
 
-/// One column over all days.
+/// Returns one column over all days.
 fn column(log: &[DayLog], channel: usize) -> Vec<f32> {
     log.iter().flat_map(|day| day.columns[channel].iter().copied()).collect()
 }
 
-/// Rows in which two logs differ in a channel.
+/// Returns the rows in which two logs differ in a channel.
 fn differing(a: &[DayLog], b: &[DayLog], channel: usize) -> Vec<usize> {
     let a = column(a, channel);
     let b = column(b, channel);
@@ -60,14 +60,14 @@ fn differing(a: &[DayLog], b: &[DayLog], channel: usize) -> Vec<usize> {
     (0..a.len()).filter(|&row| a[row].to_bits() != b[row].to_bits()).collect()
 }
 
-/// The first row at or after a change.
+/// Returns the first row at or after a change.
 fn row_of(change: &Change, options: &PlantOptions) -> usize {
     let micros = change.at.as_micros() - options.start.as_micros();
     micros.div_euclid(options.period.as_micros()) as usize
         + usize::from(micros % options.period.as_micros() != 0)
 }
 
-/// Means of the three roles over two days, as they were before there were changes.
+/// The means of the three roles over two days are those from before changes were introduced.
 #[test]
 fn the_plant_without_change_is_what_it_always_was() {
     let log = log(&options(2.0, 60.0, ChangeOptions::default()));
@@ -133,7 +133,7 @@ fn a_sensor_changes_its_channels_and_no_others() {
         if tags.contains(&name.as_str()) {
             assert!(!rows.is_empty(), "{name} was changed");
         }
-        // Copies are called after their sensor; sums, differences, ratios and analysers may see any.
+        // Copies are named after their sensor; sums, differences, ratios and analysers may show any sensor.
         let computed =
             ["DI", "SI", "CALC", "ERR", "CPI", "LAB"].iter().any(|part| name.contains(part));
         if !computed && !tags.contains(&own) {
@@ -142,7 +142,7 @@ fn a_sensor_changes_its_channels_and_no_others() {
     }
 }
 
-/// Two months of sensors without faults or errors.
+/// Returns options for two months of sensors without faults or errors.
 fn quiet(period_secs: f64, change: ChangeOptions) -> PlantOptions {
     PlantOptions {
         noise: 0.0,
@@ -171,7 +171,7 @@ fn a_moved_sensor_shows_gain_and_offset() {
         .map(|row| sensor.gain * f64::from(truth[row]) + sensor.offset - f64::from(shown[row]))
         .collect();
     assert!(errors.len() > 1000, "{} rows", errors.len());
-    // Steps of the converter, and what the time constant lags behind while the water is exchanged.
+    // The tolerance covers steps of the converter, and the lag of the time constant while the water is exchanged.
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     assert!(mean.abs() < 0.02, "{mean} °C");
 }
@@ -184,7 +184,7 @@ fn a_feed_comes_without_a_jump() {
     assert!(plant(&changing).changes().len() > 2);
     let with = log(&changing);
     let without = log(&same);
-    // Of what flows through the pipe the salt alone keeps its value while the feed is off, for hours at most.
+    // Of the quantities in the pipe, only salt keeps its value while the feed is off, for hours at most.
     let at = position(&changing, "CIT101");
     let shift: Vec<f64> = column(&with, at)
         .iter()
@@ -277,8 +277,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Mean squared error, in variances of what was learnt from, of a model of the first `known` rows in the rows after
-/// them: a channel's mean in each mode.
+/// Returns the mean squared error of a model of the first `known` rows in the rows after them. The model is a
+/// channel's mean in each mode. The unit is the variance of the first rows.
 fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64 {
     let values = column(log, channel);
     let modes = column(log, mode);
@@ -313,7 +313,7 @@ fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64
 #[test]
 fn what_was_learnt_before_is_wrong_after() {
     let often = ChangeOptions { sensors_per_year: 6.0, ..all(12.0) };
-    // The same weather with and without change: what differs is change.
+    // The weather is the same with and without change, so all differences are due to change.
     let half = 45;
     let mut errors = [0.0; 2];
     for seed in 0..3 {
@@ -334,8 +334,8 @@ fn what_was_learnt_before_is_wrong_after() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(6))]
 
-    /// However much and however often a plant changes, it stays a plant: preprocessing finds in each channel what the
-    /// schema says, and no value is infinite or not a number without being an outage.
+    /// However much and however often a plant changes, preprocessing finds in each channel the fate of the schema. No
+    /// value is infinite, and NaN occurs only in outages.
     #[test]
     fn a_plant_that_changes_stays_a_plant(
         seed: u64, strength in 0.0_f64..2.0, per_year in 0.0_f64..50.0, channels in 3_usize..480

@@ -1,4 +1,5 @@
-//! The plant as its users see it: a log, its truth, and its repeatability.
+//! Tests of the plant as its users see it: a log, its ground truth, and its
+//! repeatability.
 
 use calib_core::{Period, Seed};
 use calib_plant::{DayLog, Fate, Mode, Plant, PlantOptions};
@@ -18,7 +19,7 @@ fn log(options: &PlantOptions) -> Vec<DayLog> {
     Plant::new(options.clone()).expect("valid options").collect()
 }
 
-/// One column over all days.
+/// Returns one column over all days.
 fn series(log: &[DayLog], channel: usize) -> Vec<f32> {
     log.iter().flat_map(|day| day.columns[channel].iter().copied()).collect()
 }
@@ -31,12 +32,13 @@ fn position(plant: &Plant, name: &str) -> usize {
     plant.schema().iter().position(|channel| channel.name == name).expect("a known channel")
 }
 
-/// A mode as a log has it.
+/// Returns the number of a mode in a log.
 fn number(mode: Mode) -> f32 {
     f32::from(mode.number())
 }
 
-/// What preprocessing finds: the paper drops missing (above 0.1) and constant sensors.
+/// Returns the fate that preprocessing finds: the paper drops missing (above 0.1) and
+/// constant sensors.
 fn found(values: &[f32]) -> Fate {
     let missing = values.iter().filter(|value| value.is_nan()).count();
     let mut present = values.iter().filter(|value| !value.is_nan());
@@ -57,7 +59,7 @@ fn all_bits(day: &DayLog) -> Vec<Vec<u32>> {
     day.columns.iter().map(|column| bits(column)).collect()
 }
 
-/// Equal to the bit, missing values included.
+/// Whether two days are equal to the bit, missing values included.
 fn same(a: &DayLog, b: &DayLog) -> bool {
     (a.day, a.start, &a.timestamps) == (b.day, b.start, &b.timestamps) && all_bits(a) == all_bits(b)
 }
@@ -157,7 +159,7 @@ fn time_advances_by_the_period_but_for_gaps() {
     }
 }
 
-/// Gaps and repeated times in sixty days.
+/// Counts gaps and repeated times in sixty days.
 fn count_gaps_and_repeats(gaps_per_day: f64, duplicates_per_day: f64) -> (usize, usize) {
     let options = PlantOptions { gaps_per_day, duplicates_per_day, ..options(3, 60.0, 60.0) };
     let times = times(&log(&options));
@@ -336,7 +338,7 @@ fn noise_and_drift_can_be_switched_off() {
     assert!(mean(&drift).abs() > 0.05 && drift.iter().all(|x| x.abs() < 1.3), "{}", mean(&drift));
 }
 
-/// Rows in which the pressure stands still at most.
+/// Returns the largest number of successive rows with the same pressure.
 fn longest_run(stuck_per_day: f64) -> usize {
     let options = PlantOptions {
         stuck_per_day,

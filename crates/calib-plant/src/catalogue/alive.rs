@@ -51,11 +51,12 @@ const fn derived(
     Derived { name, unit, description, range, recipe }
 }
 
-/// Signals before the first derived channel.
+/// Number of signals before the first derived channel.
 const SIGNALS_FIRST: usize = 17;
 
-/// The first `count` living channels: signals, two to one with derived channels after the first
-/// few, limit switches of the valves, then filtered and lagged copies without end.
+/// Returns the first `count` living channels. Signals come first, then two signals to one
+/// derived channel, then limit switches of the valves. Filtered and lagged copies follow
+/// without end.
 pub(super) fn channels(count: usize) -> Vec<Channel> {
     let (first, later) = SIGNALS.split_at(SIGNALS_FIRST);
     let mut computed = DERIVED.iter().map(computed);
@@ -79,7 +80,7 @@ pub(super) fn channels(count: usize) -> Vec<Channel> {
     channels
 }
 
-/// A living channel that shows `recipe`, through an instrument of this nature and range.
+/// Returns a living channel that shows `recipe` through an instrument of this nature and range.
 fn living(
     name: String,
     unit: &str,
@@ -96,7 +97,7 @@ fn living(
     }
 }
 
-/// A channel with the unit and the instrument of a signal.
+/// Returns a channel with the unit and the instrument of a signal.
 fn of_signal(info: &SignalInfo, name: String, description: String, recipe: Recipe) -> Channel {
     living(name, info.unit, description, recipe, info.nature, info.range)
 }
@@ -114,14 +115,14 @@ fn computed(derived: &Derived) -> Channel {
     living(name.to_owned(), unit, description.to_owned(), recipe, Nature::Analog(0.0005), range)
 }
 
-/// The switch at the end of a valve's travel answers three seconds later.
+/// Returns the switch at the end of a valve's travel, which answers three seconds later.
 fn limit_switch(info: &SignalInfo) -> Channel {
     let valve = info.tag.split('.').next().unwrap_or(info.tag);
     let description = format!("{}, limit switch", info.description);
     of_signal(info, format!("{valve}.ZSO"), description, lagged(info.signal, 3.0))
 }
 
-/// The copy of a signal in round `round`: filtered in even rounds, lagged in odd ones.
+/// Returns the copy of a signal in round `round`: filtered in even rounds, lagged in odd ones.
 fn copy(info: &SignalInfo, round: u32) -> Channel {
     let step = round / 2 + 1;
     let (suffix, words, recipe) = if round.is_multiple_of(2) {

@@ -3,7 +3,7 @@ use crate::{
     signal::{Nature, SIGNALS, SignalInfo},
 };
 
-/// Set points and switches that nobody touches; names and values from the pilot's tag list.
+/// Set points and switches that never change. Names and values are from the pilot's tag list.
 const UNTOUCHED: [(&str, &str, f32, &str); 8] = [
     ("FEED_SP.WASTING_SP", "L/s", 0.85, "wasting set point"),
     ("B801.INISCSP", "Hz", 60.0, "initial frequency of the blower"),
@@ -15,7 +15,7 @@ const UNTOUCHED: [(&str, &str, f32, &str); 8] = [
     ("PX730.EN_STATUS", "", 1.0, "hypochlorite dosing enabled"),
 ];
 
-/// Constants that come with every signal: suffix, words, value as a share of the range.
+/// Constants that come with every signal: suffix, description, value as a share of the range.
 const LIMITS: [(&str, &str, f64); 6] = [
     ("HH_SP", "high-high alarm", 0.95),
     ("H_SP", "high alarm", 0.9),
@@ -25,8 +25,8 @@ const LIMITS: [(&str, &str, f64); 6] = [
     ("SPAN_LO", "lower end of the range", 0.0),
 ];
 
-/// The first `count` channels that preprocessing should drop: three constants, one retired
-/// instrument and one analyser on a time table in every five.
+/// Returns the first `count` channels that preprocessing should drop. Every five are three
+/// constants, one retired instrument and one scheduled analyser.
 pub(super) fn channels(count: usize) -> Vec<Channel> {
     let mut constants = constants();
     (0..count)
@@ -81,8 +81,9 @@ fn retired(number: usize) -> Channel {
     }
 }
 
-/// An analyser that samples one of the plant's quantities for 5 to 70 % of each cycle. Cycles are
-/// whole fractions of a day, so that the share holds for every day and for coarse periods too.
+/// Returns an analyser that samples one of the plant's quantities for 5 to 70 % of each cycle.
+/// Cycles are whole fractions of a day, so that the share holds for every day and for coarse
+/// periods too.
 fn analyser(number: usize) -> Channel {
     let analog: Vec<&SignalInfo> =
         SIGNALS.iter().filter(|info| matches!(info.nature, Nature::Analog(_))).collect();

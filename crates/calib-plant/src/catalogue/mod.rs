@@ -1,20 +1,20 @@
-//! Which channels a plant of a given size has.
+//! The catalogue of channels for a plant of a given size.
 
 mod alive;
 mod dead;
 
 use crate::channel::Channel;
 
-/// How many of `channels` survive preprocessing: most of a small plant, 142 of 480 (the paper's
-/// figures), and a little over a quarter of a very large one.
+/// Returns how many of `channels` survive preprocessing: most of a small plant, 142 of 480 (the
+/// paper's figures), and a little over a quarter of a very large one.
 pub(crate) fn alive_count(channels: usize) -> usize {
     let n = channels as f64;
     let share = 0.2825 + 0.7175 * (-(n - 3.0) / 120.0).exp();
     ((share * n).round() as usize).clamp(channels.min(4), channels)
 }
 
-/// The channels of a plant in the order of its columns: the three roles and the mode, then living
-/// and dead ones evenly mixed.
+/// Returns the channels of a plant in the order of its columns: the three roles and the mode,
+/// then living and dead ones evenly mixed.
 pub(crate) fn channels(count: usize) -> Vec<Channel> {
     let alive = alive_count(count);
     let mut living = alive::channels(alive).into_iter();

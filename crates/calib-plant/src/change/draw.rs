@@ -10,7 +10,7 @@ use crate::{
     signal::{SIGNALS, Signal, SignalInfo},
 };
 
-/// Every change of a plant, by kind, each in the order of time.
+/// Every change of a plant, by kind, each in time order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Changes {
     pub(crate) membranes: Timeline<Membranes>,
@@ -18,12 +18,12 @@ pub(crate) struct Changes {
     pub(crate) settings: Timeline<Settings>,
     pub(crate) permeate_pumps: Timeline<Pump>,
     pub(crate) feed_pumps: Timeline<Pump>,
-    /// Of each sensor that changes at all.
+    /// The sensors that change at all, with their timelines.
     pub(crate) sensors: Vec<(&'static SignalInfo, Timeline<Sensor>)>,
 }
 
 impl Changes {
-    /// The changes of the plant with these options.
+    /// Draws the changes of the plant with these options.
     pub(crate) fn of(options: &PlantOptions) -> Self {
         let ChangeOptions { strength, .. } = options.change;
         if strength == 0.0 {
@@ -57,7 +57,7 @@ impl Changes {
         }
     }
 
-    /// What a sensor shows when; no events for what is not one.
+    /// Returns the changes of a sensor over time, or `None` if the recipe is not a sensor.
     pub(crate) fn of_recipe(&self, recipe: Recipe) -> Option<&Timeline<Sensor>> {
         let (Recipe::Lagged { signal, .. } | Recipe::Filtered { signal, .. }) = recipe else {
             return None;
@@ -65,7 +65,7 @@ impl Changes {
         self.sensors.iter().find(|(info, _)| info.signal == signal).map(|(_, timeline)| timeline)
     }
 
-    /// All of them in the order of time, sensors only as far as they are `shown`.
+    /// Returns all changes in time order. Changes of a sensor are included only if it is `shown`.
     pub(crate) fn told(
         &self,
         options: &PlantOptions,
@@ -98,15 +98,15 @@ impl Changes {
     }
 }
 
-/// The time of a log, in which things happen.
+/// The time range of a log in which changes are drawn.
 struct Span {
     seed: Seed,
     days: f64,
 }
 
 impl Span {
-    /// What happens to `name` at the whole seconds of a Poisson process of rate `per_year`. The n-th value follows from
-    /// seed, name and n alone, so that rates move dates and no more.
+    /// Returns events for `name` at the whole seconds of a Poisson process of rate `per_year`. The n-th value follows
+    /// from seed, name and n alone, so that rates move only the dates.
     fn events<T>(
         &self,
         name: &str,
@@ -115,7 +115,7 @@ impl Span {
     ) -> Vec<Dated<T>> {
         let seed = self.seed.child(name);
         let mut waits = seed.child("dates").rng();
-        // Infinite for a rate of zero: no event ever.
+        // Infinite for a rate of zero, so that there is no event.
         let mut wait = || SECONDS_PER_YEAR / per_year * waits.exponential();
         let mut events = Vec::new();
         let mut at = wait();
@@ -128,11 +128,11 @@ impl Span {
     }
 }
 
-/// Draws of sizes.
+/// A generator for the sizes of changes.
 struct Draw(Rng);
 
 impl Draw {
-    /// A standard normal number cut at ±2: no event is freakish.
+    /// Returns a standard normal number truncated at ±2, so that no event is extreme.
     fn z(&mut self) -> f64 {
         loop {
             let z = self.0.normal();
@@ -142,7 +142,7 @@ impl Draw {
         }
     }
 
-    /// A factor of median 1 whose logarithm has the standard deviation `spread`, but for the cut.
+    /// Returns a factor of median 1 whose logarithm has the standard deviation `spread`, before truncation.
     fn factor(&mut self, spread: f64) -> f64 {
         (spread * self.z()).exp()
     }
@@ -169,7 +169,7 @@ impl Draw {
         let span = info.range.1 - info.range.0;
         let offset = 0.015 * span * strength * self.z();
         Sensor {
-            // Stray light and deposits on its windows only ever add to what a turbidimeter sees.
+            // Stray light and deposits on the windows only add to the reading of a turbidimeter.
             offset: if info.unit == "NTU" { offset.abs() } else { offset },
             gain: self.factor(0.04 * strength),
             time_constant_secs: strength * (self.0.uniform(5.0_f64.ln(), 120.0_f64.ln())).exp(),

@@ -1,11 +1,11 @@
 use super::{Dated, Feed, Timeline};
 use crate::options::SECONDS_PER_DAY;
 
-/// What flows to the plant at any time: one feed after the other, each blended in over days.
+/// The feed of the plant over time: one feed after the other, each blended in over days.
 #[derive(Clone, Debug)]
 pub(crate) struct Feeds(Timeline<Blending>);
 
-/// From what there was to another feed.
+/// The transition from one feed to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Blending {
     from: Feed,
@@ -25,7 +25,7 @@ impl Feeds {
         Self(Timeline::new(blendings))
     }
 
-    /// The feed `t` seconds after the start.
+    /// Returns the feed `t` seconds after the start.
     pub(crate) fn at(&self, t: f64) -> Feed {
         match self.0.at(t) {
             Some(Dated { at, value }) => value.after(t - at),
@@ -35,8 +35,8 @@ impl Feeds {
 }
 
 impl Blending {
-    /// What there is `secs` after blending began: s² (3 − 2s) of the way after a share s of the time, so that no
-    /// quantity jumps, nor its slope.
+    /// Returns the feed `secs` after blending began. After a share s of the time, s² (3 − 2s) of the way is
+    /// done, so that neither a quantity nor its slope jumps.
     fn after(&self, secs: f64) -> Feed {
         let share = (secs / (self.to.blending_days * SECONDS_PER_DAY)).min(1.0);
         self.from.blended(&self.to, share * share * (3.0 - 2.0 * share))

@@ -4,12 +4,12 @@ use calib_core::Timestamp;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A change of the plant, and when it was made.
+/// A change of the plant, with its date.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
-    /// When: membranes and pumps are exchanged when the plant next stands still, within hours.
+    /// The date. Membranes and pumps are exchanged when the plant next stops, within hours.
     pub at: Timestamp,
-    /// What.
+    /// The change itself.
     #[serde(flatten)]
     pub kind: ChangeKind,
 }
@@ -114,7 +114,7 @@ pub struct Pump {
 }
 
 impl Feed {
-    /// The feed that the plant begins with.
+    /// The initial feed of the plant.
     pub(crate) const FIRST: Self = Self {
         blending_days: 0.0,
         temperature_offset: 0.0,
@@ -127,7 +127,7 @@ impl Feed {
         organics: 1.0,
     };
 
-    /// `share` of the way to `other`, field by field.
+    /// Returns the feed that is `share` of the way to `other`, field by field.
     pub(crate) fn blended(&self, other: &Self, share: f64) -> Self {
         let blend = |field: fn(&Self) -> f64| field(self) + share * (field(other) - field(self));
         Self {
@@ -145,7 +145,7 @@ impl Feed {
 }
 
 impl Pump {
-    /// The pump that the plant begins with.
+    /// Returns the initial pump of the plant.
     pub(crate) const fn first(duty: PumpDuty) -> Self {
         Self { duty, speed: 1.0, pulsation: 1.0, response: 1.0 }
     }

@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::options::{OptionsError, within};
 
-/// How much a plant changes from year to year, and how often.
+/// Size and rate of the changes of a plant from year to year.
 ///
 /// | field | default | range | meaning |
 /// |---|---|---|---|
@@ -13,9 +13,9 @@ use crate::options::{OptionsError, within};
 /// | `settings_per_year` | 2 | 0 – 50 | mean rate of changed control settings |
 /// | `pumps_per_year` | 1 | 0 – 50 | mean rate of pumps replaced |
 ///
-/// Dates are those of Poisson processes. They depend on the seed and on the rate alone, sizes on the seed and on the
-/// strength alone, so that plants of different strengths have the same history, told louder. Sizes, rates and ranges
-/// are our choice.
+/// Dates are those of Poisson processes and depend only on the seed and the rate. Sizes depend only on the seed and the
+/// strength. Plants of different strengths therefore have the same events, with larger or smaller changes. Sizes, rates
+/// and ranges are our choice.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChangeOptions {
@@ -47,12 +47,12 @@ impl Default for ChangeOptions {
 }
 
 impl ChangeOptions {
-    /// Whether these are the defaults, which need not be written down.
+    /// Whether these are the defaults, which are omitted when serialised.
     pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Check every field against its range.
+    /// Checks every field against its range.
     ///
     /// # Errors
     /// Names the first field outside its range.

@@ -4,19 +4,20 @@ use crate::{
     signal::{Frame, Signal},
 };
 
-/// The sensors that change: what they show instead of the true values.
+/// The sensors that change, which show other values than the true ones.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensors {
     lines: Vec<Line>,
     period_secs: f64,
 }
 
-/// One sensor on its way through time.
+/// One sensor with its changes over time.
 #[derive(Clone, Debug)]
 struct Line {
     signal: Signal,
     timeline: Timeline<Sensor>,
-    /// Since when it is as it is now, and what it shows; nothing as long as it shows the truth.
+    /// The time of the latest change, and the filter of the shown value. `None` while the sensor shows the true
+    /// value.
     now: Option<(f64, Follower)>,
 }
 
@@ -36,12 +37,12 @@ impl Sensors {
         }
     }
 
-    /// What is shown `t` seconds after the start, a period after what was shown before.
+    /// Replaces true values by those shown `t` seconds after the start. Calls are one period apart.
     pub(crate) fn read(&mut self, t: f64, frame: &mut Frame) {
         for line in &mut self.lines {
             let Some(Dated { at, value: sensor }) = line.timeline.at(t) else { continue };
             let shown = sensor.gain * frame[line.signal] + sensor.offset;
-            // A sensor that is put in place shows what it sees at once: it has had its time while it was fitted.
+            // A newly fitted sensor shows its full reading at once: it has settled while it was fitted.
             let fitted = || Follower::new(shown, sensor.time_constant_secs, self.period_secs);
             let (since, follower) = line.now.get_or_insert_with(|| (at, fitted()));
             if *since < at {
@@ -73,7 +74,7 @@ mod tests {
         };
         assert_eq!([shown(0.0, 4.0), shown(4.0, 4.0)], [4.0, 4.0]);
         assert_eq!([shown(5.0, 4.0), shown(6.0, 4.0)], [8.0, 8.0]);
-        // A step of the truth by 2 is one of 3 here, of which 1 − exp(−1/10) is seen after a second.
+        // A step of 2 in the true value is a step of 3 here, of which 1 − exp(−1/10) is seen after a second.
         assert!((shown(7.0, 6.0) - (8.0 + 3.0 * (1.0 - (-0.1_f64).exp()))).abs() < 1e-12);
     }
 }

@@ -1,29 +1,32 @@
-/// Something that holds from an instant on, s after the plant's start.
+/// A value that holds from an instant on, in seconds after the plant's
+/// start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Dated<T> {
     pub(crate) at: f64,
     pub(crate) value: T,
 }
 
-/// What holds when: the latest of dated values, in the order of time.
+/// A value over time: dated values in time order, of which the latest
+/// holds.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Timeline<T>(Vec<Dated<T>>);
 
 impl<T> Default for Timeline<T> {
-    /// Nothing, ever.
+    /// Returns an empty timeline.
     fn default() -> Self {
         Self(Vec::new())
     }
 }
 
 impl<T: Copy> Timeline<T> {
-    /// Of `events` in the order of time.
+    /// Returns the timeline of `events`, which are in time order.
     pub(crate) fn new(events: Vec<Dated<T>>) -> Self {
         debug_assert!(events.is_sorted_by(|a, b| a.at <= b.at), "in the order of time");
         Self(events)
     }
 
-    /// What holds at `t`, s; nothing before the first event.
+    /// Returns the value that holds at `t`, s, or `None` before the
+    /// first event.
     pub(crate) fn at(&self, t: f64) -> Option<Dated<T>> {
         let after = self.0.partition_point(|event| event.at <= t);
         after.checked_sub(1).map(|place| self.0[place])
