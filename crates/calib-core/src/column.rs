@@ -21,15 +21,15 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The map of a column that is already on the scale of the states.
+    /// The identity map, for a column that is already on the scale of the states.
     pub const IDENTITY: Self = Self { offset: 0.0, scale: 1.0 };
 
-    /// To the scale of the states.
+    /// Converts to the scale of the states.
     pub fn normalise(self, value: Physical) -> Normalised {
         Normalised(((value.0 - self.offset) / self.scale) as f32)
     }
 
-    /// Back to the unit of the sensor.
+    /// Converts to the unit of the sensor.
     pub fn physical(self, value: Normalised) -> Physical {
         Physical(f64::from(value.0) * self.scale + self.offset)
     }
@@ -64,17 +64,17 @@ pub struct Normaliser {
 }
 
 impl Normaliser {
-    /// A normaliser over these columns.
+    /// Returns a normaliser over these columns.
     pub fn new(columns: Vec<Column>) -> Self {
         Self { columns }
     }
 
-    /// The columns in the order of the states.
+    /// Returns the columns in the order of the states.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// Number of columns.
+    /// Returns the number of columns.
     pub fn len(&self) -> usize {
         self.columns.len()
     }
@@ -84,12 +84,12 @@ impl Normaliser {
         self.columns.is_empty()
     }
 
-    /// The position of the column with this name.
+    /// Returns the position of the column with this name.
     pub fn position(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column.name == name)
     }
 
-    /// A value of column `column` in the unit of its sensor.
+    /// Converts a value of column `column` to the unit of its sensor.
     pub fn physical(&self, column: usize, value: Normalised) -> Physical {
         self.columns[column].bounds.physical(value)
     }

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use crate::{Segments, States, Timestamp};
 
-/// Normalised rows in time order, with the segments they form.
+/// Normalised rows in time order, with their segments.
 #[derive(Clone, Debug)]
 pub struct Frames {
     timestamps: Vec<Timestamp>,
@@ -10,7 +10,7 @@ pub struct Frames {
     states: States,
 }
 
-/// Why the parts do not make frames.
+/// An error that prevents parts from forming frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FramesError {
     /// Timestamps, segments and states disagree about the number of rows.
@@ -34,7 +34,7 @@ pub enum FramesError {
 }
 
 impl Frames {
-    /// Frames from rows in strictly increasing time order.
+    /// Returns frames of rows in strictly increasing time order.
     ///
     /// # Errors
     /// If the parts disagree about the number of rows, or time does not increase.
@@ -56,10 +56,10 @@ impl Frames {
         Ok(Self { timestamps, segments, states })
     }
 
-    /// Some of the rows. Segments are cut where the rows begin and end.
+    /// Returns some of the rows. Segments are cut where the rows begin and end.
     ///
     /// # Panics
-    /// If there are not as many rows.
+    /// If there are fewer rows.
     #[must_use]
     pub fn slice(&self, rows: Range<usize>) -> Self {
         let lengths = self.segments.iter().filter_map(|segment| {
@@ -73,22 +73,22 @@ impl Frames {
         Self { timestamps: self.timestamps[rows].to_vec(), segments, states }
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.timestamps.len()
     }
 
-    /// Time of each row.
+    /// Returns the time of each row.
     pub fn timestamps(&self) -> &[Timestamp] {
         &self.timestamps
     }
 
-    /// The runs of rows without a gap.
+    /// Returns the segments: runs of rows without a gap.
     pub fn segments(&self) -> &Segments {
         &self.segments
     }
 
-    /// The normalised states.
+    /// Returns the normalised states.
     pub fn states(&self) -> &States {
         &self.states
     }
@@ -98,12 +98,12 @@ impl Frames {
 mod tests {
     use super::*;
 
-    /// Two states of one value.
+    /// Returns two states of one value.
     fn states() -> States {
         States::new(vec![0.0; 2], 2, 1).expect("valid")
     }
 
-    /// One segment of two rows.
+    /// Returns one segment of two rows.
     fn segments() -> Segments {
         Segments::from_lengths([2]).expect("valid")
     }

@@ -11,7 +11,7 @@ macro_rules! index {
         pub struct $name(pub u32);
 
         impl $name {
-            /// The index of position `index`.
+            /// Returns the index of position `index`.
             ///
             /// # Panics
             /// If `index` does not fit in 32 bits; data of that many rows is refused on loading.
@@ -19,7 +19,7 @@ macro_rules! index {
                 Self(u32::try_from(index).expect("rows are counted in 32 bits"))
             }
 
-            /// The position that this index names.
+            /// Returns the position that this index names.
             pub const fn get(self) -> usize {
                 self.0 as usize
             }

@@ -1,15 +1,17 @@
-//! The words of the domain, shared by every other package: no I/O, no clock, no ambient randomness.
+//! The domain types, shared by every other package: no I/O, no clock, no ambient randomness.
 //!
 //! Data flows through these types in this order:
 //!
 //! - [`Timestamp`], [`Period`]: instants and spans in microseconds.
 //! - [`Segment`], [`Segments`]: maximal runs of rows without a gap. Nothing crosses their ends.
-//! - [`Column`], [`Normaliser`]: what a number in a state means, in normalised and physical units.
+//! - [`Column`], [`Normaliser`]: the meaning of a number in a state, in normalised and physical
+//!   units.
 //! - [`States`], [`Frames`]: normalised states `[n, d]`, and their timestamps and segments.
 //! - [`Transitions`], [`TransitionIndex`], [`RowIndex`]: pairs of successive rows of one segment.
 //! - [`Seed`], [`Rng`]: named, derived randomness that is stable across platforms and releases.
 //! - [`Monitor`], [`Cancelled`]: progress and cancellation, seen from inside long work.
-//! - [`Stream`], [`RowStream`]: what an agent sees; replay and rollout look the same to it.
+//! - [`Stream`], [`RowStream`]: the states that an agent sees. Replay and rollout look the same to
+//!   it.
 //!
 //! ```
 //! use calib_core::{RowIndex, Seed, Segments, Transitions};

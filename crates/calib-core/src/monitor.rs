@@ -1,18 +1,19 @@
-/// The observer asked to stop. Whatever was finished by then stays.
+/// The error of work that the observer asked to stop. Results that were finished by
+/// then are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted")]
 pub struct Cancelled;
 
-/// How long work says what it has done, and learns that it should stop.
+/// Receives the progress of long work, and tells it when to stop.
 ///
-/// The command line draws a progress bar from it; libraries and tests pass [`Silent`].
+/// The command line draws a progress bar from it. Libraries and tests pass [`Silent`].
 pub trait Monitor: Sync {
-    /// Work of `total` units called `task` begins.
+    /// Begins the task `task` with `total` units of work.
     fn begin(&self, task: &str, total: u64) {
         let _ = (task, total);
     }
 
-    /// `units` more units are done.
+    /// Reports `units` more units as done.
     fn advance(&self, units: u64) {
         let _ = units;
     }
@@ -22,7 +23,8 @@ pub trait Monitor: Sync {
         false
     }
 
-    /// For `monitor.check()?` where work can end.
+    /// Returns an error if the work should stop: for `monitor.check()?` where work can
+    /// end.
     ///
     /// # Errors
     /// [`Cancelled`] if [`interrupted`](Self::interrupted).
@@ -45,7 +47,7 @@ impl<M: Monitor + ?Sized> Monitor for Box<M> {
     }
 }
 
-/// A monitor that nobody watches.
+/// A monitor that ignores progress and never stops the work.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 

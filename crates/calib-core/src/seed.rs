@@ -11,29 +11,29 @@ use serde::{Deserialize, Serialize};
 pub struct Seed(u64);
 
 impl Seed {
-    /// The root seed that a user writes in a study.
+    /// Returns the root seed that a user writes in a study.
     pub const fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// The seed's number, to be stored with results.
+    /// Returns the seed's number, for storage with results.
     pub const fn get(self) -> u64 {
         self.0
     }
 
-    /// The seed of the part called `name`.
+    /// Returns the seed of the part called `name`.
     #[must_use]
     pub fn child(self, name: &str) -> Self {
         self.derive(b"name", name.as_bytes())
     }
 
-    /// The seed of part `number`.
+    /// Returns the seed of part `number`.
     #[must_use]
     pub fn number(self, number: u64) -> Self {
         self.derive(b"number", &number.to_le_bytes())
     }
 
-    /// A generator that starts from this seed.
+    /// Returns a generator that starts from this seed.
     pub fn rng(self) -> Rng {
         Rng(Pcg64::seed_from_u64(self.0))
     }
@@ -47,28 +47,28 @@ impl Seed {
     }
 }
 
-/// PCG XSL RR 128/64 (O'Neill 2014) with draws defined here,
-/// so that stored results do not change when a dependency changes its sampling.
+/// PCG XSL RR 128/64 (O'Neill 2014). The distributions are defined here, so that
+/// stored results do not change when a dependency changes its sampling.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rng(Pcg64);
 
 impl Rng {
-    /// 64 uniform bits.
+    /// Returns 64 uniform bits.
     pub fn bits(&mut self) -> u64 {
         self.0.next_u64()
     }
 
-    /// Uniform in `[0, 1)`, 53 bits.
+    /// Returns a uniform number in `[0, 1)` with 53 random bits.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
     }
 
-    /// Uniform in `[low, high)`.
+    /// Returns a uniform number in `[low, high)`.
     pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in `0..n` without bias (Lemire 2019).
+    /// Returns a uniform integer in `0..n` without bias (Lemire 2019).
     ///
     /// # Panics
     /// If `n` is zero.
@@ -84,7 +84,7 @@ impl Rng {
         }
     }
 
-    /// Standard normal (Marsaglia's polar method, one of the pair).
+    /// Returns a standard normal number (Marsaglia's polar method, one of the pair).
     pub fn normal(&mut self) -> f64 {
         loop {
             let x = self.uniform(-1.0, 1.0);
@@ -96,12 +96,12 @@ impl Rng {
         }
     }
 
-    /// Exponential with mean 1.
+    /// Returns an exponential number with mean 1.
     pub fn exponential(&mut self) -> f64 {
         -(1.0 - self.unit()).ln()
     }
 
-    /// Put `items` in uniformly random order (Fisher–Yates).
+    /// Puts `items` in uniformly random order (Fisher–Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
             items.swap(last, self.below(last + 1));

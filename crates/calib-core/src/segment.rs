@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-/// A maximal run of rows at the expected sample period, as a half-open range of rows.
+/// A maximal run of rows at the expected sampling interval, as a half-open range of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Segment {
     /// First row.
@@ -12,7 +12,7 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// Number of rows.
+    /// Returns the number of rows.
     pub const fn len(self) -> usize {
         (self.end - self.start) as usize
     }
@@ -22,7 +22,7 @@ impl Segment {
         self.end == self.start
     }
 
-    /// The rows as a range.
+    /// Returns the rows as a range.
     pub const fn rows(self) -> Range<usize> {
         self.start as usize..self.end as usize
     }
@@ -35,7 +35,7 @@ impl Segment {
 #[serde(transparent)]
 pub struct Segments(Vec<Segment>);
 
-/// Why a list of lengths is not a partition.
+/// An error that prevents a list of lengths from being a partition.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SegmentError {
     /// A segment without rows.
@@ -53,7 +53,7 @@ pub enum SegmentError {
 }
 
 impl Segments {
-    /// The partition whose segments have these lengths, in rows.
+    /// Returns the partition whose segments have these lengths, in rows.
     ///
     /// # Errors
     /// A length of zero, or a total above `u32::MAX - 1` rows.
@@ -74,7 +74,7 @@ impl Segments {
         Ok(Self(segments))
     }
 
-    /// Number of segments.
+    /// Returns the number of segments.
     pub fn len(&self) -> usize {
         self.0.len()
     }
@@ -84,29 +84,29 @@ impl Segments {
         self.0.is_empty()
     }
 
-    /// Number of rows over all segments.
+    /// Returns the number of rows over all segments.
     pub fn rows(&self) -> usize {
         self.0.last().map_or(0, |last| last.end as usize)
     }
 
-    /// The segments in order.
+    /// Iterates over the segments in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Segment> + '_ {
         self.0.iter().copied()
     }
 
-    /// The segments as a slice.
+    /// Returns the segments as a slice.
     pub fn as_slice(&self) -> &[Segment] {
         &self.0
     }
 
-    /// The position of the segment that holds `row`, or `None` past the last row.
+    /// Returns the position of the segment that holds `row`, or `None` past the last row.
     pub fn position_of(&self, row: usize) -> Option<usize> {
         let position = self.0.partition_point(|segment| (segment.end as usize) <= row);
         (position < self.0.len()).then_some(position)
     }
 
-    /// The unbroken pieces of a stream that visits `length` rows from `start` on, beginning again at the first row after the last:
-    /// ranges of `0..length`, one for each segment that it touches.
+    /// Returns the unbroken pieces of a stream that visits `length` rows from `start` on, and wraps from the last row
+    /// to the first. Pieces are ranges of `0..length`, one for each segment that the stream visits.
     pub fn looped_pieces(&self, start: usize, length: usize) -> Vec<Range<usize>> {
         let rows = self.rows();
         let mut pieces = Vec::new();

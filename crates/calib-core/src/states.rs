@@ -4,13 +4,13 @@ use std::{fmt, ops::Range, sync::Arc};
 #[derive(Clone)]
 pub struct States {
     values: Arc<dyn AsRef<[f32]> + Send + Sync>,
-    /// First row in the storage.
+    /// Index of the first row in the storage.
     first: usize,
     rows: usize,
     columns: usize,
 }
 
-/// Why values are not a matrix of states.
+/// An error that prevents values from being a matrix of states.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StatesError {
     /// The number of values is not rows × columns.
@@ -34,7 +34,7 @@ pub enum StatesError {
 }
 
 impl States {
-    /// States that own `values`, row by row.
+    /// Returns states that own `values`, row by row.
     ///
     /// # Errors
     /// If there are not `rows * columns` values, or one is not finite.
@@ -42,7 +42,8 @@ impl States {
         Self::from_shared(Arc::new(values), rows, columns)
     }
 
-    /// The smallest and the largest value of each column; infinite without rows.
+    /// Returns the smallest and the largest value of each column; infinite without
+    /// rows.
     pub fn extremes(&self) -> [Vec<f32>; 2] {
         let columns = self.columns;
         let mut lowest = vec![f32::INFINITY; columns];
@@ -56,7 +57,7 @@ impl States {
         [lowest, highest]
     }
 
-    /// States over shared storage, such as a mapped file.
+    /// Returns states over shared storage, such as a mapped file.
     ///
     /// # Errors
     /// As [`States::new`].
@@ -78,32 +79,32 @@ impl States {
         Ok(Self { values, first: 0, rows, columns })
     }
 
-    /// Number of rows `n`.
+    /// Returns the number of rows `n`.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Number of columns `d`.
+    /// Returns the number of columns `d`.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// All values, row-major. Take this once outside a hot loop.
+    /// Returns all values, row-major. Call this once outside a hot loop.
     pub fn as_slice(&self) -> &[f32] {
         &(*self.values).as_ref()[self.first * self.columns..][..self.rows * self.columns]
     }
 
-    /// Some of the rows, over the same storage.
+    /// Returns some of the rows, over the same storage.
     ///
     /// # Panics
-    /// If there are not as many rows.
+    /// If there are fewer rows.
     #[must_use]
     pub fn slice(&self, rows: Range<usize>) -> Self {
         assert!(rows.start <= rows.end && rows.end <= self.rows, "a slice lies inside");
         Self { first: self.first + rows.start, rows: rows.len(), ..self.clone() }
     }
 
-    /// One state.
+    /// Returns one state.
     pub fn row(&self, row: usize) -> &[f32] {
         &self.as_slice()[row * self.columns..][..self.columns]
     }

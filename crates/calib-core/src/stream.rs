@@ -2,11 +2,11 @@ use std::ops::Range;
 
 use crate::{RowIndex, Segments, States};
 
-/// What an agent experiences: a sequence of states in one or more unbroken pieces.
+/// The states that an agent sees: a sequence in one or more unbroken pieces.
 ///
 /// An agent cannot tell a recorded stream (replay) from a generated one (rollout).
 pub trait Stream: Send + Sync {
-    /// Number of states.
+    /// Returns the number of states.
     fn len(&self) -> usize;
 
     /// Whether there are no states.
@@ -14,18 +14,18 @@ pub trait Stream: Send + Sync {
         self.len() == 0
     }
 
-    /// Number of values in a state.
+    /// Returns the number of values in a state.
     fn width(&self) -> usize;
 
-    /// The state at time `t`.
+    /// Returns the state at time `t`.
     fn state(&self, t: usize) -> &[f32];
 
-    /// Unbroken pieces, in order, that partition `0..len`.
-    /// No transition, trace or return crosses from one into the next.
+    /// Returns the unbroken pieces, in order, that partition `0..len`. No transition, trace or return crosses from one
+    /// into the next.
     fn pieces(&self) -> &[Range<usize>];
 }
 
-/// A stream of recorded rows: by construction it cannot leave the data.
+/// A stream of recorded rows. By construction it cannot leave the data.
 #[derive(Clone, Debug)]
 pub struct RowStream {
     states: States,
@@ -34,7 +34,7 @@ pub struct RowStream {
 }
 
 impl RowStream {
-    /// One unbroken piece that visits `rows` in this order.
+    /// Returns one unbroken piece that visits `rows` in this order.
     ///
     /// # Panics
     /// If a row lies outside `states`.
@@ -47,7 +47,7 @@ impl RowStream {
         Self { states, rows, pieces }
     }
 
-    /// Replay of all rows of `segments` in time order, one piece a segment.
+    /// Returns the replay of all rows of `segments` in time order, one piece per segment.
     ///
     /// # Panics
     /// If the segments have more rows than `states`.
@@ -58,8 +58,8 @@ impl RowStream {
         Self { states, rows, pieces }
     }
 
-    /// Replay of `length` rows from `start` on in time order, over and over: after the last row comes the first. One piece for
-    /// each segment that it touches, and a new one whenever the rows begin again.
+    /// Returns the cyclic replay of `length` rows from `start` on in time order: the first row follows the last. There
+    /// is one piece for each visited segment, and a new one whenever the rows begin again.
     ///
     /// # Panics
     /// If there are no rows, `start` is not one of them, or the segments reach past `states`.
@@ -70,7 +70,7 @@ impl RowStream {
         Self { states, rows: rows.collect(), pieces: segments.looped_pieces(start, length) }
     }
 
-    /// The rows in the order in which they are visited.
+    /// Returns the rows in the order in which they are visited.
     pub fn rows(&self) -> &[RowIndex] {
         &self.rows
     }

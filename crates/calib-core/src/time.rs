@@ -5,28 +5,28 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 /// An instant in microseconds since 1970-01-01T00:00:00.
 ///
-/// Logs with a time zone are converted to UTC; logs without one keep their wall-clock reading. In JSON it is a text as RFC 3339 has it,
-/// in UTC; a number of microseconds where that has no year for it.
+/// Logs with a time zone are converted to UTC. Logs without one keep their wall-clock reading. In JSON an instant is
+/// RFC 3339 text in UTC, or a number of microseconds where RFC 3339 cannot write the year.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Timestamp(i64);
 
 impl Timestamp {
-    /// The instant `micros` microseconds after the epoch.
+    /// Returns the instant `micros` microseconds after the epoch.
     pub const fn from_micros(micros: i64) -> Self {
         Self(micros)
     }
 
-    /// Microseconds since the epoch.
+    /// Returns microseconds since the epoch.
     pub const fn as_micros(self) -> i64 {
         self.0
     }
 
-    /// The span from `earlier` to `self`, in microseconds; negative if `earlier` is later.
+    /// Returns the span from `earlier` to `self`, in microseconds; negative if `earlier` is later.
     pub const fn micros_since(self, earlier: Self) -> i64 {
         self.0 - earlier.0
     }
 
-    /// The instant `periods` sample periods later.
+    /// Returns the instant `periods` sampling intervals later.
     #[must_use]
     pub const fn plus(self, period: Period, periods: i64) -> Self {
         Self(self.0 + period.0 * periods)
@@ -36,7 +36,7 @@ impl Timestamp {
 /// The years that RFC 3339 can write, from 0000-01-01T00:00:00Z to before 10000-01-01T00:00:00Z, in microseconds.
 const WRITABLE: std::ops::Range<i64> = -62_167_219_200_000_000..253_402_300_800_000_000;
 
-/// As it stands in JSON.
+/// The representation in JSON.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum Stored {
@@ -61,7 +61,7 @@ impl<'de> Deserialize<'de> for Timestamp {
         match Stored::deserialize(deserializer)? {
             Stored::Text(text) => {
                 let instant = text.parse::<jiff::Timestamp>().or_else(|_| {
-                    // Without an offset in files of earlier versions.
+                    // Files of earlier versions have no offset.
                     let clock = text.parse::<jiff::civil::DateTime>()?;
                     clock.to_zoned(jiff::tz::TimeZone::UTC).map(|zoned| zoned.timestamp())
                 });
@@ -94,23 +94,23 @@ impl JsonSchema for Timestamp {
 pub struct Period(i64);
 
 impl Period {
-    /// A period of `micros` microseconds, or `None` unless it is positive.
+    /// Returns a period of `micros` microseconds, or `None` unless it is positive.
     pub const fn from_micros(micros: i64) -> Option<Self> {
         if micros > 0 { Some(Self(micros)) } else { None }
     }
 
-    /// A period of `secs` seconds, or `None` unless it rounds to at least one microsecond.
+    /// Returns a period of `secs` seconds, or `None` unless it rounds to at least one microsecond.
     pub fn from_secs(secs: f64) -> Option<Self> {
         let micros = (secs * 1e6).round();
         if micros >= 1.0 && micros < i64::MAX as f64 { Some(Self(micros as i64)) } else { None }
     }
 
-    /// Length in microseconds.
+    /// Returns the length in microseconds.
     pub const fn as_micros(self) -> i64 {
         self.0
     }
 
-    /// Length in seconds.
+    /// Returns the length in seconds.
     pub fn as_secs(self) -> f64 {
         self.0 as f64 / 1e6
     }
@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(Period::from_secs(0.5).map(Period::as_micros), Some(500_000));
     }
 
-    /// A time as it stands in a file.
+    /// Returns the JSON text of a time.
     fn json(micros: i64) -> String {
         serde_json::to_string(&Timestamp(micros)).expect("JSON")
     }

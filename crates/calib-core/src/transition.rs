@@ -2,7 +2,7 @@ use crate::{RowIndex, Segments, TransitionIndex};
 
 /// All transitions of some segments, in time order.
 ///
-/// Transition `i` leads from [`source(i)`](Self::source) to the row after it,
+/// Transition `i` leads from [`source(i)`](Self::source) to the next row,
 /// [`next(i)`](Self::next). A segment of `L` rows holds `L - 1` transitions.
 #[derive(Clone, Debug)]
 pub struct Transitions {
@@ -14,7 +14,7 @@ pub struct Transitions {
 }
 
 impl Transitions {
-    /// The transitions inside `segments`.
+    /// Returns the transitions inside `segments`.
     pub fn new(segments: Segments) -> Self {
         let mut sources = Vec::with_capacity(segments.rows());
         let mut firsts = Vec::with_capacity(segments.len() + 1);
@@ -26,37 +26,38 @@ impl Transitions {
         Self { sources, firsts, segments }
     }
 
-    /// Number of transitions.
+    /// Returns the number of transitions.
     pub fn len(&self) -> usize {
         self.sources.len()
     }
 
-    /// Whether no segment has two rows.
+    /// Whether there are no transitions, because no segment has two rows.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
     }
 
-    /// The segments that the transitions lie in.
+    /// Returns the segments of the transitions.
     pub fn segments(&self) -> &Segments {
         &self.segments
     }
 
-    /// The row that the transition starts from.
+    /// Returns the row that the transition starts from.
     pub fn source(&self, transition: TransitionIndex) -> RowIndex {
         RowIndex(self.sources[transition.get()])
     }
 
-    /// The row that the transition leads to.
+    /// Returns the row that the transition leads to.
     pub fn next(&self, transition: TransitionIndex) -> RowIndex {
         RowIndex(self.sources[transition.get()] + 1)
     }
 
-    /// Source rows of all transitions, in order.
+    /// Returns the source rows of all transitions, in order.
     pub fn sources(&self) -> &[u32] {
         &self.sources
     }
 
-    /// The transition that starts from `row`; none for the last row of a segment.
+    /// Returns the transition that starts from `row`, or `None` for the last row
+    /// of a segment.
     pub fn starting_at(&self, row: RowIndex) -> Option<TransitionIndex> {
         let position = self.segments.position_of(row.get())?;
         let segment = self.segments.as_slice()[position];
@@ -64,7 +65,8 @@ impl Transitions {
             .then(|| TransitionIndex(self.firsts[position] + (row.0 - segment.start)))
     }
 
-    /// The transition that leads to `row`; none for the first row of a segment.
+    /// Returns the transition that leads to `row`, or `None` for the first row of
+    /// a segment.
     pub fn ending_in(&self, row: RowIndex) -> Option<TransitionIndex> {
         row.0.checked_sub(1).and_then(|before| {
             self.starting_at(RowIndex(before)).filter(|&transition| self.next(transition) == row)
