@@ -1,9 +1,10 @@
-//! How good a choice turned out to be Online.
+//! Measures of how well a choice did in the held-out period (Online).
 
 use crate::error::check;
 use crate::{Direction, StatsError, competition_ranks};
 
-/// Whether value `chosen` is among the `k` best of `online` `[values]`, ties counting in its favour.
+/// Returns whether value `chosen` is among the `k` best of `online` `[values]`. Ties count in its
+/// favour.
 ///
 /// A value that diverged is never among the best.
 ///

@@ -1,4 +1,4 @@
-//! Means of what cannot be negative, and how large they may be.
+//! Upper bounds for means of non-negative numbers.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,10 +8,10 @@ use crate::StatsError;
 use crate::error::check;
 use crate::summary::{mean, sample_std};
 
-/// Fewer observations than this say nothing of how skewed they are.
+/// Minimum number of observations for estimating their skewness.
 const FEWEST: usize = 4;
 
-/// Shape of a gamma distribution that is that of a squared normal number, up to a factor.
+/// Shape of the gamma distribution of a squared normal number, up to a factor.
 const SQUARED_NORMAL: f64 = 0.5;
 
 /// A number that cannot be negative, with its 95 % upper bound.
@@ -25,13 +25,13 @@ pub struct Bounded {
     pub upper: Option<f64>,
 }
 
-/// 95 % upper bound of the mean of independent `losses` `[n]`, none of which is negative: 2nkm / χ²₀.₀₅(2nk).
+/// Returns the 95 % upper bound of the mean of independent, non-negative `losses` `[n]`: 2nkm / χ²₀.₀₅(2nk).
 ///
-/// With the mean m and the sample variance s², k = min(½, (n − 1)/n · m² / s²) is the shape of the gamma distribution
-/// that the losses are taken to come from. The loss against the best of several candidates is about the square of how
-/// far the best one of a window is from the chosen one, whose distribution has a shape of ½ if the choice is right and
-/// more otherwise; losses that are mostly nought are more skewed, and their moments say so. `None` for fewer than four
-/// losses, where all are equal or all but one are nought, and where one is infinite.
+/// The losses are modelled by a gamma distribution. With the mean m and the sample variance s², its shape is k = min(½,
+/// (n − 1)/n · m² / s²). The loss against the best of several candidates is about the squared distance between the best
+/// candidate of a window and the chosen one. If the choice is right, that distribution has a shape of ½, and otherwise
+/// a larger one. Losses that are mostly 0 are more skewed, which their moments show. `None` for fewer than four losses,
+/// where all are equal or all but one are 0, and where one is infinite.
 ///
 /// Student's t assumes a symmetric distribution: its upper ends are too low for losses like these (docs/metrics.md has
 /// the coverage of both). Source: bounds of gamma means after Grice & Bain (1980); the shape is our choice.
@@ -58,11 +58,12 @@ pub fn upper_bound(losses: &[f64]) -> Result<Option<f64>, StatsError> {
     Ok(quantile.map(|quantile| mean * freedom / quantile))
 }
 
-/// 95 % upper bound of a mean whose distribution may be skewed: `mean` + √19 · `standard_error`; none without spread.
+/// Returns the 95 % upper bound of a mean whose distribution may be skewed: `mean` + √19 · `standard_error`. `None`
+/// without spread.
 ///
-/// By Cantelli's inequality a number of any distribution is at least k standard deviations below its mean with a
-/// probability of 1 / (1 + k²) at most, which is 5 % for k = √19. For the mean of at least eight numbers whose spread is
-/// not known but estimated; docs/metrics.md has its coverage.
+/// By Cantelli's inequality, a number of any distribution is at least k standard deviations below its mean with a
+/// probability of at most 1 / (1 + k²), which is 5 % for k = √19. Use it for the mean of at least eight numbers with an
+/// estimated spread. docs/metrics.md has its coverage.
 pub fn cantelli_bound(mean: f64, standard_error: f64) -> Option<f64> {
     (standard_error > 0.0).then(|| mean + 19_f64.sqrt() * standard_error)
 }
@@ -75,10 +76,11 @@ mod tests {
 
     #[test]
     fn the_bound_of_a_gamma_mean() {
-        // m = 2, s² = 8/3: k = ½, so that 4 degrees of freedom are left; χ²₀.₀₅(4) = 0.710723.
+        // m = 2, s² = 8/3: k = ½, so that 4 degrees of freedom remain; χ²₀.₀₅(4) = 0.710723.
         let bound = upper_bound(&[1.0, 1.0, 2.0, 4.0]).unwrap().unwrap();
         assert!((bound - 2.0 * 4.0 / 0.710_723).abs() < 1e-4, "{bound}");
-        // Two losses of eight: m = ¼, s² = 3/14, k = 7/8 · 7/24 = 49/192, 49/12 degrees of freedom; χ²₀.₀₅ of them is 0.744409.
+        // Two losses of eight: m = ¼, s² = 3/14, k = 7/8 · 7/24 = 49/192, 49/12 degrees of freedom with χ²₀.₀₅ =
+        // 0.744409.
         let bound = upper_bound(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap().unwrap();
         assert!((bound - 0.25 * 49.0 / 12.0 / 0.744_409).abs() < 1e-4, "{bound}");
     }

@@ -1,4 +1,4 @@
-//! Means of runs that come in clusters.
+//! Means of clustered runs.
 
 use std::collections::BTreeMap;
 
@@ -29,14 +29,15 @@ pub struct ClusterSummary {
     pub interval: Option<Interval>,
 }
 
-/// Summarises `runs` `[runs]`, of which each belongs to the cluster in the same place of `clusters` `[runs]`.
+/// Summarises `runs` `[runs]`. `clusters` `[runs]` gives the cluster of each run.
 ///
 /// With the means m of the G clusters: mean = Σm / G, std = √(Σ(m − mean)² / (G − 1)), interval = mean ± t₀.₉₇₅(G − 1)
-/// · std / √G. Clusters count alike, however many runs they have. Where all have equally many, the mean is that of all
-/// runs and the interval the cluster-robust one (Liang & Zeger 1986) with the finite-sample factor G / (G − 1) and
-/// quantiles of t(G − 1), as Cameron & Miller (2015, section VI) recommend for few clusters; where they have not, or
-/// differ in spread, the interval of the clusters' own means keeps its level (Ibragimov & Müller 2010), which the
-/// robust one does not. Which of these is used is our choice.
+/// · std / √G. Clusters count equally, however many runs they have.
+///
+/// If all clusters have equally many runs, the mean is that of all runs. The interval is then the cluster-robust one
+/// (Liang & Zeger 1986) with the finite-sample factor G / (G − 1) and quantiles of t(G − 1), as Cameron & Miller
+/// (2015, section VI) recommend for few clusters. If sizes or spreads differ, the interval of the clusters' own means
+/// keeps its level (Ibragimov & Müller 2010), which the robust one does not. The choice between the two is ours.
 ///
 /// # Errors
 ///
@@ -58,7 +59,7 @@ pub fn summarise_clusters<K: Ord>(
     })
 }
 
-/// The mean of each cluster's runs, in the order of the clusters.
+/// Returns the mean of each cluster's runs, in the order of the clusters.
 ///
 /// # Errors
 ///
@@ -82,14 +83,15 @@ mod tests {
 
     use super::*;
 
-    /// Mean and half the width of the interval.
+    /// Returns the mean and half the width of the interval.
     fn told(summary: &ClusterSummary) -> (f64, Option<f64>) {
         (summary.mean, summary.interval.map(|interval| (interval.high - interval.low) / 2.0))
     }
 
     #[test]
     fn members_of_one_start_are_one_observation() {
-        // Two starts, three members each: means 2 and 4, standard deviation sqrt 2, t(1) = 12.706204736.
+        // Two start states, three ensemble members each: means 2 and 4, standard deviation sqrt 2, t(1) =
+        // 12.706204736.
         let runs = [1.0, 2.0, 3.0, 3.0, 4.0, 5.0];
         let summary = summarise_clusters(&["a", "a", "a", "b", "b", "b"], &runs).unwrap();
         assert_eq!((summary.runs, summary.clusters), (6, 2));
@@ -138,14 +140,14 @@ mod tests {
         ));
     }
 
-    /// Of runs with their clusters.
+    /// Returns the summary of runs with their clusters.
     fn summary(runs: &[(u8, f64)]) -> ClusterSummary {
         let (clusters, values): (Vec<u8>, Vec<f64>) = runs.iter().copied().unzip();
         summarise_clusters(&clusters, &values).unwrap()
     }
 
     proptest! {
-        /// Where clusters are single runs they change nothing.
+        /// Clusters of single runs give the result without clusters.
         #[test]
         fn clusters_of_one_run_are_runs(runs in prop::collection::vec(-9.0f64..9.0, 2..20)) {
             let clusters: Vec<usize> = (0..runs.len()).collect();
@@ -153,7 +155,8 @@ mod tests {
             prop_assert_eq!((own.mean, own.std, own.interval), (plain.mean, plain.std, plain.interval));
         }
 
-        /// With equal sizes: V = G / (G - 1) Σ_g (Σ_i e_gi)² / n², e the residuals from the mean of all runs.
+        /// With equal sizes: V = G / (G - 1) Σ_g (Σ_i e_gi)² / n², where e are the residuals from the mean of all
+        /// runs.
         #[test]
         fn equal_clusters_have_the_robust_standard_error(
             table in (2usize..6, 1usize..5).prop_flat_map(|(clusters, size)| {
@@ -176,7 +179,7 @@ mod tests {
             prop_assert!((summary.std.unwrap() / g.sqrt() - robust).abs() < 1e-9);
         }
 
-        /// In whatever order runs are listed.
+        /// The order of the runs does not matter.
         #[test]
         fn the_order_of_runs_does_not_matter(
             mut runs in prop::collection::vec((0u8..4, -9.0f64..9.0), 1..20)

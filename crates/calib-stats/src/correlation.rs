@@ -5,10 +5,10 @@ use std::cmp::Ordering;
 use crate::error::check_pair;
 use crate::{StatsError, average_ranks};
 
-/// Spearman's ρ of `x` `[n]` and `y` `[n]`: Pearson's correlation of their average ranks.
+/// Returns Spearman's ρ of `x` `[n]` and `y` `[n]`: Pearson's correlation of their average ranks.
 ///
-/// Infinities are ordered like numbers. `None` where either input is constant (also n = 1).
-/// Source: Spearman (1904), with average ranks for ties as in `scipy.stats.spearmanr`.
+/// Infinities are ordered like numbers. `None` where either input is constant (also n = 1). Source:
+/// Spearman (1904), with average ranks for ties as in `scipy.stats.spearmanr`.
 ///
 /// # Errors
 ///
@@ -33,12 +33,12 @@ pub fn spearman(x: &[f64], y: &[f64]) -> Result<Option<f64>, StatsError> {
     Ok(Some((xy / (xx * yy).sqrt()).clamp(-1.0, 1.0)))
 }
 
-/// Kendall's τ-b of `x` `[n]` and `y` `[n]`.
+/// Returns Kendall's τ-b of `x` `[n]` and `y` `[n]`.
 ///
-/// τ-b = (C − D) / √((P − `T_x`)(P − `T_y`)): C concordant and D discordant pairs, P = n(n − 1)/2 pairs,
-/// `T_x` and `T_y` the pairs tied in x and in y. `None` where either input is constant (also n = 1).
-/// All pairs are compared: O(n²), meant for grids of tens of values.
-/// Source: Kendall (1945), the variant of `scipy.stats.kendalltau`.
+/// τ-b = (C − D) / √((P − `T_x`)(P − `T_y`)) with C concordant and D discordant pairs, P = n(n − 1)/2
+/// pairs, and `T_x` and `T_y` pairs that are tied in x and in y. `None` where either input is constant
+/// (also n = 1). All pairs are compared in O(n²) time: it is meant for grids of tens of values. Source:
+/// Kendall (1945), the variant of `scipy.stats.kendalltau`.
 ///
 /// # Errors
 ///
@@ -64,7 +64,7 @@ pub fn kendall_tau_b(x: &[f64], y: &[f64]) -> Result<Option<f64>, StatsError> {
     Ok(Some(tau.clamp(-1.0, 1.0)))
 }
 
-/// The sign of a − b, for infinities as well.
+/// Returns the sign of a − b, for infinities as well.
 fn sign(a: f64, b: f64) -> i64 {
     a.partial_cmp(&b).unwrap_or(Ordering::Equal) as i64
 }

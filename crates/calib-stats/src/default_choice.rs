@@ -1,23 +1,23 @@
-//! The default, unless another candidate is surely better.
+//! A selection method that stays at the default unless another candidate is clearly better.
 
 use serde::{Deserialize, Serialize};
 
 use crate::log_choice::{logs, mean_log};
 use crate::{StatsError, sample_std};
 
-/// How much better than the default a candidate is.
+/// The advantage of a candidate over the default.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Advantage {
-    /// Mean over streams of ln (error of the default / error of the candidate): above 0 the candidate is better. +∞ where
-    /// the default diverged and the candidate did not, −∞ the other way round.
+    /// Mean over streams of ln (error of the default / error of the candidate). Above 0 the candidate is better. +∞ if
+    /// only the default diverged, −∞ if only the candidate diverged.
     #[serde(with = "crate::diverged")]
     pub mean: f64,
-    /// Standard error of the mean; `None` for one stream and an infinite mean.
+    /// Standard error of the mean. `None` for one stream and for an infinite mean.
     pub standard_error: Option<f64>,
 }
 
 impl Advantage {
-    /// Better by at least one standard error; by anything at all where the mean is infinite.
+    /// Whether the candidate is better by at least one standard error, or by any amount if the mean is infinite.
     fn is_told(&self) -> bool {
         match self.standard_error {
             Some(error) => self.mean > 0.0 && self.mean >= error,
@@ -26,28 +26,30 @@ impl Advantage {
     }
 }
 
-/// A choice around a default.
+/// The result of a choice around a default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DefaultChoice {
     /// Index of the chosen candidate: the default, or a better one.
     pub chosen: usize,
-    /// The advantage over the default of each candidate; `None` for the default, and for those that diverged as it did.
+    /// The advantage of each candidate over the default. `None` for the default, and for a candidate if both diverged.
     pub advantages: Vec<Option<Advantage>>,
 }
 
-/// Stays at candidate `default` of `sources` `[source][stream][candidate]` unless another is better by at least one
-/// standard error; then takes the one of these with the smallest mean log error over all streams.
+/// Chooses the default from `sources` `[source][stream][candidate]` unless another candidate is better by at least one
+/// standard error. Of those candidates it then chooses the one with the smallest mean log error over all streams.
 ///
-/// With d = ln error of the default − ln error of the candidate, stream by stream: better if d̄ > 0 and d̄ ≥ SE, SE =
-/// s(d) / √(n / `streams_per_independent`). Streams of one study share start states, members and data, so n of them
-/// are worth fewer: 3 in one is what was measured of members with three runs each. With one stream there is no
-/// standard error, and the default stays. A candidate that diverged anywhere is never better; one that did not is
-/// better than a default that did. Source: the one-standard-error rule of Breiman et al. (1984, section 3.4.3), with
-/// the default in the place of the simplest model; paired differences and the effective number are our choice.
+/// With d = ln error of the default − ln error of the candidate, stream by stream, a candidate is better if d̄ > 0 and
+/// d̄ ≥ SE, where SE = s(d) / √(n / `streams_per_independent`). Streams of one study share start states, members and
+/// data, so n streams count as fewer independent ones. The measured ratio is 3 to 1 for members with three runs each.
+/// With one stream there is no standard error, and the default stays. A candidate that diverged anywhere is never
+/// better. A candidate that did not diverge is better than a default that did. Source: the one-standard-error rule of
+/// Breiman et al. (1984, section 3.4.3), with the default in the place of the simplest model. Paired differences and
+/// the effective number are our choice.
 ///
 /// # Errors
 ///
-/// As [`choose_by_mean_log`](crate::choose_by_mean_log); `default` is out of range, or `streams_per_independent` is not at least 1.
+/// As [`choose_by_mean_log`](crate::choose_by_mean_log); `default` is out of range, or `streams_per_independent` is not
+/// at least 1.
 pub fn choose_around_default<Source, Row>(
     sources: &[Source],
     default: usize,
@@ -112,7 +114,7 @@ mod tests {
 
     const INF: f64 = f64::INFINITY;
 
-    /// Errors of two candidates whose log quotients are `d`: the default's over the other's.
+    /// Returns errors of two candidates with the log ratios `d`: the default's error over the other's.
     fn streams(d: &[f64]) -> Vec<[f64; 2]> {
         d.iter().map(|d| [d.exp(), 1.0]).collect()
     }
@@ -123,7 +125,7 @@ mod tests {
 
     #[test]
     fn a_default_stays_unless_another_is_one_standard_error_better() {
-        // Mean 1, s = 1, n = 3: SE = 1/sqrt 3, or 1 if three streams are worth one.
+        // Mean 1, s = 1, n = 3: SE = 1/sqrt 3, or 1 if three streams count as one.
         assert_eq!(around(&[0.0, 1.0, 2.0], 1.0).chosen, 1);
         assert_eq!(around(&[-0.1, 1.0, 2.1], 3.0).chosen, 0);
         let advantage = around(&[0.0, 1.0, 2.0], 3.0).advantages[1].unwrap();
@@ -137,7 +139,8 @@ mod tests {
 
     #[test]
     fn of_those_that_are_better_the_best_is_taken() {
-        // Candidate 2 has the smallest mean, but not surely so; candidate 1 surely is a little better than the default.
+        // Candidate 2 has the smallest mean, but with a large standard error. Candidate 1 is slightly but clearly
+        // better than the default.
         let streams = [[1.0, 0.9, 0.01], [1.0, 0.9, 3.0], [1.0, 0.9, 3.0]];
         assert_eq!(choose_by_mean_log(&[streams]).unwrap().chosen, Some(2));
         assert_eq!(choose_around_default(&[streams], 0, 3.0).unwrap().chosen, 1);
@@ -145,7 +148,7 @@ mod tests {
         assert_eq!(choose_around_default(&[streams], 0, 3.0).unwrap().chosen, 2);
     }
 
-    /// Around the first candidate.
+    /// Returns the choice around the first candidate.
     fn choice(streams: &[[f64; 3]]) -> DefaultChoice {
         choose_around_default(&[streams], 0, 3.0).unwrap()
     }
@@ -171,7 +174,7 @@ mod tests {
     }
 
     proptest! {
-        /// A worse effective number never moves away from a default where a better one stays.
+        /// With fewer independent streams, the choice never leaves a default where it stays with more.
         #[test]
         fn fewer_independent_streams_move_less(
             d in prop::collection::vec(-2.0f64..2.0, 2..12), one in 1.0f64..5.0, more in 0.0f64..5.0

@@ -1,4 +1,4 @@
-//! Which of two is smaller: differences of means, paired where the same clusters are in both.
+//! Differences of two means, paired where both have the same clusters.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,19 +24,18 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Whether its interval says which is smaller; not without an interval.
+    /// Whether the interval excludes 0, so that one of the two is clearly smaller. False without an interval.
     pub fn is_told(&self) -> bool {
         self.interval.is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0)
     }
 }
 
-/// The mean difference of `x` and `y` `[pairs]`, which are in pairs of the cluster in the same place of `clusters`
-/// `[pairs]`.
+/// Returns the mean difference of `x` and `y` `[pairs]`. `clusters` `[pairs]` gives the cluster of each pair.
 ///
-/// With d the mean in each of the G clusters of the differences of its pairs: mean = Σd / G, interval mean ± t₀.₉₇₅(G
-/// − 1) · s(d) / √G. What the clusters are like (a start state from which every model strays far) is in both and
-/// cancels. A cluster counts for x or for y by the sign of its d. Source: the paired t-test, over means of clusters as
-/// in [`summarise_clusters`](crate::summarise_clusters).
+/// With d, the mean difference of the pairs in each of the G clusters: mean = Σd / G, interval mean ± t₀.₉₇₅(G − 1) ·
+/// s(d) / √G. Properties of a cluster (such as a start state from which every model deviates far) affect both x and y
+/// and cancel. A cluster counts for x or for y by the sign of its d. Source: the paired t-test, over means of clusters
+/// as in [`summarise_clusters`](crate::summarise_clusters).
 ///
 /// # Errors
 ///
@@ -60,15 +59,15 @@ pub fn paired_difference<K: Ord>(
     Ok(Difference { mean, interval, clusters: [own.len(); 2], smaller: Some(smaller) })
 }
 
-/// The difference of the means of two samples that share no clusters, each as (clusters, runs).
+/// Returns the difference of the means of two samples that share no clusters, each given as (clusters, runs).
 ///
 /// With the means of clusters, their variances s² and numbers G of both: x̄ − ȳ ± t₀.₉₇₅(ν) · √(s²ₓ / Gₓ + s²ᵧ / Gᵧ),
 /// where ν is that of Welch (1947) and Satterthwaite: (a + b)² / (a² / (Gₓ − 1) + b² / (Gᵧ − 1)) for a = s²ₓ / Gₓ, b =
-/// s²ᵧ / Gᵧ. What clusters are like does not cancel here, so the interval is wider than one of pairs.
+/// s²ᵧ / Gᵧ. Properties of clusters do not cancel here, so the interval is wider than a paired one.
 ///
 /// # Errors
 ///
-/// As [`paired_difference`], of each sample.
+/// As [`paired_difference`], for each sample.
 pub fn unpaired_difference<K: Ord>(
     (clusters_of_x, x): (&[K], &[f64]),
     (clusters_of_y, y): (&[K], &[f64]),
@@ -92,7 +91,7 @@ pub fn unpaired_difference<K: Ord>(
     Ok(Difference { mean: difference, interval, clusters: [x.len(), y.len()], smaller: None })
 }
 
-/// The mean of each cluster, in the order of clusters.
+/// Returns the mean of each cluster, in the order of clusters.
 fn means_of_clusters<K: Ord>(clusters: &[K], runs: &[f64]) -> Result<Vec<f64>, StatsError> {
     Ok(cluster_means(clusters, runs)?.into_iter().map(|(_, mean)| mean).collect())
 }
@@ -110,7 +109,7 @@ mod tests {
 
     #[test]
     fn what_starts_have_in_common_cancels() {
-        // Starts differ by far more than models; x is smaller by 1, 2 and 3, two members each.
+        // Start states differ by far more than models. x is smaller by 1, 2 and 3, with two ensemble members each.
         let clusters = [1, 1, 2, 2, 3, 3];
         let x = [10.0, 11.0, 50.0, 51.0, 90.0, 91.0];
         let y = [11.0, 12.0, 52.0, 53.0, 93.0, 94.0];
@@ -172,7 +171,7 @@ mod tests {
             prop_assert_eq!(one.mean, -other.mean);
             prop_assert_eq!(one.interval.map(|interval| interval.low), other.interval.map(|interval| -interval.high));
             prop_assert_eq!(one.smaller.map(|[a, b]| [b, a]), other.smaller);
-            // The paired mean is the difference of the summaries' means: both weigh clusters alike.
+            // The paired mean is the difference of the summaries' means: both weight clusters equally.
             let means = [&x, &y].map(|runs| summarise_clusters(&clusters, runs).unwrap().mean);
             prop_assert!((one.mean - (means[0] - means[1])).abs() < 1e-9);
         }

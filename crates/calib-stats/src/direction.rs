@@ -1,4 +1,4 @@
-//! Which way a score improves.
+//! The direction in which a score improves.
 
 use std::cmp::Ordering;
 
@@ -18,7 +18,7 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// The score as something to be made small.
+    /// Returns the score as a cost: smaller is better.
     pub const fn cost(self, score: f64) -> f64 {
         match self {
             Self::LowerIsBetter => score,
@@ -26,7 +26,7 @@ impl Direction {
         }
     }
 
-    /// Orders two scores, the better one first. Neither may be NaN; zeros of both signs are equal.
+    /// Orders two scores, the better one first. Neither may be NaN. Zeros of both signs are equal.
     pub fn compare(self, a: f64, b: f64) -> Ordering {
         self.cost(a).partial_cmp(&self.cost(b)).unwrap_or(Ordering::Equal)
     }

@@ -1,5 +1,5 @@
-//! Infinite scores in files. JSON has no infinities: +∞, the error of a diverged run, is written as `null`,
-//! and −∞, the return of one, as `"-inf"`; reading gives the infinities back.
+//! Serialisation of infinite scores. JSON has no infinities: +∞, the error of a diverged run, is written as
+//! `null`, and −∞, the return of a diverged run, as `"-inf"`. Reading restores the infinities.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -43,7 +43,7 @@ impl From<Stored> for f64 {
     }
 }
 
-/// Write a score.
+/// Writes a score.
 ///
 /// # Errors
 /// As the serialiser.
@@ -51,7 +51,7 @@ pub fn serialize<S: Serializer>(score: &f64, serializer: S) -> Result<S::Ok, S::
     Stored::from(*score).serialize(serializer)
 }
 
-/// Read a score.
+/// Reads a score.
 ///
 /// # Errors
 /// If it is neither a number nor an infinity.
@@ -59,13 +59,13 @@ pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D:
     Ok(Stored::deserialize(deserializer)?.into())
 }
 
-/// The same for one score for each value of a grid, if they are known.
+/// Serialisation of an optional list of scores, one for each value of a grid.
 pub mod each_if_known {
     use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
 
     use super::Stored;
 
-    /// Write the scores.
+    /// Writes the scores.
     ///
     /// # Errors
     /// As the serialiser.
@@ -81,7 +81,7 @@ pub mod each_if_known {
             .serialize(serializer)
     }
 
-    /// Read the scores.
+    /// Reads the scores.
     ///
     /// # Errors
     /// If one is neither a number nor an infinity.
@@ -93,13 +93,13 @@ pub mod each_if_known {
     }
 }
 
-/// The same for one score for each value of a grid.
+/// Serialisation of a list of scores, one for each value of a grid.
 pub mod each {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     use super::Stored;
 
-    /// Write the scores.
+    /// Writes the scores.
     ///
     /// # Errors
     /// As the serialiser.
@@ -107,7 +107,7 @@ pub mod each {
         scores.iter().map(|&score| Stored::from(score)).collect::<Vec<_>>().serialize(serializer)
     }
 
-    /// Read the scores.
+    /// Reads the scores.
     ///
     /// # Errors
     /// If one is neither a number nor an infinity.
@@ -116,13 +116,13 @@ pub mod each {
     }
 }
 
-/// The same for the scores of each of several members.
+/// Serialisation of a table of scores, one row for each ensemble member.
 pub mod rows {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     use super::Stored;
 
-    /// Write the scores.
+    /// Writes the scores.
     ///
     /// # Errors
     /// As the serialiser.
@@ -133,7 +133,7 @@ pub mod rows {
             .serialize(serializer)
     }
 
-    /// Read the scores.
+    /// Reads the scores.
     ///
     /// # Errors
     /// If one is neither a number nor an infinity.

@@ -1,40 +1,40 @@
-//! What can be wrong with the numbers.
+//! Errors about input numbers.
 
 /// Input that no statistic can be computed from.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StatsError {
-    /// There are no numbers.
+    /// The input is empty.
     #[error("{what} is empty; expected at least one number")]
     Empty {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
     },
-    /// One row of a table has another length than the first.
+    /// A row of a table has another length than the first.
     #[error("row {row} of {what} has {got} numbers; expected {expected}, as in row 0")]
     Ragged {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
         /// Index of the offending row.
         row: usize,
         /// Length of row 0.
         expected: usize,
-        /// Length found.
+        /// Actual length.
         got: usize,
     },
     /// Two inputs that belong together have different lengths.
     #[error("{what} has {got} numbers; expected {expected}, one for each of the other input")]
     LengthMismatch {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
         /// Length of the other input.
         expected: usize,
-        /// Length found.
+        /// Actual length.
         got: usize,
     },
     /// A number is NaN.
     #[error("{what}[{index}] is NaN; expected a number, or an infinity for a diverged run")]
     NotANumber {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
         /// Index of the first NaN.
         index: usize,
@@ -42,21 +42,22 @@ pub enum StatsError {
     /// +∞ and −∞ in one sample have no mean.
     #[error("{what} holds both infinities; expected infinities of one sign only")]
     OpposedInfinities {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
     },
-    /// A value is infinite where only numbers make sense.
+    /// A value is infinite where only finite numbers are permitted.
     #[error("{what}[{index}] is infinite; expected a finite number")]
     Infinite {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
         /// Index of the first infinity.
         index: usize,
     },
-    /// A value is negative where none can be.
+    /// A value is negative where only non-negative numbers are
+    /// permitted.
     #[error("{what}[{index}] is negative; expected 0 or more")]
     Negative {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
         /// Index of the first negative number.
         index: usize,
@@ -64,14 +65,14 @@ pub enum StatsError {
     /// There are too few numbers.
     #[error("{what} has {got} numbers; expected at least {expected}")]
     TooShort {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
-        /// Fewest numbers allowed.
+        /// Minimum number of values.
         expected: usize,
-        /// Numbers found.
+        /// Actual number of values.
         got: usize,
     },
-    /// A length of segments that spectra cannot be taken of.
+    /// The length of a segment is not valid for a spectrum.
     #[error("segments of {got} samples have no spectrum here; expected a power of two from 4")]
     Segment {
         /// The length.
@@ -80,23 +81,23 @@ pub enum StatsError {
     /// An index points past the end.
     #[error("index {index} of {what} is out of range; expected less than {len}")]
     OutOfRange {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
         /// The index.
         index: usize,
         /// Length of the input.
         len: usize,
     },
-    /// A number of streams that are worth an independent one, below one.
+    /// The number of streams per independent stream is below one.
     #[error("{got} streams for an independent one make no sense; expected a number from 1")]
     EffectiveNumber {
         /// The number.
         got: f64,
     },
-    /// Parts that weigh nothing together.
+    /// The parts have no weight in total.
     #[error("the parts of a mean weigh {got} together; expected more than 0")]
     NoWeight {
-        /// Their weight.
+        /// Their total weight.
         got: f64,
     },
     /// A probability outside [0, 1].
@@ -128,7 +129,7 @@ pub(crate) fn check_pair(
     check(what_y, y)
 }
 
-/// Checks that there are as many of `what` as of what it belongs to.
+/// Checks that an input has the expected length.
 pub(crate) fn check_length(
     what: &'static str,
     got: usize,

@@ -1,4 +1,4 @@
-//! Quotients of errors of two forecasts of the same steps.
+//! Ratios of the errors of two forecasts of the same steps.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use crate::error::check_pair;
 use crate::summary::around;
 use crate::{Interval, StatsError};
 
-/// Stretches of time that the steps are cut into.
+/// Number of blocks of time that the steps are cut into.
 const BLOCKS: usize = 16;
 
 /// RMSE of x / RMSE of y, for forecasts of the same steps.
@@ -28,23 +28,23 @@ pub struct ErrorRatio {
 }
 
 impl ErrorRatio {
-    /// Whether its interval says which error is smaller; not without an interval.
+    /// Whether the interval excludes 1, so that one error is clearly smaller. False without an interval.
     pub fn is_told(&self) -> bool {
         self.interval.is_some_and(|interval| interval.low > 1.0 || interval.high < 1.0)
     }
 }
 
-/// The quotient of the root mean squares of two forecasts, from their squared errors `x` and `y` `[steps]` in order of
-/// time.
+/// Returns the ratio of the root mean squares of two forecasts, from their squared errors `x` and `y` `[steps]` in time
+/// order: √(Σx / Σy).
 ///
-/// √(Σx / Σy). Errors of neighbouring steps depend on each other, so the steps are cut into B = 16 stretches as
-/// equally long as they can be (fewer where there are fewer than 32 steps: at least two steps each), with sums Xᵦ and
-/// Yᵦ. To first order ½ ln (Σx / Σy) is off by the mean of zᵦ = ½ B (Xᵦ / Σx − Yᵦ / Σy), so the interval is √(Σx / Σy)
-/// · exp(± t₀.₉₇₅(B − 1) · s(z) / √B). What is hard to predict is so for both and cancels. Source: linearised ratios
-/// (Cochran 1977, section 6); t-intervals over 16 stretches of a series as Ibragimov & Müller (2010); pairing as
-/// Diebold & Mariano (1995).
+/// Errors of neighbouring steps are dependent. The steps are therefore cut into B = 16 blocks of equal length, as far
+/// as possible, with sums Xᵦ and Yᵦ. There are fewer blocks for fewer than 32 steps: each has at least two steps. To
+/// first order, the error of ½ ln (Σx / Σy) is the mean of zᵦ = ½ B (Xᵦ / Σx − Yᵦ / Σy), so the interval is √(Σx / Σy)
+/// · exp(± t₀.₉₇₅(B − 1) · s(z) / √B). Steps that are hard to predict are so for both forecasts, and cancel. Source:
+/// linearised ratios (Cochran 1977, section 6); t-intervals over 16 blocks of a series as Ibragimov & Müller (2010);
+/// pairing as Diebold & Mariano (1995).
 ///
-/// `None` where the quotient is not defined: both sums are 0, or both infinite.
+/// `None` where the ratio is not defined: both sums are 0, or both infinite.
 ///
 /// # Errors
 ///
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn what_is_hard_for_both_cancels() {
-        // A storm in one stretch: both errors grow a hundredfold there, x is always half of y.
+        // A storm in one block: both errors are a hundred times larger there, and x is always half of y.
         let y: Vec<f64> = (0..64).map(|step| if step < 8 { 100.0 } else { 1.0 }).collect();
         let x: Vec<f64> = y.iter().map(|y| y / 4.0).collect();
         let compared = error_ratio(&x, &y).unwrap().unwrap();

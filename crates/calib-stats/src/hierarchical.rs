@@ -1,33 +1,35 @@
-//! Bootstrap on two levels: units, such as members, and the runs in each.
+//! A two-level bootstrap: units, such as ensemble members, and the runs in each.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Drawn, Nested, StatsError};
 
-/// A choice over resamples.
+/// The choices over all resamples.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChoiceOfResamples {
-    /// How many resamples choose each candidate.
+    /// Number of resamples that choose each candidate.
     pub counts: Vec<usize>,
-    /// How many choose none.
+    /// Number of resamples that choose no candidate.
     pub none: usize,
 }
 
-/// What is chosen from `inputs` under resampling on two levels: of each input, as many units as there are are drawn with
-/// replacement, and in each of them as many runs as it has. All inputs are drawn anew in each of `resamples`.
+/// Chooses from `inputs` under resampling on two levels. From each input, as many units as it has are drawn with
+/// replacement, and from each of them as many runs as it has. Each of `resamples` draws from all inputs again.
 ///
-/// Source: Davison & Hinkley (1997, section 3.8), who show that resampling both levels with replacement gives the variance
-/// of means between units, and a little more (by the part of the variance within units). With few units the shares say
-/// less than they seem to: of three units a resample is one of ten sets. Runs are taken as drawn within their unit:
-/// what runs of different units share is not resampled. Members of an ensemble share most of their log, so that the
-/// shares say what other draws from this log choose; another log of the same plant agrees less often.
+/// Source: Davison & Hinkley (1997, section 3.8). They show that resampling both levels with replacement gives the
+/// variance of means between units, and a little more (by the part of the variance within units). With few units the
+/// shares are less informative than they seem: with three units, a resample is one of ten sets. Runs are resampled
+/// within their unit; randomness that runs of different units share is not resampled. Members of an ensemble share most
+/// of their log. The shares therefore tell what other resamples of this log choose; another log of the same plant
+/// agrees less often.
 ///
-/// `draw(n)` returns a number below `n`, evenly; it is called in the order of the inputs, and within one unit by unit: the unit (where there are
-/// several), then its runs (where there are several). `choose` returns one of the candidates of the first input, or none.
+/// `draw(n)` returns a uniform number below `n`. It is called in the order of the inputs, and within an input unit by
+/// unit: first for the unit (if there are several), then for its runs (if there are several). `choose` returns one of
+/// the candidates of the first input, or `None`.
 ///
 /// # Errors
 ///
-/// What `choose` refuses, or a choice that is none of the candidates.
+/// An error of `choose`, or a choice that is not one of the candidates.
 pub fn hierarchical(
     inputs: &[&Nested],
     resamples: usize,
@@ -67,7 +69,7 @@ mod tests {
         .unwrap()
     }
 
-    /// By the first input.
+    /// Chooses by the first input.
     fn choose(drawn: &[Drawn<'_>]) -> Result<Option<usize>, StatsError> {
         Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen)
     }
@@ -78,7 +80,7 @@ mod tests {
         let members = nested(&[&[&[1.0, 2.0], &[1.0, 2.1]], &[&[2.0, 1.0], &[2.2, 1.0]]]);
         let told = hierarchical(&[&members], 2000, draws(1), choose).unwrap();
         assert_eq!(told.counts.iter().sum::<usize>() + told.none, 2000);
-        // A quarter of the resamples has each member alone, half has both, where runs decide.
+        // Each member alone makes up a quarter of the resamples. In the other half both occur, and the runs decide.
         assert!(told.counts.iter().all(|count| *count > 450), "{:?}", told.counts);
         assert_eq!(told, hierarchical(&[&members], 2000, draws(1), choose).unwrap());
         let text = serde_json::to_string(&told).unwrap();
@@ -96,14 +98,14 @@ mod tests {
         values.iter().sum::<f64>() / values.len() as f64
     }
 
-    /// The sum of the squares of the distances from `centre`.
+    /// Returns the sum of squared distances from `centre`.
     fn squares(values: &[f64], centre: f64) -> f64 {
         values.iter().map(|x| (x - centre).powi(2)).sum()
     }
 
     #[test]
     fn the_variance_is_that_of_both_levels() {
-        // Strategy with replacement on both levels: Var* = Σ(m_u − m)² / U² + Σ_u Σ_r (x − m_u)² / (R U)².
+        // Resampling with replacement on both levels: Var* = Σ(m_u − m)² / U² + Σ_u Σ_r (x − m_u)² / (R U)².
         let rows = [[1.0, 3.0, 5.0], [2.0, 2.0, 8.0], [7.0, 9.0, 5.0]];
         let units = rows.map(|row| row.map(|score| vec![score]).to_vec()).to_vec();
         let nested = Nested::new(units).unwrap();

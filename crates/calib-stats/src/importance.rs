@@ -1,18 +1,18 @@
-//! How much a hyperparameter matters.
+//! The importance of a hyperparameter.
 
 use crate::StatsError;
 use crate::error::{check, check_length};
 
-/// The share of the variance of y that lies between groups: `η² = Σ_g n_g (ȳ_g − ȳ)² / Σ_i (y_i − ȳ)²`, 0 to 1.
+/// Returns the share of the variance of y between groups: `η² = Σ_g n_g (ȳ_g − ȳ)² / Σ_i (y_i − ȳ)²`, 0 to 1.
 ///
-/// `groups` says for each of `values` which value of a hyperparameter it was measured at. In a complete grid the shares of all
-/// hyperparameters and of what they do together sum to 1, as in a functional analysis of variance; in an incomplete one they
-/// may overlap. `None` if all values are the same.
-/// Source: main effects of Hutter, Hoos & Leyton-Brown (2014), on the grid itself instead of a forest fitted to it.
+/// `groups` gives for each of `values` the value of the hyperparameter at which it was measured. In a complete grid,
+/// the shares of all hyperparameters and of their interactions sum to 1, as in a functional analysis of variance. In an
+/// incomplete grid they may overlap. `None` if all values are the same. Source: main effects of Hutter, Hoos &
+/// Leyton-Brown (2014), on the grid itself instead of a forest fitted to it.
 ///
 /// # Errors
 ///
-/// There is nothing, a value is not finite, or the inputs differ in length.
+/// The input is empty, a value is not finite, or the inputs differ in length.
 ///
 /// ```
 /// // Two values of one hyperparameter (groups), two of another: only the first matters.
@@ -75,7 +75,8 @@ mod tests {
     }
 
     proptest! {
-        /// Main effects and the interaction of a complete grid of two sum to 1; shift and scale change nothing.
+        /// Main effects and the interaction of a complete grid of two hyperparameters sum to 1. They do not change with
+        /// shift and scale.
         #[test]
         fn a_complete_grid_is_divided(values in proptest::collection::vec(-1e3..1e3_f64, 12)) {
             let rows: Vec<usize> = (0..12).map(|place| place / 4).collect();

@@ -1,23 +1,23 @@
-//! Intervals of estimates that were made again without each part of the data.
+//! Delete-one-block jackknife intervals.
 
 use crate::Interval;
 use crate::summary::around;
 
-/// 95 % interval of an estimate `whole` from what it is `without` each of B parts of the data, `[B]`:
+/// Returns the 95 % interval of an estimate `whole` from the estimates `without` each of B parts of the data, `[B]`:
 /// whole ± t₀.₉₇₅(B − 1) · √((B − 1)/B · Σ(x − x̄)²).
 ///
-/// Parts are what is independent: blocks of a log, plants. Estimates that each lack one part share all others and differ
-/// little, however few independent parts there are; their differences are B − 1 times as small as those of the parts.
-/// Of a mean over equally large parts it is Student's t-interval over them. What varies beside the parts, such as the
-/// seeds of runs, counts (B − 1)² times, so that the interval is then too wide rather than too narrow. `None` for fewer
-/// than two parts, and where a number is not finite. Source: Tukey (1958); Efron & Stein (1981) show that its variance
-/// is rather too large than too small.
+/// Parts must be independent: blocks of a log, or plants. Estimates that each lack one part share all other parts and
+/// differ little, even if there are few independent parts: their differences are B − 1 times smaller than those of the
+/// parts. For a mean over equally large parts, the result is Student's t-interval over them. Other sources of variance,
+/// such as the seeds of runs, count (B − 1)² times, so that the interval is then too wide rather than too narrow.
+/// `None` for fewer than two parts, and where a number is not finite. Source: Tukey (1958); Efron & Stein (1981) show
+/// that its variance tends to be too large rather than too small.
 pub fn jackknife(whole: f64, without: &[f64]) -> Option<Interval> {
     let error = jackknife_error(without).filter(|_| whole.is_finite())?;
     around(whole, error, without.len() as f64 - 1.0)
 }
 
-/// The standard error √((B − 1)/B · Σ(x − x̄)²) of the same; `None` likewise.
+/// Returns the standard error √((B − 1)/B · Σ(x − x̄)²) of the same estimate, or `None` as in [`jackknife`].
 pub fn jackknife_error(without: &[f64]) -> Option<f64> {
     let parts = without.len() as f64;
     if without.len() < 2 || !without.iter().all(|value| value.is_finite()) {

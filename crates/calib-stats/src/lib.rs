@@ -1,31 +1,34 @@
 //! Ranks, intervals, correlations, regret and errors as pure functions.
 //!
-//! Every function takes slices and returns numbers; nothing is read, printed or drawn at random.
-//! The shape of each input is given in brackets: `[values]` is one number for each hyperparameter
-//! value of a grid, in grid order; `[members, values]` is one such row for each member of the ensemble.
+//! Every function takes slices and returns numbers. Nothing is read, printed or drawn at random. The shape of each
+//! input is given in brackets: `[values]` is one number for each hyperparameter value of a grid, in grid order;
+//! `[members, values]` is one such row for each member of the ensemble.
 //!
 //! - [`Direction`]: whether a lower or a higher score is better.
 //! - [`summarise`]: mean, sample standard deviation and 95 % t-interval over runs.
-//! - [`summarise_clusters`]: the same where runs come in clusters, such as members that start from the same state;
-//!   [`paired_difference`], [`unpaired_difference`], [`error_ratio`]: which of two is smaller.
+//! - [`summarise_clusters`]: the same for clustered runs, such as ensemble members with the same start state;
+//!   [`paired_difference`], [`unpaired_difference`], [`error_ratio`]: comparisons of two means or errors.
 //! - [`competition_ranks`], [`average_ranks`]: ranks with the two usual rules for ties.
 //! - [`select`], [`select_by`]: choices by worst or mean rank, with their tie sets.
-//! - [`choose_by_mean_log`], [`choose_around_default`]: the smallest mean log error; the default, unless another is surely better.
-//! - [`Losses`]: what candidates cost over several windows, with bounds, and what choosing by another window does.
-//! - [`upper_bound`], [`cantelli_bound`]: how large a mean may be of what cannot be negative; [`jackknife`]: intervals of what was made again without
-//!   each part of the data; [`ratio_of_sums`]: means over parts of different size; [`summarise_overlapping`]: windows that share rows.
-//! - [`hierarchical`]: how often each candidate is chosen when members, windows of the log and their runs are drawn anew.
-//! - [`importance`]: which share of the differences of a grid one hyperparameter explains.
-//! - [`spearman`], [`kendall_tau_b`], [`top_k_hit`]: agreement with Online.
+//! - [`choose_by_mean_log`]: the smallest mean log error; [`choose_around_default`]: the default, unless another
+//!   candidate is clearly better.
+//! - [`Losses`]: losses of candidates over several windows, with bounds, and the regret of choosing by another window.
+//! - [`upper_bound`], [`cantelli_bound`]: upper bounds of non-negative means; [`jackknife`]: intervals from estimates
+//!   without each part of the data; [`ratio_of_sums`]: means over parts of different size; [`summarise_overlapping`]:
+//!   windows that share rows.
+//! - [`hierarchical`]: how often each candidate is chosen over resamples of ensemble members, windows of the log and
+//!   their runs.
+//! - [`importance`]: the share of the variance in a grid that one hyperparameter explains.
+//! - [`spearman`], [`kendall_tau_b`], [`top_k_hit`]: agreement with the held-out period (Online).
 //! - [`pooled_spearman`]: rank correlation within groups.
-//! - [`smallest_difference`], [`observations_needed`]: what a number of observations can tell.
-//! - [`StepErrors`]: errors of predictions one step ahead, beside those of no change.
+//! - [`smallest_difference`], [`observations_needed`]: the statistical power of a number of observations.
+//! - [`StepErrors`]: one-step prediction errors, beside those of persistence.
 //! - [`quantile`], [`median`]: order statistics.
-//! - [`wasserstein`], [`autocorrelation_distance`], [`spectral_distance`]: distances of trajectories,
-//!   beside warping; [`collapse_step`]: where a trajectory stops moving.
+//! - [`wasserstein`], [`autocorrelation_distance`], [`spectral_distance`]: distances of trajectories other than time
+//!   warping; [`collapse_step`]: the step at which a trajectory becomes constant.
 //!
-//! Infinities are results, not mistakes: a diverged run has the error +∞ and ranks last.
-//! NaN is a mistake, and always an error.
+//! Infinities are results, not mistakes: a diverged run has the error +∞ and ranks last. NaN is a mistake, and always
+//! an error.
 //!
 //! ```
 //! use calib_stats::{Direction, Losses, select};

@@ -1,4 +1,4 @@
-//! Choices by the logarithm of errors.
+//! Choices by the mean logarithm of errors.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,12 +15,13 @@ pub struct LogChoice {
     pub mean_logs: Vec<f64>,
 }
 
-/// Chooses from `sources` `[source][stream][candidate]`, such as members and log replay, the candidate with the smallest
-/// mean of ln error over all streams, pooled: a stream counts alike whatever its source.
+/// Chooses from `sources` `[source][stream][candidate]`, such as ensemble members and log replay. It returns the
+/// candidate with the smallest mean of ln error over all streams. Streams are pooled: each counts equally, whatever its
+/// source.
 ///
-/// +∞ if the candidate diverged in any stream, which then outweighs errors of 0, whose logarithm is −∞. Ties go to the
-/// earlier candidate. Against the mean of errors, streams on which all errors are large do not outvote the others:
-/// only quotients matter. Source: our choice, measured beside the worst rank.
+/// The mean is +∞ if the candidate diverged in any stream, even if another error is 0, whose logarithm is −∞. Ties go
+/// to the earlier candidate. Compared with the mean of errors, streams with large errors do not outvote the others,
+/// because only ratios matter. Source: our choice, measured beside the worst rank.
 ///
 /// # Errors
 ///
@@ -41,7 +42,7 @@ fn choice(mean_logs: Vec<f64>) -> LogChoice {
     LogChoice { chosen, mean_logs }
 }
 
-/// Logarithms of the errors in all streams, `[stream][candidate]`.
+/// Returns the logarithms of the errors in all streams, `[stream][candidate]`.
 pub(crate) fn logs<Source, Row>(sources: &[Source]) -> Result<Vec<Vec<f64>>, StatsError>
 where
     Source: AsRef<[Row]>,
@@ -64,7 +65,7 @@ where
     if logs.is_empty() { Err(StatsError::Empty { what: "the streams" }) } else { Ok(logs) }
 }
 
-/// Of one candidate; +∞ if any of its logarithms is.
+/// Returns the mean logarithm of one candidate, or +∞ if any of its logarithms is.
 pub(crate) fn mean_log(logs: &[Vec<f64>], candidate: usize) -> f64 {
     let own = || logs.iter().map(|stream| stream[candidate]);
     if own().any(|log| log == f64::INFINITY) {
@@ -87,7 +88,8 @@ mod tests {
 
     #[test]
     fn quotients_decide_and_not_sizes() {
-        // Candidate 1 is half of candidate 0 in two streams; in the third, with large errors, a little more.
+        // Candidate 1 has half the error of candidate 0 in two streams. In the third, with large errors, it has a
+        // little more.
         let streams = [[0.2, 0.1, 0.3], [0.2, 0.1, 0.3], [90.0, 99.0, 95.0]];
         assert_eq!(chosen(&streams), Some(1));
         let told = choose_by_mean_log(&[&streams[..2], &streams[2..]]).unwrap();

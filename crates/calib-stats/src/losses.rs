@@ -1,23 +1,24 @@
-//! What candidates cost over several windows.
+//! Losses of candidates over several windows.
 
 use crate::error::check;
 use crate::summary::{sample_std, t_interval};
 use crate::{Bounded, Estimate, Interval, StatsError, upper_bound};
 
-/// Logarithms of errors by the smallest of their window: 0 is the best of a window, ln 2 twice its error.
+/// Losses: logarithms of errors relative to the smallest error of their window. 0 is the best of a window, ln 2 twice
+/// its error.
 ///
-/// A window has a best candidate of its own, and counts by quotients, not by the size of its errors. Windows in which
-/// every candidate diverged have no best one and are left out.
+/// Each window has its own best candidate and counts by ratios, not by the size of its errors. Windows in which every
+/// candidate diverged have no best candidate and are excluded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Losses {
-    /// `[window][candidate]`; +∞ where a candidate diverged.
+    /// Losses `[window][candidate]`; +∞ where a candidate diverged.
     windows: Vec<Vec<f64>>,
     left_out: usize,
 }
 
 impl Losses {
-    /// Of `errors` `[window][candidate]`. The quotient of two errors of 0 is 1; that of a positive error and 0 is
-    /// infinite. No windows are no losses.
+    /// Computes the losses of `errors` `[window][candidate]`. The ratio of two errors of 0 is 1; that of a positive
+    /// error and 0 is infinite. Without windows there are no losses.
     ///
     /// # Errors
     ///
@@ -47,44 +48,44 @@ impl Losses {
         Ok(Self { windows, left_out })
     }
 
-    /// Windows that count.
+    /// Returns the number of windows that count.
     pub const fn windows(&self) -> usize {
         self.windows.len()
     }
 
-    /// Windows that do not, because every candidate diverged in them.
+    /// Returns the number of excluded windows, in which every candidate diverged.
     pub const fn left_out(&self) -> usize {
         self.left_out
     }
 
-    /// Mean over windows of the losses of each candidate; `None` where no window counts.
+    /// Returns the mean loss of each candidate over windows, or `None` if no window counts.
     pub fn means(&self) -> Option<Vec<f64>> {
         let candidates = self.windows.first()?.len();
         Some((0..candidates).map(|candidate| mean(&self.of_candidate(candidate))).collect())
     }
 
-    /// Regret of a candidate: exp(mean over windows of its losses) − 1, with a bound over windows; `None` where no
-    /// window counts.
+    /// Returns the regret of a candidate, exp(mean over windows of its losses) − 1, with an upper bound over windows,
+    /// or `None` if no window counts.
     ///
-    /// 0: it is best in every window; 0.05: its errors are typically 5 % larger than the best. The best of a window is
-    /// the smallest of means over few runs: the noise of runs can make a regret larger, and not smaller. The bound is
-    /// exp([`upper_bound`] of the losses) − 1: none for fewer than four windows, where the losses of all windows are
-    /// equal or all but one are nought, and where one is infinite. Source: the geometric mean is that of quotients (Fleming & Wallace 1986), its
-    /// use for regret over windows is our choice.
+    /// 0 means that it is best in every window; 0.05 that its errors are typically 5 % larger than the best. The best
+    /// of a window is the smallest of means over few runs, so the noise of runs can make a regret larger, but not
+    /// smaller. The bound is exp([`upper_bound`] of the losses) − 1. There is no bound for fewer than four windows,
+    /// where the losses of all windows are equal or all but one are 0, and where one is infinite. Source: the geometric
+    /// mean is that of ratios (Fleming & Wallace 1986); its use for regret over windows is our choice.
     pub fn regret(&self, candidate: usize) -> Option<Bounded> {
         let losses = self.of_candidate(candidate);
         let upper = upper_bound(&losses).ok()?;
         Some(Bounded { value: mean(&losses).exp_m1(), upper: upper.map(f64::exp_m1) })
     }
 
-    /// Geometric mean over windows of the error of `candidate` by that of `other`; `None` where no window counts, or
-    /// both diverged in one.
+    /// Returns the geometric mean over windows of the error of `candidate` relative to that of `other`. `None` if no
+    /// window counts, or both diverged in one window.
     ///
-    /// The interval is exp(mean ± t₀.₉₇₅(W − 1) · s / √W), with the standard deviation s of the differences of the losses
-    /// over the W windows. There is none for one window, whose runs say nothing of another window, and none where a
-    /// difference is infinite. t rather than percentiles of resampled windows, which are too narrow for few of them
-    /// (Hesterberg 2015, section 5): two windows and two runs made a difference of nothing "surely" worse in 23 % of
-    /// cases instead of 2.5.
+    /// The interval is exp(mean ± t₀.₉₇₅(W − 1) · s / √W), with the standard deviation s of the differences of the
+    /// losses over the W windows. There is no interval for one window, whose runs do not tell how another window
+    /// differs, nor where a difference is infinite. The interval uses t rather than percentiles of resampled windows,
+    /// which are too narrow for few windows (Hesterberg 2015, section 5): with two windows and two runs, a difference
+    /// of zero was found "surely" worse in 23 % of cases instead of 2.5 %.
     pub fn quotient(&self, candidate: usize, other: usize) -> Option<Estimate> {
         let differences: Vec<f64> =
             self.windows.iter().map(|losses| losses[candidate] - losses[other]).collect();
@@ -101,12 +102,12 @@ impl Losses {
         })
     }
 
-    /// Regret of a chooser that sees one of these windows and is judged on another: exp(mean of the losses of the best
-    /// candidate of one window in another) − 1, over the ordered pairs of windows in which that candidate did not
-    /// diverge. `None` if there is no such pair.
+    /// Returns the regret of a selection method that sees one of these windows and is judged on another. It is exp(mean
+    /// of the losses of the best candidate of one window in another) − 1, over the ordered pairs of windows in which
+    /// that candidate did not diverge. `None` if there is no such pair.
     ///
-    /// One window with a run or two is weak evidence: choosers that see more of the plant, as calib does in a log, can
-    /// do better.
+    /// One window with one or two runs is weak evidence. Selection methods that see more of the plant, as calib does in
+    /// a log, can do better.
     pub fn another_window(&self) -> Option<f64> {
         let mut others = Vec::new();
         for (window, own) in self.windows.iter().enumerate() {
@@ -126,7 +127,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Mean and t-interval of values, some of which may be infinite; none of nothing.
+/// Returns the mean and t-interval of values, some of which may be infinite. `None` without values.
 fn mean_with_interval(values: &[f64]) -> Option<(f64, Option<Interval>)> {
     let std = sample_std(values).ok()?;
     Some((mean(values), std.and_then(|std| t_interval(mean(values), std, values.len()))))
@@ -146,14 +147,15 @@ mod tests {
 
     #[test]
     fn quotients_are_averaged_geometrically() {
-        // Twice the best in one window and best in the other: a factor of sqrt 2.
+        // Twice the best error in one window and best in the other: a factor of sqrt 2.
         let losses = Losses::new(&[[0.2, 0.1], [3.0, 9.0]]).unwrap();
         assert!((losses.regret(0).unwrap().value - (2_f64.sqrt() - 1.0)).abs() < 1e-12);
         assert_eq!((losses.windows(), losses.left_out()), (2, 0));
         // 2 and 1/3: a factor of sqrt(2/3).
         let quotient = losses.quotient(0, 1).unwrap();
         assert!((quotient.value - (2.0_f64 / 3.0).sqrt()).abs() < 1e-12);
-        // Best of the first is 1, three times the best in the second; the other way round 2.
+        // The best of the first window is candidate 1, with three times the best error in the second. The other way
+        // round the factor is 2.
         assert!((losses.another_window().unwrap() - (6_f64.sqrt() - 1.0)).abs() < 1e-12);
     }
 
@@ -168,7 +170,7 @@ mod tests {
         assert_eq!((one.quotient(0, 1).unwrap().interval, one.another_window()), (None, None));
     }
 
-    /// The bound of the regret of the first candidate.
+    /// Returns the bound of the regret of the first candidate.
     fn upper(errors: &[[f64; 2]]) -> Option<f64> {
         Losses::new(errors).unwrap().regret(0).unwrap().upper
     }
@@ -194,7 +196,7 @@ mod tests {
         assert_eq!(Losses::new(&[[INF, INF]]).unwrap().means(), None);
         let none: [[f64; 2]; 0] = [];
         assert_eq!(Losses::new(&none).unwrap().means(), None);
-        // What the best of one window does in another: it diverges in one of two.
+        // One of the two ordered pairs is left out: the best candidate of one window diverged in the other.
         let losses = Losses::new(&[[0.1, 0.2], [INF, 0.2]]).unwrap();
         assert!((losses.another_window().unwrap() - 1.0).abs() < 1e-12);
         let both = Losses::new(&[[0.1, INF], [INF, 0.2]]).unwrap();
@@ -230,7 +232,7 @@ mod tests {
             }
         }
 
-        /// What a window's errors are measured in does not matter.
+        /// The unit of a window's errors does not matter.
         #[test]
         fn the_scale_of_a_window_does_not_matter(
             table in prop::collection::vec((prop::collection::vec(0.01f64..9.0, 4), 0.01f64..100.0), 1..6),

@@ -1,22 +1,22 @@
-//! Scores in two levels: units, such as windows or members, and the runs in each.
+//! Scores on two levels: units, such as windows or ensemble members, and the runs in each.
 
 use crate::StatsError;
 use crate::error::check;
 
 /// Scores of the candidates in the runs of units: `[unit][run][candidate]`. Units may have different numbers of runs.
 ///
-/// A unit is what others would be drawn like: a held-out window, a member of the ensemble. A run of it is one stream,
-/// on which all candidates are trained, so its scores stay together.
+/// Units are exchangeable: a unit is a held-out window or a member of the ensemble. A run of a unit is one stream, on
+/// which all candidates are trained, so its scores stay together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nested {
     units: Vec<Vec<Vec<f64>>>,
     candidates: usize,
-    /// How many units are drawn, each to stand for as many as there are to one.
+    /// Number of independent draws of units. Each draw fills an equal share of the places.
     independent: usize,
 }
 
 impl Nested {
-    /// Scores `[unit][run][candidate]`; infinite where a run diverged.
+    /// Stores scores `[unit][run][candidate]`; infinite where a run diverged.
     ///
     /// # Errors
     ///
@@ -43,20 +43,20 @@ impl Nested {
         Ok(Self { units, candidates, independent })
     }
 
-    /// The same where so many units alone are independent, such as windows that share rows: fewer are drawn, each in the place of
-    /// several, so that means vary as those of so many do.
+    /// Sets the number of independent units, for units such as windows that share rows. Fewer units are then drawn,
+    /// each for several places, so that means vary as those of `independent` units do.
     #[must_use]
     pub fn with_independent(self, independent: usize) -> Self {
         let independent = independent.clamp(1, self.units.len());
         Self { independent, ..self }
     }
 
-    /// Number of candidates.
+    /// Returns the number of candidates.
     pub const fn candidates(&self) -> usize {
         self.candidates
     }
 
-    /// All units and runs, once each: what a statistic is of the data themselves.
+    /// Returns all units and runs, once each, for a statistic of the data themselves.
     pub fn whole(&self) -> Drawn<'_> {
         let units = self.units.iter().enumerate();
         Drawn {
@@ -65,7 +65,7 @@ impl Nested {
         }
     }
 
-    /// As many units as there are, and in each as many runs as it has, with replacement.
+    /// Draws as many units as there are, and in each as many runs as it has, with replacement.
     pub(crate) fn draw(&self, draw: &mut impl FnMut(usize) -> usize) -> Drawn<'_> {
         let all = self.units.len();
         let mut unit = 0;
@@ -84,7 +84,7 @@ impl Nested {
     }
 }
 
-/// Units and runs of a [`Nested`], some of them several times.
+/// A resample of the units and runs of a [`Nested`], some of them several times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drawn<'a> {
     nested: &'a Nested,
@@ -92,7 +92,7 @@ pub struct Drawn<'a> {
 }
 
 impl<'a> Drawn<'a> {
-    /// The drawn units by their numbers, each with the scores of its drawn runs, `[run][candidate]`.
+    /// Returns the numbers of the drawn units, each with the scores of its drawn runs, `[run][candidate]`.
     pub fn units(&self) -> impl Iterator<Item = (usize, impl Iterator<Item = &'a [f64]>)> {
         self.units.iter().map(|(unit, runs)| {
             let scores = &self.nested.units[*unit];
@@ -100,12 +100,12 @@ impl<'a> Drawn<'a> {
         })
     }
 
-    /// The scores of all drawn runs, whatever their unit: `[run][candidate]`.
+    /// Returns the scores of all drawn runs, regardless of unit: `[run][candidate]`.
     pub fn runs(&self) -> Vec<&'a [f64]> {
         self.units().flat_map(|(_, runs)| runs).collect()
     }
 
-    /// Arithmetic means over the runs of each drawn unit: `[unit][candidate]`, infinite where a run diverged.
+    /// Returns arithmetic means over the runs of each drawn unit: `[unit][candidate]`, infinite where a run diverged.
     pub fn means(&self) -> Vec<Vec<f64>> {
         self.units
             .iter()
@@ -128,7 +128,7 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// Numbers that any generator could have drawn, the same each time.
+    /// Returns a deterministic pseudo-random generator.
     pub(crate) fn draws(seed: u64) -> impl FnMut(usize) -> usize {
         let mut state = seed;
         move |n| {
@@ -164,7 +164,7 @@ pub(crate) mod tests {
             );
             means.push(f64::midpoint(drawn[0], drawn[3]));
         }
-        // The variance of 0 … 5 is 35 / 12; that of the mean of two of them is half of it.
+        // The variance of 0 … 5 is 35 / 12; that of the mean of two such numbers is half of it.
         let mean = means.iter().sum::<f64>() / means.len() as f64;
         let variance =
             means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / means.len() as f64;
@@ -172,7 +172,7 @@ pub(crate) mod tests {
     }
 
     proptest! {
-        /// Whatever is drawn is there, as many units and runs as there are.
+        /// A resample holds only units and runs of the data, and as many as there are.
         #[test]
         fn draws_are_of_the_data(
             table in prop::collection::vec(prop::collection::vec(prop::collection::vec(-9.0f64..9.0, 2), 1..4), 1..5),

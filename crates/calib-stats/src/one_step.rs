@@ -1,8 +1,8 @@
-//! Errors of predictions one step ahead.
+//! Errors of one-step predictions.
 
-/// Squared errors of predictions of the next state, column by column, beside those of predicting that nothing changes.
+/// Squared errors of predictions of the next state, column by column, beside those of persistence (no change).
 ///
-/// RMSE = √(Σ (ŝ'ₜ − s'ₜ)² / transitions), of one column or with the mean over all columns as well; *no change*, the
+/// RMSE = √(Σ (ŝ'ₜ − s'ₜ)² / transitions), for one column, or with the mean over all columns as well. *No change*, the
 /// persistence forecast, is the same with ŝ' = s. Source: usual; forecasts are usually compared with no change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepErrors {
@@ -12,13 +12,13 @@ pub struct StepErrors {
 }
 
 impl StepErrors {
-    /// No predictions yet, of states of `columns` values.
+    /// Returns an accumulator without predictions, for states of `columns` values.
     pub fn new(columns: usize) -> Self {
         let zeros = vec![0.0; columns];
         Self { predictions: 0, squares: zeros.clone(), squares_of_no_change: zeros }
     }
 
-    /// Count a prediction of what follows the state `from`, which was `to`, all `[columns]`.
+    /// Adds a prediction of the successor of the state `from`, which was `to`, all `[columns]`.
     ///
     /// # Panics
     /// If one of them has another length.
@@ -33,12 +33,12 @@ impl StepErrors {
         }
     }
 
-    /// Predictions that were counted.
+    /// Returns the number of predictions.
     pub const fn predictions(&self) -> usize {
         self.predictions
     }
 
-    /// RMSE of `column`, and that of no change; NaN without predictions.
+    /// Returns the RMSE of `column`, and that of no change; NaN without predictions.
     ///
     /// # Panics
     /// If there is no such column.
@@ -48,7 +48,7 @@ impl StepErrors {
         (rmse(&self.squares), rmse(&self.squares_of_no_change))
     }
 
-    /// RMSE of all columns, and that of no change; NaN without predictions.
+    /// Returns the RMSE over all columns, and that of no change; NaN without predictions.
     pub fn of_all(&self) -> (f64, f64) {
         let n = (self.predictions * self.squares.len()) as f64;
         let rmse = |squares: &[f64]| (squares.iter().sum::<f64>() / n).sqrt();

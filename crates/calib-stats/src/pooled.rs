@@ -3,12 +3,12 @@
 use crate::error::check_pair;
 use crate::{StatsError, average_ranks};
 
-/// Spearman's correlation within groups, pooled: do x and y go together inside a group, whatever differs between groups?
+/// Returns Spearman's correlation within groups, pooled: differences between groups do not count.
 ///
-/// In each group `(x, y)` both are replaced by their average ranks r, centred and scaled to r/(n + 1) − 1/2, so that groups
-/// count alike whatever the size of their values; then ρ = Σxy / √(Σx² Σy²) over all groups. With one group it is
-/// Spearman's ρ. `None` if x or y is constant in every group.
-/// Source: stratified ranks as in van Elteren (1960); the pooled correlation of them is derived.
+/// In each group `(x, y)` both are replaced by their average ranks r, centred and scaled to r/(n + 1) − 1/2, so that
+/// groups count equally whatever the size of their values. Then ρ = Σxy / √(Σx² Σy²) over all groups. With one group it
+/// is Spearman's ρ. `None` if x or y is constant in every group. Source: stratified ranks as in van Elteren (1960);
+/// their pooled correlation is derived.
 ///
 /// # Errors
 ///
@@ -51,7 +51,7 @@ mod tests {
 
     #[test]
     fn differences_between_groups_do_not_count() {
-        // Inside each group y falls as x rises; between the groups both are far larger in the second.
+        // Inside each group y falls as x rises. Between the groups, both are far larger in the second.
         let falling = pooled_spearman(&[
             (&[1.0, 2.0, 3.0], &[0.3, 0.2, 0.1]),
             (&[101.0, 102.0, 103.0], &[9.3, 9.2, 9.1]),

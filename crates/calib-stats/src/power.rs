@@ -1,17 +1,18 @@
-//! What a number of observations can tell.
+//! The statistical power of a number of observations.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// More observations than anybody has.
+/// An upper limit on the number of observations.
 const MANY: usize = 1_000_000;
 
-/// The smallest true mean that a two-sided test at 5 % against 0 finds with a power of 80 %, from `n` independent observations with
-/// the standard deviation `std`:
+/// Returns the smallest true mean that a two-sided test at 5 % against 0 detects with a power of 80 %, from `n`
+/// independent observations with the standard deviation `std`:
 ///
 /// (t₀.₉₇₅(n − 1) + t₀.₈(n − 1)) · std / √n
 ///
-/// the usual approximation of the noncentral t distribution. `None` for fewer than two observations, or a `std` that is not finite.
-/// Source: Cohen (1988); t instead of normal quantiles because a dozen observations are usual here.
+/// This is the usual approximation of the noncentral t distribution. `None` for fewer than two observations, or a `std`
+/// that is not finite. Source: Cohen (1988), with t instead of normal quantiles because a dozen observations are usual
+/// here.
 pub fn smallest_difference(std: f64, n: usize) -> Option<f64> {
     let freedom = n.checked_sub(1).filter(|&freedom| freedom > 0)?;
     let t = StudentsT::new(0.0, 1.0, freedom as f64).ok()?;
@@ -19,14 +20,14 @@ pub fn smallest_difference(std: f64, n: usize) -> Option<f64> {
     (std >= 0.0 && std.is_finite()).then(|| sum * std / (n as f64).sqrt())
 }
 
-/// The fewest observations, two at least, from which a mean of `difference` is found as in [`smallest_difference`]. `None` if a million
-/// do not suffice, or there is no difference to find.
+/// Returns the fewest observations, at least two, with which a mean of `difference` is detected as in
+/// [`smallest_difference`]. `None` if a million do not suffice, or if the difference is 0.
 pub fn observations_needed(std: f64, difference: f64) -> Option<usize> {
     let suffices = |n| smallest_difference(std, n).is_some_and(|least| least <= difference);
     if difference.is_nan() || difference <= 0.0 || !suffices(MANY) {
         return None;
     }
-    // What suffices grows with n, so halves of what is left decide.
+    // Sufficiency is monotone in n, so bisection finds the limit.
     let mut few = 1;
     let mut enough = MANY;
     while enough - few > 1 {
@@ -51,7 +52,8 @@ mod tests {
         assert!((of_two - 14.082_587 / 2_f64.sqrt()).abs() < 1e-5);
         assert_eq!(smallest_difference(1.0, 1), None);
         assert_eq!(smallest_difference(f64::INFINITY, 9), None);
-        // (1.96 + 0.84)² = 7.85 of normal quantiles for a difference of one standard deviation, and two for so few.
+        // Normal quantiles give (1.96 + 0.84)² = 7.85 for a difference of one standard deviation. So few observations
+        // need two more.
         assert_eq!(observations_needed(1.0, 1.0), Some(10));
         assert_eq!(observations_needed(0.0, 0.1), Some(2));
         assert_eq!(observations_needed(1.0, 1e-6), None);

@@ -3,10 +3,10 @@
 use crate::StatsError;
 use crate::error::check;
 
-/// The `p`-quantile of `values` `[n]`, in any order.
+/// Returns the `p`-quantile of `values` `[n]`, in any order.
 ///
-/// Type 7 of Hyndman & Fan (1996), the default of NumPy and R: with sorted x and h = (n − 1)p,
-/// x[⌊h⌋] + (h − ⌊h⌋)(x[⌊h⌋ + 1] − x[⌊h⌋]). Between two equal infinities the result is that infinity.
+/// Type 7 of Hyndman & Fan (1996), the default of NumPy and R: with sorted x and h = (n − 1)p, x[⌊h⌋] + (h
+/// − ⌊h⌋)(x[⌊h⌋ + 1] − x[⌊h⌋]). Between two equal infinities the result is that infinity.
 ///
 /// # Errors
 ///
@@ -30,11 +30,11 @@ pub fn quantile(values: &[f64], p: f64) -> Result<f64, StatsError> {
     if low.is_infinite() && high.is_infinite() {
         return Err(StatsError::OpposedInfinities { what: "values" });
     }
-    // −∞ + share · ∞ is NaN; a quantile above −∞ by any share of an infinite distance stays there.
+    // −∞ + share · ∞ is NaN. Any share of an infinite distance above −∞ is still −∞.
     Ok(if between.is_nan() { low } else { between })
 }
 
-/// The median of `values` `[n]`: the 0.5-quantile.
+/// Returns the median of `values` `[n]`: the 0.5-quantile.
 ///
 /// # Errors
 ///

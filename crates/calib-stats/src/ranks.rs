@@ -5,11 +5,11 @@ use std::cmp::Ordering;
 use crate::error::check;
 use crate::{Direction, StatsError};
 
-/// Competition ranks of `scores` `[values]`: 1 is best, ties share the best rank ("1, 2, 2, 4").
+/// Returns the competition ranks of `scores` `[values]`: 1 is best, ties share the best rank ("1, 2, 2, 4").
 ///
-/// rank(i) = 1 + number of values that are strictly better than value i.
-/// Diverged values, which are infinite, rank behind every finite one and share that rank.
-/// Source: the paper ranks values in each member; the rule for ties is our choice.
+/// rank(i) = 1 + number of values that are strictly better than value i. Diverged values, which are infinite, rank
+/// after every finite one and share that rank. Source: the paper ranks values in each member; the rule for ties is our
+/// choice.
 ///
 /// # Errors
 ///
@@ -25,7 +25,8 @@ pub fn competition_ranks(scores: &[f64], direction: Direction) -> Result<Vec<usi
     Ok(ranks)
 }
 
-/// Average ranks of `values` `[n]` in ascending order: ties share the mean of the places they take ("1, 2.5, 2.5, 4").
+/// Returns the average ranks of `values` `[n]` in ascending order: ties share the mean of their places ("1, 2.5, 2.5,
+/// 4").
 ///
 /// Infinities are ordered like numbers and tie with each other.
 ///
@@ -44,7 +45,7 @@ pub fn average_ranks(values: &[f64]) -> Result<Vec<f64>, StatsError> {
     Ok(ranks)
 }
 
-/// Equal values, and how many values come before them.
+/// Equal values, and the number of values before them.
 struct TiedGroup {
     before: usize,
     members: Vec<usize>,
@@ -81,7 +82,7 @@ mod tests {
         assert!(average_ranks(&[f64::NAN]).is_err());
     }
 
-    /// Few distinct numbers, so that ties are common, and both infinities.
+    /// Returns few distinct numbers, so that ties are common, and both infinities.
     fn scores() -> impl Strategy<Value = Vec<f64>> {
         prop::collection::vec(
             prop_oneof![(-4i32..4).prop_map(f64::from), Just(INF), Just(-INF), Just(-0.0)],

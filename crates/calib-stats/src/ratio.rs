@@ -1,13 +1,14 @@
-//! Quotients of sums over parts that are independent.
+//! Ratios of sums over independent parts.
 
 use crate::error::check_pair;
 use crate::summary::around;
 use crate::{Estimate, StatsError};
 
-/// Σx / Σy over parts, `[parts]` each, with the t-interval of the linearised quotient: ± t₀.₉₇₅(n − 1) · √(n/(n − 1) · Σ(x − r y)²) / Σy.
+/// Returns Σx / Σy over parts, `[parts]` each, with the t-interval of the linearised ratio:
+/// ± t₀.₉₇₅(n − 1) · √(n/(n − 1) · Σ(x − r y)²) / Σy.
 ///
-/// A part counts by its y: the reward of an episode by the share of an episode that was recorded, a plant by its
-/// sensors. No interval for one part. Source: Cochran (1977), section 6.
+/// A part is weighted by its y: for the reward of an episode, the recorded share of the episode; for a plant, its
+/// number of sensors. There is no interval for one part. Source: Cochran (1977), section 6.
 ///
 /// # Errors
 ///
@@ -36,7 +37,7 @@ mod tests {
 
     #[test]
     fn a_part_counts_by_its_size() {
-        // 10 of one and 1 of a tenth are 10 each; the residuals are 0.
+        // 10 per 1 and 1 per 0.1 are 10 each; the residuals are 0.
         let estimate = ratio_of_sums(&[10.0, 1.0], &[1.0, 0.1]).unwrap();
         assert!((estimate.value - 10.0).abs() < 1e-12);
         let interval = estimate.interval.unwrap();

@@ -1,4 +1,4 @@
-//! Choices by ranks over members.
+//! Choices by ranks over ensemble members.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -38,8 +38,9 @@ pub enum RankRule {
 
 /// Chooses by `rule` from `scores` `[members, values]`, as [`select`] does by worst rank.
 ///
-/// Ties in the mean rank go to the value that is better by more standard deviations of the scores of
-/// a member, over members, then to the earlier one. A value that diverged in a member is infinitely worse.
+/// Ties in the mean rank go to the value with the larger lead over its member's mean, in standard deviations of
+/// the member's scores, summed over members; then to the earlier one. A value that diverged in a member is
+/// infinitely worse.
 ///
 /// # Errors
 ///
@@ -55,7 +56,7 @@ pub fn select_by<Row: AsRef<[f64]>>(
     }
     let smallest = selection.mean_ranks.iter().copied().fold(f64::INFINITY, f64::min);
     let values = 0..selection.mean_ranks.len();
-    // Means of equal ranks in another order may differ in the last bit.
+    // Means of equal ranks, summed in another order, may differ in the last bit.
     selection.tie_set =
         values.filter(|&value| selection.mean_ranks[value] < smallest + 1e-9).collect();
     let leads = leads(scores, direction);
@@ -68,7 +69,7 @@ pub fn select_by<Row: AsRef<[f64]>>(
     Ok(selection)
 }
 
-/// How much better than the mean of its member each value is, in standard deviations, summed over members.
+/// Returns the lead of each value over the mean of its member, in standard deviations, summed over members.
 fn leads<Row: AsRef<[f64]>>(scores: &[Row], direction: Direction) -> Vec<f64> {
     let mut leads = vec![0.0; scores[0].as_ref().len()];
     for scores in scores.iter().map(AsRef::as_ref) {
@@ -88,11 +89,11 @@ fn leads<Row: AsRef<[f64]>>(scores: &[Row], direction: Direction) -> Vec<f64> {
     leads
 }
 
-/// Chooses the value with the smallest worst rank from `mean_errors` `[members, values]`:
-/// the mean score over runs of each value in each member.
+/// Chooses the value with the smallest worst rank from `mean_errors` `[members, values]`: the mean score over
+/// runs of each value in each member.
 ///
-/// W(λ) = max over members m of `rank_m(λ)`, 1 = best; the choice is argmin W (the paper's rule).
-/// Ties in W go to the lower mean rank, then to the better mean score, then to the earlier value (our choice).
+/// W(λ) = max over members m of `rank_m(λ)`, 1 = best; the choice is argmin W (the paper's rule). Ties in W go to
+/// the lower mean rank, then to the better mean score, then to the earlier value (our choice).
 ///
 /// # Errors
 ///
@@ -173,7 +174,7 @@ mod tests {
 
     #[test]
     fn one_blind_member_has_no_last_word_by_mean_rank() {
-        // The last member puts value 1, which is best elsewhere, behind the others by a hair.
+        // The last member ranks value 1, which is best in the others, last by a tiny margin.
         let members = [[1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.501, 0.5, 0.502]];
         let by_worst = select_by(RankRule::WorstRank, &members, Direction::HigherIsBetter).unwrap();
         assert_eq!(by_worst, select(&members, Direction::HigherIsBetter).unwrap());
@@ -187,7 +188,7 @@ mod tests {
         let members = [[1.0, 2.0, 0.0], [1.0, 0.9, -9.0]];
         let tied = select_by(RankRule::MeanRank, &members, Direction::HigherIsBetter).unwrap();
         assert_eq!((tied.tie_set.as_slice(), tied.chosen), (&[0, 1][..], 1));
-        // The same of errors, where one value diverged in the member that it wins elsewhere.
+        // Scores may be errors: value 1 is best in one member and diverged in the other.
         let members = [[-1.0, -2.0, 9.0], [1.0, INF, 2.0]];
         let tied = select_by(RankRule::MeanRank, &members, LOWER).unwrap();
         assert_eq!(tied.chosen, 0);

@@ -38,16 +38,16 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Of no runs: as bad as can be.
+    /// The summary of no runs, with an infinite mean.
     pub const NONE: Self =
         Self { runs: 0, diverged: 0, mean: f64::INFINITY, std: None, interval: None };
 }
 
 /// Summarises `runs` `[runs]`: one number for each run, never for each time step.
 ///
-/// mean = Σx / n, std = √(Σ(x − mean)² / (n − 1)), interval = mean ± t · std / √n,
-/// where t is the 0.975 quantile of Student's t distribution with n − 1 degrees of freedom.
-/// Source: the paper shows 95 % confidence intervals over runs; the t-interval is our choice.
+/// mean = Σx / n, std = √(Σ(x − mean)² / (n − 1)), interval = mean ± t · std / √n, where t is the 0.975 quantile of
+/// Student's t distribution with n − 1 degrees of freedom. Source: the paper shows 95 % confidence intervals over runs;
+/// the t-interval is our choice.
 ///
 /// # Errors
 ///
@@ -60,12 +60,13 @@ pub fn summarise(runs: &[f64]) -> Result<Summary, StatsError> {
     Ok(Summary { runs: runs.len(), diverged, mean, std, interval })
 }
 
-/// Summarises `windows` `[n]` of one series, of which only `independent` would fit beside each other into what all of them cover.
+/// Summarises `windows` `[n]` of one series, of which only `independent` would fit side by side into the covered range.
 ///
-/// The mean counts every window alike. With n of them that cover as much as I windows beside each other would, its variance is
-/// that of I means of rows: the interval is mean ± t₀.₉₇₅(I − 1) · c · std / √I, with c² = (1 − 1/n) / (1 − 1/I) because windows that
-/// share rows differ less than others. Without overlap it is that of [`summarise`]. None for one independent window.
-/// Derived for windows whose errors are means over rows; docs/metrics.md has its coverage.
+/// The mean counts every window equally. If n overlapping windows cover as much as I windows side by side, its variance
+/// is that of I means of rows. The interval is mean ± t₀.₉₇₅(I − 1) · c · std / √I, with c² = (1 − 1/n) / (1 − 1/I)
+/// because windows that share rows differ less than others. Without overlap it is that of [`summarise`]. There is no
+/// interval for one independent window. Derived for windows whose errors are means over rows; docs/metrics.md has its
+/// coverage.
 ///
 /// # Errors
 ///
@@ -85,7 +86,7 @@ pub fn summarise_overlapping(windows: &[f64], independent: usize) -> Result<Summ
     Ok(Summary { interval, ..summary })
 }
 
-/// Arithmetic mean of `values` `[n]`; infinite if any of them is.
+/// Returns the arithmetic mean of `values` `[n]`; infinite if any value is.
 ///
 /// # Errors
 ///
@@ -99,7 +100,8 @@ pub fn mean(values: &[f64]) -> Result<f64, StatsError> {
     Ok(sum / values.len() as f64)
 }
 
-/// Sample standard deviation of `values` `[n]`, divisor n − 1. `None` for n = 1 and where a value is infinite.
+/// Returns the sample standard deviation of `values` `[n]`, divisor n − 1. `None` for n = 1 and where a value is
+/// infinite.
 ///
 /// # Errors
 ///
@@ -113,12 +115,12 @@ pub fn sample_std(values: &[f64]) -> Result<Option<f64>, StatsError> {
     Ok(Some((squares / (values.len() - 1) as f64).sqrt()))
 }
 
-/// The t-interval of the mean of `n` values.
+/// Returns the t-interval of the mean of `n` values.
 pub(crate) fn t_interval(mean: f64, std: f64, n: usize) -> Option<Interval> {
     around(mean, std / (n as f64).sqrt(), (n - 1) as f64)
 }
 
-/// `centre` ± t₀.₉₇₅(`freedom`) · `standard_error`.
+/// Returns the interval `centre` ± t₀.₉₇₅(`freedom`) · `standard_error`.
 pub(crate) fn around(centre: f64, standard_error: f64, freedom: f64) -> Option<Interval> {
     let t = StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(0.975);
     let half_width = t * standard_error;

@@ -1,4 +1,5 @@
-//! Choices, regrets and their resampling against NumPy; made by `scripts/golden/choosing.py`.
+//! Choices, regrets and their resampling against NumPy. The values are made by
+//! `scripts/golden/choosing.py`.
 
 use calib_stats::{Drawn, Losses, Nested, choose_around_default, choose_by_mean_log, hierarchical};
 use serde::Deserialize;
@@ -32,7 +33,7 @@ fn golden() -> Golden {
     serde_json::from_str(include_str!("choosing.json")).unwrap()
 }
 
-/// JSON has no infinities; the script writes them as `"inf"`.
+/// Reads a number. JSON has no infinities; the script writes them as `"inf"`.
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::INFINITY)
 }

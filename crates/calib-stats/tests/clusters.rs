@@ -1,4 +1,5 @@
-//! Reference values from NumPy and `SciPy` for what a small run wrote; made by `scripts/golden/clusters.py`.
+//! Reference values from NumPy and `SciPy` for the output of a small run. They are made by
+//! `scripts/golden/clusters.py`.
 
 use calib_stats::{
     Interval, error_ratio, paired_difference, summarise_clusters, unpaired_difference,
@@ -31,7 +32,7 @@ struct DifferenceCase {
     smaller: [usize; 2],
 }
 
-/// Of a summary and the second one after it.
+/// The expected difference between a summary and the one two places after it.
 #[derive(Deserialize)]
 struct WelchCase {
     mean: f64,

@@ -1,4 +1,4 @@
-//! How often 95 % intervals hold the truth, in simulations.
+//! The coverage of 95 % intervals in simulations.
 
 mod random;
 
@@ -11,7 +11,7 @@ use random::Random;
 
 const STUDIES: usize = 2000;
 
-/// The share of simulated studies whose interval holds `truth`. Its standard error is 0.5 % near 95 %.
+/// Returns the share of simulated studies whose interval contains `truth`. Its standard error is 0.5 % near 95 %.
 fn coverage(truth: f64, mut interval: impl FnMut() -> Interval) -> f64 {
     let held = (0..STUDIES).filter(|_| {
         let Interval { low, high } = interval();
@@ -20,7 +20,8 @@ fn coverage(truth: f64, mut interval: impl FnMut() -> Interval) -> f64 {
     held.count() as f64 / STUDIES as f64
 }
 
-/// Distances from 6 start states, 5 members each: starts differ by 1, members of a start by 0.5.
+/// Returns distances from 6 start states, 5 ensemble members each. Start states differ by 1, members of a start state
+/// by 0.5.
 fn distances(random: &mut Random) -> (Vec<usize>, Vec<f64>) {
     let mut starts = Vec::new();
     let mut distances = Vec::new();
@@ -54,7 +55,7 @@ fn paired_intervals_hold_the_difference() {
     let mut random = Random::new(2);
     let paired = coverage(-0.3, || {
         let (starts, y) = distances(&mut random);
-        // Starts are harder or easier for the other model, by half of what they are for both.
+        // A start state has an extra difficulty for the other model, with half the spread of the shared one.
         let of_starts: Vec<f64> = (0..6).map(|_| 0.5 * random.normal()).collect();
         let x: Vec<f64> =
             starts.iter().zip(&y).map(|(&start, y)| y - 0.3 + of_starts[start]).collect();
@@ -63,7 +64,7 @@ fn paired_intervals_hold_the_difference() {
     assert!((paired - 0.95).abs() < 0.02, "{paired}");
 }
 
-/// Squared errors that depend on those before: AR(1) with a memory of ten steps.
+/// Returns autocorrelated squared errors: AR(1) with a memory of ten steps.
 fn errors(random: &mut Random, steps: usize, scale: f64) -> Vec<f64> {
     let mut error = random.normal();
     let squares = (0..steps).map(|_| {
@@ -84,8 +85,8 @@ fn quotients_of_errors_that_depend_on_each_other_hold_the_truth() {
     assert!((coverage - 0.95).abs() < 0.025, "{coverage}");
 }
 
-/// The errors of two candidates in a window, the first of which is better by a tenth. Windows differ for both alike and for one
-/// alone; two runs differ within them.
+/// Returns the errors of two candidates in a window, the first of which is better by a tenth. Windows differ in a
+/// level that both share, and in a factor of the first alone. Two runs differ within a window.
 fn window(random: &mut Random) -> [f64; 2] {
     let level = random.normal();
     let own = 0.05 * random.normal();
@@ -108,12 +109,12 @@ fn intervals_over_windows_hold_the_quotient_however_few_there_are() {
     }
 }
 
-/// A loss that cannot be negative, and its mean.
+/// A distribution of non-negative losses, with its mean.
 struct Loss {
     name: &'static str,
     mean: f64,
     draw: fn(&mut Random) -> f64,
-    /// Least coverage that is asked for, of bounds over 4, 8 and 16 windows.
+    /// Required coverage of bounds over 4, 8 and 16 windows.
     least: f64,
 }
 
@@ -121,7 +122,7 @@ fn exponential(random: &mut Random) -> f64 {
     -random.unit().ln()
 }
 
-/// What a choice may cost in a window: nearly symmetric at the top, with a long tail or mostly nought at the bottom.
+/// Possible losses of a choice in a window: nearly symmetric ones first, those with a long tail or mostly 0 last.
 const LOSSES: [Loss; 8] = [
     Loss {
         name: "half normal",
@@ -190,8 +191,8 @@ fn bounds_of_regret_hold_the_mean_where_student_s_t_does_not() {
     assert!(worst_of_t < 0.85, "{worst_of_t}");
 }
 
-/// What an estimate from a log of five blocks is in each member, which lacks one of them: the mean of the other blocks and noise
-/// of so many runs.
+/// Returns an estimate for each member of a log of five blocks. Each member lacks one block: its estimate is the mean
+/// of the other blocks, plus the noise of `runs` runs.
 fn members(random: &mut Random, noise: f64, runs: usize) -> Vec<f64> {
     let blocks: Vec<f64> = (0..5).map(|_| random.normal()).collect();
     let sum: f64 = blocks.iter().sum();
@@ -226,7 +227,8 @@ fn intervals_over_members_hold_what_other_logs_say() {
     }
 }
 
-/// The mean error over each of `count` windows of 100 rows, evenly spread over `rows` rows of errors that do not depend on each other.
+/// Returns the mean error over each of `count` windows of 100 rows, evenly spread over `rows` rows of independent
+/// errors.
 fn windows(random: &mut Random, rows: usize, count: usize) -> Vec<f64> {
     let errors: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
     let means = (0..count).map(|window| {
@@ -239,7 +241,7 @@ fn windows(random: &mut Random, rows: usize, count: usize) -> Vec<f64> {
 #[test]
 fn windows_that_overlap_in_a_chain_hold_the_mean_where_they_count_as_often_as_they_fit() {
     let mut random = Random::new(7);
-    // Fifteen windows that share a third, and three quarters, of their rows with the next.
+    // Fifteen windows share a third, and three quarters, of their rows with the next.
     for (rows, independent) in [(1040, 10), (450, 4)] {
         let own = coverage(0.0, || {
             let windows = windows(&mut random, rows, 15);
@@ -257,7 +259,7 @@ fn windows_that_overlap_in_a_chain_hold_the_mean_where_they_count_as_often_as_th
 #[test]
 fn recorded_returns_hold_the_mean_where_episodes_are_cut() {
     let mut random = Random::new(8);
-    // An episode is 100 steps of −1 ± 1 each; two of seven are cut somewhere.
+    // An episode is 100 steps of −1 ± 1 each. Two of seven are cut somewhere.
     let own = coverage(-100.0, || {
         let shares: [f64; 7] = [1.0, 1.0, 1.0, 1.0, 1.0, 0.3, 0.6];
         let rewards = shares.map(|share| -100.0 * share + 10.0 * share.sqrt() * random.normal());
@@ -267,10 +269,10 @@ fn recorded_returns_hold_the_mean_where_episodes_are_cut() {
     assert!((own - 0.95).abs() < 0.02, "{own}");
 }
 
-/// What is chosen of seven values on a grid from a log of five blocks, and the share of 200 resamples that choose it, and it or a
-/// value beside it.
+/// Returns the value that is chosen of seven on a grid from a log of five blocks. Also returns the share of 200
+/// resamples that choose it, and the share that choose it or a neighbour.
 fn chosen_from_a_log(random: &mut Random) -> (usize, f64, f64) {
-    // The best is in the middle; blocks differ in which is best, by a place and a half.
+    // The best value is in the middle. The best value of a block differs by a place and a half.
     let optima: Vec<f64> = (0..5).map(|_| 3.0 + 1.5 * random.normal()).collect();
     let mut run = |blocks: &[f64]| -> Vec<f64> {
         (0..7)

@@ -1,4 +1,4 @@
-//! Reference values from `SciPy` and NumPy; made by `scripts/golden/stats.py`.
+//! Reference values from `SciPy` and NumPy, made by `scripts/golden/stats.py`.
 
 use calib_stats::{
     Direction, average_ranks, competition_ranks, kendall_tau_b, quantile, spearman, summarise,
@@ -49,7 +49,7 @@ struct RankCase {
     average: Vec<f64>,
 }
 
-/// JSON has no infinities; the script writes them as `"inf"`.
+/// Reads numbers. JSON has no infinities; the script writes them as `"inf"`.
 fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
     let values = Vec::<serde_json::Value>::deserialize(deserializer)?;
     Ok(values.iter().map(|value| value.as_f64().unwrap_or(f64::INFINITY)).collect())

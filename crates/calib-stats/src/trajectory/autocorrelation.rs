@@ -1,10 +1,10 @@
 use super::check_finite;
 use crate::{StatsError, mean};
 
-/// Autocorrelations of `values` `[n]` at the lags 1 to `lags`; beyond n − 1 they are 0.
+/// Returns the autocorrelations of `values` `[n]` at the lags 1 to `lags`. Beyond n − 1 they are 0.
 ///
-/// `ρ(k) = Σ (x_t − x̄)(x_{t+k} − x̄) / Σ (x_t − x̄)²`. `None` for a constant series, which has none.
-/// Source: Box and Jenkins, *Time Series Analysis*, 1976.
+/// `ρ(k) = Σ (x_t − x̄)(x_{t+k} − x̄) / Σ (x_t − x̄)²`. `None` for a constant series, where it is not
+/// defined. Source: Box and Jenkins, *Time Series Analysis*, 1976.
 ///
 /// # Errors
 ///
@@ -18,7 +18,7 @@ pub fn autocorrelation(values: &[f64], lags: usize) -> Result<Option<Vec<f64>>, 
         centred.iter().zip(later).map(|(now, later)| now * later).sum()
     };
     let variance = product(0);
-    // Rounding of the mean leaves a constant series a hair of variance.
+    // Rounding of the mean gives a constant series a tiny variance.
     let largest = values.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()));
     if variance <= values.len() as f64 * (8.0 * f64::EPSILON * largest).powi(2) {
         return Ok(None);
@@ -26,8 +26,8 @@ pub fn autocorrelation(values: &[f64], lags: usize) -> Result<Option<Vec<f64>>, 
     Ok(Some((1..=lags).map(|lag| product(lag) / variance).collect()))
 }
 
-/// How differently two series `x` `[n]` and `y` `[m]` depend on their own past: the root mean square
-/// of `ρ_x(k) − ρ_y(k)` over the lags k = 1 … `lags`.
+/// Returns the distance between the autocorrelations of two series `x` `[n]` and `y` `[m]`: the root mean
+/// square of `ρ_x(k) − ρ_y(k)` over the lags k = 1 … `lags`.
 ///
 /// 0 for equal autocorrelations; it cannot exceed 2. `None` if either series is constant, or `lags` is 0.
 /// Source: Galeano and Peña, *Multivariate analysis in vector time series*, 2000 (their distance with
@@ -59,7 +59,7 @@ pub fn autocorrelation_distance(
     Ok((lags > 0).then(|| (squares / lags as f64).sqrt()))
 }
 
-/// The usual number of lags for series of `len` values: a quarter of it, at most 100.
+/// Returns the usual number of lags for series of `len` values: a quarter of it, at most 100.
 ///
 /// A quarter is Box and Jenkins's advice; the bound is our choice.
 pub fn usual_lags(len: usize) -> usize {

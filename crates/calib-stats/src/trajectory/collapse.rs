@@ -1,29 +1,29 @@
 use super::check_finite;
 use crate::StatsError;
 
-/// A trajectory has collapsed if the variance at its end is below this share of the data's (our choice): a spread of a
-/// tenth of the data's.
+/// A trajectory has collapsed if the variance at its end is below this share of the data's variance (our choice). The
+/// share corresponds to a tenth of the data's standard deviation.
 const COLLAPSED: f64 = 0.01;
 
-/// The part at the end of a trajectory that must be that quiet (our choice).
+/// The share at the end of a trajectory whose variance counts (our choice).
 const TAIL: f64 = 0.25;
 
-/// How far from its end a collapsed trajectory may be, in standard deviations of the data (our choice).
+/// Maximum distance of a collapsed trajectory from the mean of its end, in standard deviations of the data (our choice).
 const BAND: f64 = 0.2;
 
-/// Fewest values of that part; shorter trajectories are not judged (our choice).
+/// Minimum number of values in that part. Shorter trajectories are not judged (our choice).
 const FEWEST: usize = 20;
 
-/// The step at which a trajectory collapses. `None` if the variance over its last quarter is at least 1 % of
-/// `data_variance`, and for trajectories of fewer than 80 values; else the first step from which on all values lie within
-/// 0.2 standard deviations of the data of the mean of that quarter.
+/// Returns the step at which a trajectory collapses. `None` if the variance over its last quarter is at least 1 % of
+/// `data_variance`, and for trajectories of fewer than 80 values. Otherwise it is the first step from which on all
+/// values lie within 0.2 standard deviations of the data of the mean of that quarter.
 ///
-/// Networks that feed on their own predictions tend to run into a fixed point (the paper: after 50 to 100 steps); a
-/// trajectory that drifts away or oscillates has not collapsed in this sense. Where the data itself is quiet for so
-/// long, recorded trajectories collapse too: compare with them.
+/// Networks that feed on their own predictions tend to run into a fixed point (the paper: after 50 to 100 steps). A
+/// trajectory that drifts away or oscillates has not collapsed in this sense. If the data are as constant for so long,
+/// recorded trajectories collapse too: compare with them.
 ///
 /// # Errors
-/// If a value is not finite, or there is none.
+/// If a value is not finite, or there are no values.
 pub fn collapse_step(values: &[f64], data_variance: f64) -> Result<Option<usize>, StatsError> {
     check_finite("a trajectory", values)?;
     let tail = (values.len() as f64 * TAIL) as usize;
@@ -56,7 +56,7 @@ mod tests {
         let step = collapse_step(&values, 0.5).expect("finite").expect("it collapses");
         // The last value of the wave is far from the fixed point.
         assert_eq!(step, 100);
-        // A slow approach counts from where it is near.
+        // A slow approach counts from the step at which it is near.
         let decay: Vec<f64> = (0..400).map(|t| 0.5_f64.powf(f64::from(t) / 10.0)).collect();
         assert_eq!(collapse_step(&decay, 1.0).expect("finite"), Some(24));
         assert_eq!(collapse_step(&vec![0.3; 400], 0.5).expect("finite"), Some(0));

@@ -1,9 +1,9 @@
-//! A fast Fourier transform of the few sizes that spectra need.
+//! A fast Fourier transform for powers of two.
 
 use std::f64::consts::TAU;
 
-/// Squared magnitudes of the discrete Fourier transform of real `values`, at frequencies 0 … n/2
-/// cycles per n samples. n must be a power of two.
+/// Returns squared magnitudes of the discrete Fourier transform of real `values`, at frequencies
+/// 0 … n/2 cycles per n samples. n must be a power of two.
 pub(super) fn power(values: &[f64]) -> Vec<f64> {
     let n = values.len();
     assert!(n.is_power_of_two(), "the transform is for powers of two, got {n}");
@@ -32,7 +32,7 @@ pub(super) fn power(values: &[f64]) -> Vec<f64> {
     re.iter().zip(&im).take(n / 2 + 1).map(|(re, im)| re * re + im * im).collect()
 }
 
-/// `index` with its lowest `bits` bits in opposite order.
+/// Returns `index` with its lowest `bits` bits in reverse order.
 fn reversed(index: usize, bits: u32) -> usize {
     if bits == 0 { index } else { index.reverse_bits() >> (usize::BITS - bits) }
 }

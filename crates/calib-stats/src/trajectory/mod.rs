@@ -1,4 +1,5 @@
-//! Distances between two trajectories of one sensor, other than warping, and collapse.
+//! Distances between two trajectories of one sensor, other than time warping, and
+//! collapse.
 
 mod autocorrelation;
 mod collapse;

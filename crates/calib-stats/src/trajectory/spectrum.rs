@@ -3,19 +3,19 @@ use std::f64::consts::TAU;
 use super::{check_finite, fourier::power};
 use crate::{StatsError, mean};
 
-/// Added to every power before the logarithm, in squared units of the series per sample: a frequency
-/// without any power is as good as this one.
+/// Added to every power before the logarithm, in squared units of the series per sample. A frequency
+/// without any power counts as having this power.
 ///
 /// On a sensor normalised to 0 … 1 this is an oscillation of a millionth of the range. Our choice.
 pub const SPECTRUM_FLOOR: f64 = 1e-12;
 
-/// The power spectrum of `values` `[n]` in segments of `segment` samples: `[segment / 2]`, at the
-/// frequencies 1 … segment / 2 cycles per segment.
+/// Returns the power spectrum of `values` `[n]` in segments of `segment` samples: `[segment / 2]`, at
+/// the frequencies 1 … segment / 2 cycles per segment.
 ///
-/// Welch's method: segments that overlap by half, each minus its mean and times a Hann window; the
-/// mean of their periodograms `|Σ w_t x_t e^{−2πikt/L}|² / Σ w_t²`. White noise of variance σ² has σ²
-/// everywhere. Source: Welch, *The use of fast Fourier transform for the estimation of power spectra*,
-/// 1967.
+/// Welch's method: segments overlap by half, and each is centred and multiplied by a Hann window. The
+/// result is the mean of their periodograms `|Σ w_t x_t e^{−2πikt/L}|² / Σ w_t²`. White noise of
+/// variance σ² has σ² everywhere. Source: Welch, *The use of fast Fourier transform for the estimation
+/// of power spectra*, 1967.
 ///
 /// # Errors
 ///
@@ -47,14 +47,14 @@ pub fn spectrum(values: &[f64], segment: usize) -> Result<Vec<f64>, StatsError> 
     Ok(sum.into_iter().map(|sum| sum / (f64::from(count) * squares)).collect())
 }
 
-/// How differently the power of two series `x` and `y` is spread over frequencies, in decibels: the
-/// root mean square over the frequencies of [`spectrum`] of the difference of the log powers,
-/// 10 log₁₀(P + [`SPECTRUM_FLOOR`]).
+/// Returns the distance between the power spectra of two series `x` and `y`, in decibels: the root
+/// mean square over the frequencies of [`spectrum`] of the difference of the log powers, 10 log₁₀(P +
+/// [`SPECTRUM_FLOOR`]).
 ///
 /// 0 for equal spectra; a factor c between the series gives 20 log₁₀ c. Two stretches of the same
-/// random process differ by some decibels, because spectra are estimates.
-/// Source: the log-spectral distance of Gray and Markel, *Distance measures for speech processing*,
-/// 1976; Welch's estimate and the floor are our choice.
+/// random process differ by some decibels, because spectra are estimates. Source: the log-spectral
+/// distance of Gray and Markel, *Distance measures for speech processing*, 1976; Welch's estimate and
+/// the floor are our choice.
 ///
 /// # Errors
 ///
@@ -78,10 +78,10 @@ fn decibels(power: f64) -> f64 {
     10.0 * (power + SPECTRUM_FLOOR).log10()
 }
 
-/// The usual length of a segment for series of `len` values: the largest power of two up to a quarter
-/// of it, 256 at most. Our choice: seven segments or more to average over.
+/// Returns the usual length of a segment for series of `len` values: the largest power of two up to a
+/// quarter of it, at most 256. Our choice: it gives at least seven segments to average over.
 ///
-/// `None` for series of less than 16 values, which have no spectrum worth comparing.
+/// `None` for series of less than 16 values, which are too short for a spectrum.
 pub fn usual_segment(len: usize) -> Option<usize> {
     let quarter = (len / 4).min(256);
     (quarter >= 4).then(|| 1 << quarter.ilog2())

@@ -1,8 +1,8 @@
 use super::check_finite;
 use crate::StatsError;
 
-/// The 1-Wasserstein distance of the values of two samples `x` `[n]` and `y` `[m]`, in their unit:
-/// how far, on average, mass has to be moved to turn one histogram into the other.
+/// Returns the 1-Wasserstein distance of the values of two samples `x` `[n]` and `y` `[m]`, in
+/// their unit: how far, on average, mass has to be moved to turn one histogram into the other.
 ///
 /// W₁ = ∫ |F⁻¹(u) − G⁻¹(u)| du over 0 < u < 1, with the empirical quantile functions F⁻¹, G⁻¹; for
 /// n = m the mean of |x₍ᵢ₎ − y₍ᵢ₎| over the sorted values. The order of the values does not matter.
@@ -23,7 +23,7 @@ pub fn wasserstein(x: &[f64], y: &[f64]) -> Result<f64, StatsError> {
     let y = sorted(y);
     let n = x.len();
     let m = y.len();
-    // Cut [0, 1] into n m pieces: x changes every m of them, y every n.
+    // [0, 1] is cut into n m pieces: the quantile of x changes every m pieces, that of y every n.
     let mut at = 0;
     let mut sum = 0.0;
     while at < n * m {
@@ -42,7 +42,7 @@ fn sorted(values: &[f64]) -> Vec<f64> {
     values
 }
 
-/// The changes from each value to the next: `[n]` → `[n − 1]`.
+/// Returns the changes from each value to the next: `[n]` → `[n − 1]`.
 pub fn increments(values: &[f64]) -> Vec<f64> {
     values.windows(2).map(|pair| pair[1] - pair[0]).collect()
 }
@@ -53,14 +53,14 @@ mod tests {
 
     use super::*;
 
-    /// ∫ |F(t) − G(t)| dt, the other form of the same distance.
+    /// Returns ∫ |F(t) − G(t)| dt, the other form of the same distance.
     fn by_distribution_functions(x: &[f64], y: &[f64]) -> f64 {
         let all = sorted(&[x, y].concat());
         let pieces = all.windows(2);
         pieces.map(|t| (share(x, t[0]) - share(y, t[0])).abs() * (t[1] - t[0])).sum()
     }
 
-    /// The share of values up to t, F(t).
+    /// Returns the share of values up to t, F(t).
     fn share(values: &[f64], t: f64) -> f64 {
         values.iter().filter(|&&value| value <= t).count() as f64 / values.len() as f64
     }

@@ -12,12 +12,13 @@ impl Random {
         Self(Pcg64::seed_from_u64(seed))
     }
 
-    /// Uniform in (0, 1).
+    /// Returns a uniform number in (0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         ((self.0.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
     }
 
-    /// Standard normal (Box & Muller, one of the pair).
+    /// Returns a standard normal number (Box & Muller,
+    /// one of the pair).
     pub(crate) fn normal(&mut self) -> f64 {
         let radius = (-2.0 * self.unit().ln()).sqrt();
         let angle = self.unit();
