@@ -1,4 +1,4 @@
-//! Results that are made once: a directory counts only with a manifest that names its inputs.
+//! Cached results: a directory counts as a result only with a manifest that names its inputs.
 
 use std::{
     collections::BTreeMap,
@@ -20,21 +20,21 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{Context as _, StepError, bail, output::Printer};
 
-/// Version of calib that wrote a file.
+/// The version of calib that wrote a file.
 pub const TOOL: &str = concat!("calib ", env!("CARGO_PKG_VERSION"));
 
-/// File that completes a directory; written last, removed first.
+/// The file that completes a directory. It is written last and removed first.
 pub const MANIFEST: &str = "manifest.json";
 
-/// File of a verdict about agents that act, which is beside no model.
+/// The file of a verdict about control agents, which belongs to no model.
 pub const CONTROL_VERDICT: &str = "verdict.json";
 
-/// What a manifest must tell about the inputs of its directory.
+/// The inputs of a directory, as its manifest records them.
 pub trait Manifest: Serialize + DeserializeOwned {
-    /// Version of the directory's format; another version is another artefact.
+    /// Version of the directory's format. Another version is another artefact.
     const FORMAT: u32;
 
-    /// Version that was written.
+    /// Returns the version in the manifest.
     fn format(&self) -> u32;
 }
 
@@ -50,14 +50,14 @@ pub struct Artefact<T> {
     pub files: Files,
 }
 
-/// What a manifest tells beside what every manifest does.
+/// The part of a manifest that is specific to one kind of artefact.
 pub trait Facts: Serialize + DeserializeOwned {
-    /// Version of the directory's format; another version is another artefact.
+    /// Version of the directory's format. Another version is another artefact.
     const FORMAT: u32;
-    /// What makes it.
+    /// The step that makes the artefact.
     const STEP: StepKind;
 
-    /// Fingerprint of all that it follows from; empty where its parts have keys of their own.
+    /// Returns the fingerprint of all inputs; empty where the parts have their own keys.
     fn key(&self) -> &str;
 
     /// Whether a file stays the same as long as the result does.
@@ -65,7 +65,7 @@ pub trait Facts: Serialize + DeserializeOwned {
         true
     }
 
-    /// Whether what lies below the directory, and has no fingerprint in the manifest, is whole.
+    /// Whether subdirectories, which have no fingerprint in the manifest, are complete and undamaged.
     fn has_all_parts(&self, _directory: &Path) -> bool {
         true
     }
@@ -94,18 +94,19 @@ impl<T> DerefMut for Artefact<T> {
 }
 
 impl<T: Facts> Artefact<T> {
-    /// An artefact of which no file was written yet.
+    /// Returns an artefact without files.
     pub fn new(facts: T) -> Self {
         Self { format: T::FORMAT, tool: TOOL.to_owned(), facts, files: Files::new() }
     }
 
-    /// What `key` names, if it is in `directory` and whole.
+    /// Returns the artefact with the key `key`, if it is in `directory` and undamaged.
     pub fn find(directory: &Path, key: &str) -> Option<Self> {
         read::<Self>(directory).filter(|found| found.key() == key && found.is_whole(directory))
     }
 
-    /// What `key` names, if a job has it and need not make it again; or if another model of the study has it, whose
-    /// files are then the job's as well: models may differ in nothing that an artefact follows from.
+    /// Returns the artefact with the key `key`, if the job has it and need not make it again. If another model of the
+    /// study has it, its files are copied to the job: the difference between the two models does not affect this
+    /// artefact.
     ///
     /// # Errors
     /// If another model has it, and the copy cannot be written.
@@ -135,33 +136,33 @@ impl<T: Facts> Artefact<T> {
         Ok(None)
     }
 
-    /// Whether every file that lasts is what was written.
+    /// Whether every lasting file is as it was written.
     pub fn is_whole(&self, directory: &Path) -> bool {
         are_whole(directory, &self.lasting_files()) && self.has_all_parts(directory)
     }
 
-    /// Whether every file is there, which is known without reading any.
+    /// Whether every file exists, without reading any.
     pub fn has_files(&self, directory: &Path) -> bool {
         self.files.keys().all(|name| directory.join(name).exists())
     }
 
-    /// The files that do not change as long as the result is the same.
+    /// Returns the files that do not change as long as the result is the same.
     pub fn lasting_files(&self) -> Files {
         let lasting = self.files.iter().filter(|(name, _)| T::lasts(name));
         lasting.map(|(name, written)| (name.clone(), written.clone())).collect()
     }
 }
 
-/// The manifest of `directory` if it is complete and of this format.
+/// Reads the manifest of `directory`, if it is complete and of this format.
 pub fn read<M: Manifest>(directory: &Path) -> Option<M> {
     let manifest: M = read_sealed_json(&directory.join(MANIFEST)).ok()?;
     (manifest.format() == M::FORMAT).then_some(manifest)
 }
 
-/// Files of a directory by name, each with the fingerprint of what was written.
+/// The files of a directory by name, each with its fingerprint when it was written.
 pub type Files = BTreeMap<String, Fingerprint>;
 
-/// Fingerprints of files that were just written.
+/// Returns the fingerprints of files that were just written.
 ///
 /// # Errors
 /// If one cannot be read.
@@ -176,7 +177,7 @@ pub fn fingerprints<'a>(
     Ok(files)
 }
 
-/// The fingerprint of a file, which is read once in the life of this process as long as it is the same.
+/// Returns the fingerprint of a file. This process reads an unchanged file only once.
 ///
 /// # Errors
 /// If it cannot be read.
@@ -190,24 +191,23 @@ pub fn fingerprint_once(path: &Path) -> Result<Fingerprint, FileError> {
     Ok(found)
 }
 
-/// The fingerprints of the files that this process has read.
+/// Locks the fingerprints of the files that this process has read.
 fn known_fingerprints() -> MutexGuard<'static, BTreeMap<FileStat, Fingerprint>> {
     static READ: Mutex<BTreeMap<FileStat, Fingerprint>> = Mutex::new(BTreeMap::new());
     READ.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Whether all files of a complete directory are still what was written.
+/// Whether all files of a complete directory are as they were written.
 pub fn are_whole(directory: &Path, files: &Files) -> bool {
     files.iter().all(|(name, written)| {
         fingerprint_once(&directory.join(name)).is_ok_and(|found| found == *written)
     })
 }
 
-/// Check that the files of a complete directory are what was written, before the first use; `command` makes them
-/// again.
+/// Checks before first use that the files of a complete directory are as they were written. `command` makes them again.
 ///
 /// # Errors
-/// If one cannot be read; [`StepError::Stale`] if one is not what was written.
+/// If one cannot be read; [`StepError::Stale`] if one has changed.
 pub fn check_files(directory: &Path, files: &Files, command: &str) -> Result<(), StepError> {
     for (name, written) in files {
         let path = directory.join(name);
@@ -222,17 +222,17 @@ pub fn check_files(directory: &Path, files: &Files, command: &str) -> Result<(),
     Ok(())
 }
 
-/// The manifest of `directory`, or why there is none and which `command` makes it.
+/// Reads the manifest of `directory`. The error names the `command` that makes it.
 ///
 /// # Errors
-/// If there is none, it is damaged or of other results; [`StepError::Stale`] if it has another format.
+/// If there is no manifest, it is damaged or of other results; [`StepError::Stale`] if it has another format.
 pub fn require<M: Manifest>(directory: &Path, command: &str) -> Result<M, StepError> {
     let path = directory.join(MANIFEST);
     if !path.exists() {
         bail!("{} does not exist; run `{command}` first", path.display());
     }
     let manifest: M = match read_sealed_json(&path) {
-        // Whole, and of something else.
+        // The file is undamaged, but describes something else.
         Err(FileError::Json { .. }) if read_sealed_json::<serde_json::Value>(&path).is_ok() => {
             bail!(
                 "{} has other results than those of `{command}`, or those of another calib; give the folder of these",
@@ -247,7 +247,7 @@ pub fn require<M: Manifest>(directory: &Path, command: &str) -> Result<M, StepEr
     Err(other_format(&path, manifest.format(), M::FORMAT, command))
 }
 
-/// What to do about a manifest that has another `format` than the one that is `read` here.
+/// Returns the error for a manifest with another `format` than the one that is `read` here, with the remedy.
 fn other_format(path: &Path, format: u32, read: u32, command: &str) -> StepError {
     let path = path.display();
     StepError::Stale(if format > read {
@@ -260,29 +260,29 @@ fn other_format(path: &Path, format: u32, read: u32, command: &str) -> StepError
     })
 }
 
-/// A directory that this process writes, and no other one where the file system has locks. The claim ends with the
+/// The exclusive claim of this process to write a directory, where the file system has locks. The claim ends with the
 /// process, however it ends.
 ///
-/// It saves work and spares confusion; no result rests on it. Where two processes write one directory, as they can
-/// without locks, both write the same bytes, file by file as a whole.
+/// It saves work and avoids confusion, but no result depends on it. Without locks, two processes may write one
+/// directory: both then write the same bytes, file by file as a whole.
 pub struct DirectoryLock {
     directory: PathBuf,
     record: FolderRecord,
-    /// Locked while it is open.
+    /// The lock, held while the file is open.
     _lock: Lock,
 }
 
 impl DirectoryLock {
-    /// Claim `directory`, and remove what a killed process left half-written in it.
+    /// Claims `directory`, and removes the half-written files of a killed process.
     ///
     /// # Errors
-    /// If it cannot be written, another process has claimed it, or, where all below is to be calib's, it has something
-    /// else in it.
+    /// If it cannot be written, another process has claimed it, or it holds other files although everything below must
+    /// be calib's.
     pub fn new(directory: &Path, below: Below) -> Result<Self, StepError> {
         Self::try_new(directory, below)?.with_context(|| taken(directory))
     }
 
-    /// As [`DirectoryLock::new`], of a directory that need not be written: none if another process has claimed it.
+    /// Claims a directory as [`DirectoryLock::new`] does, or returns `None` if another process has claimed it.
     ///
     /// # Errors
     /// As [`DirectoryLock::new`].
@@ -294,7 +294,8 @@ impl DirectoryLock {
         Self::with(directory, record, below)
     }
 
-    /// As [`DirectoryLock::new`], of a directory of which calib owns what its record names, and in which nothing else may be.
+    /// Claims a directory as [`DirectoryLock::new`] does. It may contain only the files that calib's record of it
+    /// names.
     ///
     /// # Errors
     /// As [`DirectoryLock::new`].
@@ -317,21 +318,21 @@ impl DirectoryLock {
         Ok(Some(Self { directory: directory.to_owned(), record, _lock: lock }))
     }
 
-    /// What of the directory is calib's, and of what lies beside it.
+    /// Returns the record of the files in the directory, and beside it, that belong to calib.
     pub fn record(&mut self) -> &mut FolderRecord {
         &mut self.record
     }
 
-    /// From here until [`complete`](Self::complete) the directory does not count as a result.
+    /// Marks the directory as incomplete: until [`complete`](Self::complete) it does not count as a result.
     ///
     /// # Errors
-    /// If the manifest that is there cannot be removed.
+    /// If the existing manifest cannot be removed.
     pub fn begin(&self) -> Result<(), StepError> {
         remove_file(&self.directory.join(MANIFEST))
             .with_context(|| format!("cannot write to {}", self.directory.display()))
     }
 
-    /// Claim a directory, which does not count as a result until [`finish`](Self::finish) completes it.
+    /// Claims a directory, which does not count as a result until [`finish`](Self::finish) completes it.
     ///
     /// # Errors
     /// As [`DirectoryLock::new`].
@@ -341,7 +342,7 @@ impl DirectoryLock {
         Ok(claim)
     }
 
-    /// Complete the directory, of which `names` were written, with the manifest that tells of it.
+    /// Completes the directory, of which `names` were written, with a manifest of these facts.
     ///
     /// # Errors
     /// If a file cannot be read, or the manifest cannot be written.
@@ -356,7 +357,7 @@ impl DirectoryLock {
         Ok(artefact)
     }
 
-    /// Complete the directory with its manifest. It stays claimed as long as the claim is held.
+    /// Completes the directory with its manifest. It stays claimed as long as the claim is held.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -372,16 +373,15 @@ fn taken(directory: &Path) -> String {
     )
 }
 
-/// Make a directory calib's as a whole; where results were made by a calib that noted nothing, their manifest shows whose
-/// they are.
+/// Makes a whole directory calib's own. Results of a calib that kept no record are recognised by their manifest.
 ///
 /// # Errors
-/// If it has something in it that calib did not write, or cannot be written.
+/// If it holds something that calib did not write, or cannot be written.
 pub fn own(directory: &Path) -> Result<FolderRecord, FileError> {
     FolderRecord::take(directory, || has_manifest(directory))
 }
 
-/// Whether a directory could be made calib's; nothing is written.
+/// Checks whether a directory can be made calib's own, without writing.
 ///
 /// # Errors
 /// As [`own`].
@@ -395,10 +395,10 @@ fn has_manifest(directory: &Path) -> bool {
     matches!(tool, Ok(Some(tool)) if tool.starts_with("calib "))
 }
 
-/// Go on where a disk lets nothing be written: what is finished can still be shown. Every other failure stays one.
+/// Continues with a warning if the disk is read-only, so that finished results can still be shown. Other errors remain.
 ///
 /// # Errors
-/// What `written` is, unless it says that nothing may be written there.
+/// The error of `written`, unless it means that nothing may be written there.
 pub fn or_read_only(
     written: Result<(), StepError>,
     place: &Path,
@@ -414,14 +414,14 @@ pub fn or_read_only(
     }
 }
 
-/// Whether nothing may be written there.
+/// Whether the error means that nothing may be written there.
 pub(crate) fn is_refusal(error: &StepError) -> bool {
     let StepError::Storage(error) = error.root() else { return false };
     let FileError::Io { source, .. } = error.as_ref() else { return false };
     matches!(source.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem)
 }
 
-/// A table of results, marked as one: a search for logs leaves it out.
+/// Writes a table of results, marked as one, so that a search for logs excludes it.
 ///
 /// # Errors
 /// If it cannot be written.
@@ -429,12 +429,12 @@ pub fn write_table(table: Table, path: &Path) -> Result<(), StepError> {
     Ok(marked(table).write_parquet(path)?)
 }
 
-/// A table that is known as a result.
+/// Marks a table as a result.
 pub fn marked(table: Table) -> Table {
     table.with_metadata(RESULTS_KEY, "1")
 }
 
-/// Fingerprint of some inputs.
+/// Returns the fingerprint of some inputs.
 ///
 /// # Errors
 /// If they cannot be written as JSON.

@@ -1,4 +1,4 @@
-//! The only place that reads the time. It is used for progress and timings, never for results.
+//! The only module that reads the time. It is used for progress and timings, never for results.
 
 use std::{
     thread,
@@ -16,7 +16,7 @@ use super::memory;
 pub struct Stopwatch(Instant);
 
 impl Stopwatch {
-    /// Start it.
+    /// Starts the stopwatch.
     #[expect(
         clippy::disallowed_methods,
         reason = "timings are reported beside results, not in them"
@@ -25,13 +25,13 @@ impl Stopwatch {
         Self(Instant::now())
     }
 
-    /// Time since the start.
+    /// Returns the time since the start.
     pub fn elapsed(self) -> Duration {
         self.0.elapsed()
     }
 }
 
-/// Seconds since 1970.
+/// Returns seconds since 1970.
 #[expect(
     clippy::disallowed_methods,
     reason = "notes of how work stands say when they were written"
@@ -40,15 +40,15 @@ pub fn unix_secs() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |now| now.as_secs_f64())
 }
 
-/// When a process of this machine began, in ticks since the machine did, as Linux says it: a later process of the same
-/// number began later.
+/// Returns the start time of a process of this machine, in ticks since the machine started, as Linux reports it. A
+/// later process with the same number has a later start.
 pub(crate) fn process_began(process: u32) -> Option<u64> {
     let stat = memory::read_proc_stat(process)?;
     let (_, fields) = stat.rsplit_once(')')?;
     fields.split_whitespace().nth(19)?.parse().ok()
 }
 
-/// What is said of a log whose last time is still to come.
+/// Returns a warning about a log whose last time is in the future.
 #[expect(clippy::disallowed_methods, reason = "a remark, and no result")]
 pub fn in_future(last: Timestamp) -> Option<String> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?.as_micros();
@@ -64,17 +64,18 @@ pub fn in_future(last: Timestamp) -> Option<String> {
 
 const DAY_MICROS: i128 = 86_400_000_000;
 
-/// What something took.
+/// Wall and processor time of some work.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TimeTaken {
-    /// On the clock.
+    /// Wall time, s.
     pub secs: f64,
-    /// On all processors together, which other work on the machine hardly changes; 0 where the system does not say.
+    /// Processor time over all processors, s. Other work on the machine hardly changes it. 0 where the system does not
+    /// report it.
     pub processor_secs: f64,
 }
 
 impl TimeTaken {
-    /// By this work.
+    /// Runs `work`, and returns its result and its time.
     pub fn by<T>(work: impl FnOnce() -> T) -> (T, Self) {
         let clock = Stopwatch::start();
         let before = processor_secs();
@@ -84,12 +85,12 @@ impl TimeTaken {
     }
 }
 
-/// Processor time of this process so far, as Linux says it.
+/// Returns the processor time of this process so far, as Linux reports it.
 fn processor_secs() -> f64 {
     memory::read_proc_self("stat").and_then(|text| processor_secs_in(&text)).unwrap_or(0.0)
 }
 
-/// `utime` and `stime` of `/proc/PID/stat` (proc(5)), in hundredths of a second on every machine.
+/// Parses `utime` and `stime` of `/proc/PID/stat` (proc(5)), which are in hundredths of a second on every machine.
 fn processor_secs_in(text: &str) -> Option<f64> {
     // The name of the program may hold spaces and brackets.
     let (_, fields) = text.rsplit_once(')')?;
@@ -97,8 +98,8 @@ fn processor_secs_in(text: &str) -> Option<f64> {
     Some((times.next()?.ok()? + times.next()?.ok()?) as f64 / 100.0)
 }
 
-/// Wait until the next change of files with these stamps gives them others: for files that were not written just now, not
-/// at all.
+/// Waits until any further change of the files with these stamps would give them other stamps. It does not wait for
+/// files that were not written just now.
 #[expect(clippy::disallowed_methods, reason = "how long to wait is no result")]
 pub(crate) fn settle(stamps: impl Iterator<Item = FileStat>) {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).ok();

@@ -1,4 +1,4 @@
-//! How much room there is on the disk. Used to refuse work that would not fit, never for results.
+//! Free disk space. It is used to refuse work that would not fit, never for results.
 
 use std::path::Path;
 
@@ -6,11 +6,12 @@ use calib_files::{free_bytes, taken_bytes};
 
 use crate::{StepError, ensure, output::bytes};
 
-/// Refuse work that would write more than there is room for. `what` would write up to `needed` bytes into `directory`, which need not be
-/// there yet; `remedy` says what takes less. Where the system does not say how much room there is, work goes on.
+/// Refuses work that would write more than the free disk space. `what` would write up to `needed` bytes into
+/// `directory`, which need not exist yet; `remedy` names a way to need less. Where the system does not report free
+/// space, work continues.
 ///
 /// # Errors
-/// If it would.
+/// If there is too little space.
 pub fn require(needed: u64, what: &str, directory: &Path, remedy: &str) -> Result<(), StepError> {
     let Some(free) = free_bytes(directory) else { return Ok(()) };
     ensure!(
@@ -23,13 +24,13 @@ pub fn require(needed: u64, what: &str, directory: &Path, remedy: &str) -> Resul
     Ok(())
 }
 
-/// What of `needed` bytes is still to be written into a folder, where what is there is kept or replaced.
+/// Returns how many of `needed` bytes remain to be written into a folder, whose present files are kept or replaced.
 pub fn left(needed: u64, directory: &Path) -> u64 {
     needed.saturating_sub(taken_bytes(directory))
 }
 
-/// Whether what may take so many bytes is let try, where so many are free. Estimates say how much it is at most, so it may be half as much
-/// again as is free. That share is our choice.
+/// Whether work that needs at most `needed` bytes may start with `free` bytes. Estimates are upper bounds, so `needed`
+/// may be up to half as much again as `free`. That share is our choice.
 fn fits(needed: u64, free: u64) -> bool {
     needed - needed / 3 <= free
 }

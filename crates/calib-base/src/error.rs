@@ -1,4 +1,4 @@
-//! Why a step did not do what it should.
+//! Errors of steps.
 
 use std::{error::Error, fmt, io, num::ParseIntError, string::FromUtf8Error};
 
@@ -22,51 +22,51 @@ use rayon::ThreadPoolBuildError;
 
 use crate::memory::NoRoom;
 
-/// Why a step did not do what it should: the study or the data is wrong, the machine refuses, or somebody asked it to stop.
+/// The error of a step: the study or the data is wrong, the machine refuses, or the user asked it to stop.
 ///
-/// It is shown from the outermost context to the innermost cause. Some errors of other crates tell their cause themselves; it is
-/// shown once.
+/// It is shown from the outermost context to the innermost cause. Some errors of other crates include their cause in
+/// their text; it is then shown once.
 #[derive(Debug)]
 pub enum StepError {
     /// The observer asked to stop.
     Cancelled,
-    /// Something is missing that another attempt may bring, here or elsewhere; what is there stays.
+    /// Something is missing that another attempt may provide, here or elsewhere. Existing files are kept.
     Incomplete(String),
-    /// A result was made from other inputs, by another format, or was changed after it was written.
+    /// A result was made from other inputs, in another format, or was changed after it was written.
     Stale(String),
     /// The study is wrong.
     Study(Box<StudyError>),
     /// The log cannot be used.
     Data(Box<DataError>),
-    /// No step of the held-out range can be scored: nothing can be said about a choice there.
+    /// No step of the held-out range can be scored, so a choice cannot be judged there.
     Unscorable(String),
-    /// It needs libtorch, and this calib was built without it.
+    /// The step needs libtorch, and this calib was built without it.
     Unavailable(String),
-    /// A file could not be read or written, or is not what it should be.
+    /// A file could not be read or written, or has unexpected content.
     Storage(Box<FileError>),
-    /// Anything else.
+    /// Any other error.
     Other(Box<dyn Error + Send + Sync>),
-    /// Another one, with what was being done.
+    /// An error with the context in which it occurred.
     InContext {
-        /// What was being done, or with what.
+        /// The action or object at the time of the error.
         context: String,
-        /// What went wrong.
+        /// The error itself.
         source: Box<StepError>,
     },
 }
 
 impl StepError {
-    /// An error that is told by a text alone.
+    /// Returns an error that consists only of a text.
     pub fn message(text: impl Into<String>) -> Self {
         Self::Other(text.into().into())
     }
 
-    /// An error of a crate that this one does not know, so that a change there compiles only what uses it.
+    /// Returns an error of a crate that this one does not know, so that a change there recompiles only its users.
     pub fn other(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::Other(error.into())
     }
 
-    /// Without its contexts.
+    /// Returns the error without its contexts.
     pub fn root(&self) -> &Self {
         match self {
             Self::InContext { source, .. } => source.root(),
@@ -74,7 +74,7 @@ impl StepError {
         }
     }
 
-    /// The exit code of a command that ends with it.
+    /// Returns the exit code of a command that ends with this error.
     pub fn exit_code(&self) -> u8 {
         match self.root() {
             Self::Cancelled => 130,
@@ -83,17 +83,17 @@ impl StepError {
         }
     }
 
-    /// Whether it is no error but the wish of whoever watches.
+    /// Whether the user cancelled the work, so that it is no error.
     pub fn was_cancelled(&self) -> bool {
         matches!(self.root(), Self::Cancelled)
     }
 
-    /// Whether something is missing that another attempt may bring.
+    /// Whether something is missing that another attempt may provide.
     pub fn is_incomplete(&self) -> bool {
         matches!(self.root(), Self::Incomplete(_))
     }
 
-    /// Where in the study file the reason is, if it is there.
+    /// Returns the position of the cause in the study file, if it is there.
     pub fn place(&self) -> Option<&Place> {
         match self.root() {
             Self::Study(error) => error.place(),
@@ -101,7 +101,7 @@ impl StepError {
         }
     }
 
-    /// What is told of the error itself, and of its causes.
+    /// Returns the texts of the error and its causes.
     fn causes(&self) -> Vec<String> {
         let error: &dyn Error = match self {
             Self::Cancelled => return vec!["interrupted".to_owned()],
@@ -136,7 +136,7 @@ impl StepError {
 
 impl fmt::Display for StepError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // What was being done when somebody asked to stop does not matter.
+        // After a cancellation, the context does not matter.
         let told = if self.was_cancelled() { self.root() } else { self };
         let mut text = String::new();
         for cause in told.causes() {
@@ -190,7 +190,7 @@ impl From<TableError> for StepError {
     }
 }
 
-/// Errors of crates that read and write files, and can be cancelled.
+/// Implements `From` for errors of crates that read and write files, and can be cancelled.
 macro_rules! from_errors_with_files {
     ($($error:ident),*) => {$(
         impl From<$error> for StepError {
@@ -205,7 +205,7 @@ macro_rules! from_errors_with_files {
     )*};
 }
 
-/// Errors of crates that can be cancelled.
+/// Implements `From` for errors of crates that can be cancelled.
 macro_rules! from_errors {
     ($($error:ident),*) => {$(
         impl From<$error> for StepError {
@@ -219,7 +219,7 @@ macro_rules! from_errors {
     )*};
 }
 
-/// Errors of which nothing is to be known but what they tell.
+/// Implements `From` for errors of which only the text matters.
 macro_rules! from_others {
     ($($error:ty),*) => {$(
         impl From<$error> for StepError {
@@ -258,15 +258,15 @@ from_others!(
 #[cfg(feature = "torch")]
 from_others!(calib_torch::TorchError);
 
-/// Says what was being done when something went wrong.
+/// Adds the context in which an error occurred.
 pub trait Context<T> {
-    /// With `context` before the error.
+    /// Adds `context` before the error.
     ///
     /// # Errors
-    /// The error in its context; the context alone where there was no value.
+    /// The error in its context, or the context alone if the value was `None`.
     fn context(self, context: impl fmt::Display) -> Result<T, StepError>;
 
-    /// As [`context`](Self::context), which is only made if something went wrong.
+    /// Adds a context as [`context`](Self::context) does. It is computed only after an error.
     ///
     /// # Errors
     /// As [`context`](Self::context).
@@ -296,7 +296,7 @@ impl<T> Context<T> for Option<T> {
     }
 }
 
-/// Returns with a [`StepError`] that is told by a text alone: one that is formatted, or an expression.
+/// Returns with a [`StepError`] that consists only of a text, given as a format or an expression.
 #[macro_export]
 macro_rules! bail {
     ($format:literal $($arguments:tt)*) => {
@@ -305,7 +305,7 @@ macro_rules! bail {
     ($text:expr) => { return Err($crate::StepError::message($text)) };
 }
 
-/// As [`bail!`], unless a condition holds.
+/// Returns with an error as [`bail!`], unless a condition holds.
 #[macro_export]
 macro_rules! ensure {
     ($holds:expr, $($text:tt)*) => {

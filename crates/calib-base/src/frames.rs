@@ -8,7 +8,7 @@ use calib_files::{map_npy, write_npy};
 
 use crate::{Context as _, StepError};
 
-/// Write the states.
+/// Writes the states.
 ///
 /// # Errors
 /// If they cannot be written.
@@ -17,7 +17,7 @@ pub fn write_states(path: &Path, frames: &Frames) -> Result<(), StepError> {
     Ok(write_npy(path, states.as_slice(), states.rows(), states.columns())?)
 }
 
-/// The states that were written: mapped, so that they take memory only while there is some.
+/// Maps the states of a file, so that the system can free their memory when it is needed.
 ///
 /// # Errors
 /// If the file cannot be read, or is no array of states.
@@ -28,7 +28,7 @@ pub fn map_states(path: &Path) -> Result<States, StepError> {
     Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
 }
 
-/// Row → timestamp, segment.
+/// Returns the table of rows: row → timestamp, segment.
 pub fn rows_table(frames: &Frames) -> Table {
     let mut segments = Vec::with_capacity(frames.rows());
     for (number, segment) in frames.segments().iter().enumerate() {
@@ -37,7 +37,7 @@ pub fn rows_table(frames: &Frames) -> Table {
     Table::new().with("timestamp", frames.timestamps().to_vec()).with("segment", segments)
 }
 
-/// The rows of a table whose `states` are these.
+/// Reads a table of rows, and joins it with their `states`.
 ///
 /// # Errors
 /// If the table cannot be read, or does not have a row for each state.

@@ -1,4 +1,4 @@
-//! What of a folder of logs is not read.
+//! Reports files in a folder of logs that are not read.
 
 use calib_data::DataConfig;
 
@@ -7,10 +7,11 @@ use crate::{
     output::{Printer, counted},
 };
 
-/// Files that are named.
+/// Maximum number of files that are named.
 const NAMED: usize = 3;
 
-/// Say which text files are left alone because Parquet lies beside them: they may be lists of tags, or a part of the log.
+/// Reports the text files that are ignored because there are Parquet files beside them. They may be lists of tags, or a
+/// part of the log.
 ///
 /// # Errors
 /// If a folder cannot be read.

@@ -1,11 +1,11 @@
-//! What every step from a log to a verdict stands on.
+//! The foundation of every step from a log to a verdict.
 //!
-//! A step takes the [`Job`](calib_study::Job) of a study and a [`RunContext`](log::context::RunContext): whom it tells what it does
-//! ([`output`]), and the logs that were opened ([`log`]). What it leaves behind is an [`Artefact`](artefact::Artefact), what it came to a
-//! [`StepResult`](outcome::StepResult), and what went wrong a [`StepError`].
+//! A step takes the [`Job`](calib_study::Job) of a study and a [`RunContext`](log::context::RunContext). The context
+//! holds the observer that a step reports to ([`output`]), and the logs that were opened ([`log`]). A step writes an
+//! [`Artefact`](artefact::Artefact), returns a [`StepResult`](outcome::StepResult), and fails with a [`StepError`].
 //!
-//! Steps are in `calib-model-steps`, `calib-sweep-steps` and `calib-pipeline`. Whoever calls them uses `calib-pipeline`, which has
-//! again what of this crate they take and return.
+//! Steps are in `calib-model-steps`, `calib-sweep-steps` and `calib-pipeline`. Callers use `calib-pipeline`, which
+//! re-exports the types of this crate that steps take and return.
 
 pub mod artefact;
 pub mod clock;

@@ -1,4 +1,4 @@
-//! How much memory there is. Used to refuse work that would not fit, never for results.
+//! Available memory. It is used to refuse work that would not fit, never for results.
 
 use std::{
     fs,
@@ -14,8 +14,8 @@ use crate::{
     output::{bytes, count},
 };
 
-/// A log as this machine reads it: text files are kept, column by column, in the system's folder for temporary files while they
-/// are read, and what would not fit into memory is refused.
+/// Returns the configuration for reading a log on this machine. While text files are read, their columns are stored in
+/// the system's folder for temporary files. A log that would not fit into memory is refused.
 #[must_use]
 pub fn on_this_machine(data: DataConfig) -> DataConfig {
     let scratch = ScratchPlace::Disk(std::env::temp_dir());
@@ -51,8 +51,8 @@ impl FromStr for MemorySize {
     }
 }
 
-/// Bytes that this process may still take: what the system has available, or less where a control group
-/// (a container, a batch job) allows less. None where the system does not say.
+/// Returns the bytes that this process may still take: the memory that the system has available, or less where a
+/// control group (a container, a batch job) allows less. `None` where the system does not report it.
 pub fn available() -> Option<u64> {
     let system = fs::read_to_string("/proc/meminfo").ok().and_then(|text| mem_available(&text));
     let groups = read_proc_self("cgroup").unwrap_or_default();
@@ -64,18 +64,18 @@ pub fn available() -> Option<u64> {
     system.into_iter().chain(allowed).chain(addresses).min()
 }
 
-/// What Linux says of this process in `/proc/self`; none elsewhere.
+/// Reads a file of `/proc/self`, or returns `None` on systems other than Linux.
 pub(super) fn read_proc_self(file: &str) -> Option<String> {
     fs::read_to_string(Path::new("/proc/self").join(file)).ok()
 }
 
-/// `/proc/PID/stat` of another process; none if it has ended, or where the system is not Linux.
+/// Reads `/proc/PID/stat` of another process, or returns `None` if it has ended or the system is not Linux.
 pub(super) fn read_proc_stat(process: u32) -> Option<String> {
     fs::read_to_string(format!("/proc/{process}/stat")).ok()
 }
 
-/// What is left of the limit on addresses (`ulimit -v`), from `/proc/self/limits` and `/proc/self/status`; none if there
-/// is no limit.
+/// Returns the rest of the limit on address space (`ulimit -v`), from `/proc/self/limits` and `/proc/self/status`, or
+/// `None` without a limit.
 fn addresses_left(limits: &str, status: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
@@ -84,15 +84,17 @@ fn addresses_left(limits: &str, status: &str) -> Option<u64> {
     Some(limit.saturating_sub(kib * 1024))
 }
 
-/// The line of a plan on memory: that work takes `total` bytes at most, by its `parts` in words, and how many there are, where the
-/// system says so. Neither number has calib itself, its code and its threads, in it: they are there before anything is planned.
+/// Returns the line of a plan on memory: the upper bound `total` in bytes, its `parts` in words, and the available
+/// memory, where the system reports it. Both numbers exclude calib itself, its code and its threads, which are loaded
+/// before anything is planned.
 pub fn plan_line(total: u64, parts: &str, available: Option<u64>) -> String {
     let available =
         available.map_or_else(String::new, |there| format!("; {} are available", bytes(there)));
     format!("memory: up to {} beside calib itself ({parts}){available}", bytes(total))
 }
 
-/// Refuse what would take more memory than there is. `what` would take `needed` bytes; `remedy` says what takes less.
+/// Refuses work that would take more memory than is available. `what` would take `needed` bytes; `remedy` names a way
+/// to take less.
 ///
 /// # Errors
 /// If it would.
@@ -105,24 +107,24 @@ pub fn require(needed: u64, what: &str, remedy: &str) -> Result<(), NoRoom> {
     }
 }
 
-/// Work that would take more memory than there is.
+/// The error for work that would take more memory than is available.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what} may take {} of memory and {} are available; {remedy}", bytes(*needed), bytes(*available))]
 pub struct NoRoom {
     /// The work.
     what: String,
-    /// Bytes that it would take.
+    /// Needed bytes.
     needed: u64,
-    /// Bytes that there are.
+    /// Available bytes.
     available: u64,
-    /// What takes less.
+    /// A way to take less.
     remedy: String,
 }
 
-/// Refuse a log that memory cannot hold, by what its footers say: a small file may declare any number of rows.
+/// Refuses a log that does not fit in memory, by its footers: a small file may declare any number of rows.
 ///
 /// # Errors
-/// If it cannot, or a footer cannot be read.
+/// If it does not fit, or a footer cannot be read.
 pub fn check_log(data: &DataConfig) -> Result<(), StepError> {
     let calib_data::Declared { rows, least_bytes } = calib_data::Declared::of(data)?;
     if let Some(available) = available() {
@@ -139,24 +141,24 @@ pub fn check_log(data: &DataConfig) -> Result<(), StepError> {
     Ok(())
 }
 
-/// Refuse a table that memory cannot hold, by what its footer says; `names` are the columns to be read, or all.
+/// Refuses a table that does not fit in memory, by its footer. `names` are the columns to be read, or all.
 ///
 /// # Errors
-/// If it cannot, or the footer cannot be read.
+/// If it does not fit, or the footer cannot be read.
 pub fn check_table(path: &Path, names: Option<&[&str]>) -> Result<(), StepError> {
     let what = format!("reading {}", path.display());
     Ok(require(declared_bytes(path, names)?, &what, "take fewer rows of it, or fewer columns")?)
 }
 
-/// `MemAvailable`, which counts what the system would free if asked.
+/// Parses `MemAvailable`, which includes the memory that the system would free if asked.
 fn mem_available(text: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)
 }
 
-/// What is left of the limit of each group that the process is in and of the groups around it, in both versions
-/// of the interface. `groups` is the text of `/proc/self/cgroup`.
+/// Returns the rest of the limit of each group that contains the process, and of its parent groups, in both versions of
+/// the interface. `groups` is the text of `/proc/self/cgroup`.
 fn limits(root: &Path, groups: &str) -> Vec<u64> {
     let mut left = Vec::new();
     for line in groups.lines() {
@@ -178,8 +180,8 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
             else {
                 continue;
             };
-            // Pages of files count as used, but give way, those that were used lately among them: a log that was just
-            // prepared is nothing else.
+            // Cached pages of files count as used, but can be freed, even recently used ones. A log that was just
+            // prepared consists entirely of them.
             let told = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
             let cached: u64 = told
                 .lines()
@@ -198,7 +200,7 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
 mod tests {
     use super::*;
 
-    /// The bytes that a size stands for.
+    /// Parses a size into bytes.
     fn bytes_of(text: &str) -> Result<u64, String> {
         text.parse::<MemorySize>().map(|size| size.0)
     }

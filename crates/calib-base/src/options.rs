@@ -1,22 +1,22 @@
-//! What whoever runs a step decides. No result depends on it, but for sweeps on a [`Device`].
+//! Options of the caller of a step. No result depends on them, except for sweeps on a [`Device`].
 
 use std::path::PathBuf;
 
 use calib_knn::IndexKind;
 use calib_study::Share;
 
-/// Where networks, representations and agents are trained through libtorch.
+/// The device on which libtorch trains networks, representations and agents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Device {
     /// The processor.
     Cpu,
     /// The first GPU.
     Cuda,
-    /// The first GPU if there is one, else the processor.
+    /// The first GPU if there is one, otherwise the processor.
     Auto,
 }
 
-/// Where large arrays are while a model is built.
+/// The place of large arrays while a model is built.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Spill {
     /// In files only if they do not fit in memory.
@@ -28,157 +28,158 @@ pub enum Spill {
     Always,
 }
 
-/// How a model is built; its tables are the same.
+/// Options of building a model. They do not change its tables.
 #[derive(Clone, Debug, Default)]
 pub struct BuildOptions {
-    /// Train networks through libtorch, on this device; otherwise natively where that is possible, else [`Device::Auto`].
+    /// Trains networks through libtorch, on this device. Otherwise natively where that is possible, or on
+    /// [`Device::Auto`].
     pub device: Option<Device>,
-    /// Random rows of the tables of each member that are compared with brute force in double precision.
+    /// Number of random rows of each member's tables that are compared with brute force in double precision.
     pub verify: usize,
-    /// Search structure, whatever `model.index` says.
+    /// Search structure, which overrides `model.index`.
     pub index: Option<IndexKind>,
-    /// Bytes of memory to stay within; otherwise what the machine, or its container, has free.
+    /// Memory limit in bytes. The default is the free memory of the machine, or of its container.
     pub memory: Option<u64>,
-    /// What is mapped from files.
+    /// Whether large arrays are mapped from files.
     pub spill: Spill,
 }
 
 /// Whether the logs are read as well.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Logs {
-    /// Results alone.
+    /// Reads only results.
     Leave,
-    /// Results, and the logs that they were made from.
+    /// Reads results, and the logs that they were made from.
     Read,
 }
 
-/// How well calib chooses, over which plants.
+/// Options of a validity study over many plants.
 #[derive(Clone, Debug)]
 pub struct ValidityOptions {
     /// A protocol, which draws plants and tasks; or study files, each of one plant, or folders of them. At least one.
     pub studies: Vec<PathBuf>,
     /// Overrides of keys of all studies, as `SECTION.KEY=VALUE`.
     pub set: Vec<String>,
-    /// The seed to draw plants and tasks from instead of the protocol's.
+    /// The seed for drawing plants and tasks, which overrides the protocol's.
     pub draw: Option<u64>,
-    /// Where the judgement goes; otherwise beside the protocol or the first study.
+    /// The place of the judgement. The default is beside the protocol or the first study.
     pub output: Option<PathBuf>,
-    /// Whether what is missing is run.
+    /// Whether missing sweeps are run.
     pub extent: ValidityExtent,
-    /// Which of the plants are run here, where others run the rest; nothing is judged then.
+    /// The share of the plants to run here, if other machines run the rest. There is no judgement then.
     pub share: Option<Share>,
 }
 
-/// How far a judgement of several studies goes.
+/// The extent of a judgement of several studies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ValidityExtent {
-    /// Which plants there are and what is left to run.
+    /// Lists the plants and the remaining work.
     Plan,
-    /// The sweeps that there are.
+    /// Judges the existing sweeps.
     Judge,
-    /// Everything that is missing is run first.
+    /// Runs everything that is missing first.
     Run,
 }
 
 pub use calib_files::ExistingFile;
 
-/// A study to write of a log that nobody has looked at.
+/// Options for proposing a study of an unknown log.
 #[derive(Clone, Debug)]
 pub struct ProposeOptions {
     /// A file, a folder or a glob pattern.
     pub logs: PathBuf,
     /// The study file to write.
     pub study: PathBuf,
-    /// How long the proposal and a run of the study may take together on this machine, in seconds.
+    /// Time limit for the proposal and a run of the study together on this machine, in seconds.
     pub within: f64,
-    /// Sensors to predict; otherwise three that move and are unlike each other.
+    /// Sensors to predict. The default is three that vary and differ from each other.
     pub sensors: Vec<String>,
-    /// How far ahead to predict, in seconds; otherwise by the autocorrelation of the sensors.
+    /// Prediction horizon, in seconds. The default follows from the autocorrelation of the sensors.
     pub horizon: Option<f64>,
-    /// Keys of `[data]`, as `SECTION.KEY=VALUE`; they hold for the study too.
+    /// Keys of `[data]`, as `SECTION.KEY=VALUE`. They apply to the study too.
     pub set: Vec<String>,
-    /// What becomes of a study file that is there.
+    /// Whether an existing study file is replaced.
     pub existing: ExistingFile,
 }
 
-/// How work is to be divided between processes.
+/// Options for dividing work between processes.
 #[derive(Clone, Debug)]
 pub struct ClusterPlanOptions {
-    /// The plan, a folder.
+    /// The folder of the plan.
     pub directory: PathBuf,
-    /// Minutes that a shard is to take on one thread.
+    /// Target time of a shard on one thread, in minutes.
     pub task_minutes: f64,
-    /// Shards that there may be.
+    /// Maximum number of shards.
     pub max_tasks: usize,
-    /// Shards that there are to be, whatever they take.
+    /// Exact number of shards, whatever time they take.
     pub shards: Option<usize>,
 }
 
-/// What is said of a plan.
+/// Options for reporting on a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct ClusterStatusOptions {
-    /// Only the numbers of shards that are not done.
+    /// Prints only the numbers of shards that are not done.
     pub missing: Option<ArrayOf>,
-    /// What becomes of what nobody needs any more.
+    /// Whether files that are no longer needed are removed.
     pub leftovers: Leftovers,
 }
 
-/// How numbers of shards are told.
+/// The format of the numbers of shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArrayOf {
     /// As Slurm's arrays, with ranges.
     Slurm,
-    /// A line each.
+    /// One line each.
     Lines,
 }
 
-/// States of shards that are done, and what killed processes have left half-written.
+/// Files of finished shards, and half-written files of killed processes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Leftovers {
-    /// They stay.
+    /// Kept.
     Kept,
-    /// They are removed.
+    /// Removed.
     Removed,
 }
 
-/// How a plan is handed over.
+/// Options for submitting a plan.
 #[derive(Clone, Debug)]
 pub struct ClusterSubmitOptions {
-    /// To what.
+    /// The system to submit to.
     pub engine: Engine,
-    /// What the plan cannot know of the cluster.
+    /// A file with settings of the cluster that the plan does not contain.
     pub config: Option<PathBuf>,
-    /// Which shards.
+    /// The shards to submit.
     pub shards: ShardsToSubmit,
-    /// Whether anything is.
+    /// Whether shards are submitted.
     pub submission: Submission,
 }
 
-/// What runs shards.
+/// A system that runs shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Engine {
     /// Slurm, by `sbatch`.
     Slurm,
     /// Ray, by a Python program.
     Ray,
-    /// Kubernetes; manifests are written, and nothing is applied.
+    /// Kubernetes. Manifests are written, but not applied.
     Kubernetes,
 }
 
-/// Which shards are handed over.
+/// The shards to submit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShardsToSubmit {
-    /// All.
+    /// All shards.
     All,
-    /// Those that are not done.
+    /// Shards that are not done.
     Missing,
 }
 
-/// Whether anything is handed over.
+/// Whether shards are submitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Submission {
-    /// It is.
+    /// They are submitted.
     Done,
-    /// It is said what would be.
+    /// The submission is only printed.
     Shown,
 }

@@ -1,4 +1,4 @@
-//! How a step ended, and what it came to.
+//! The outcome and the result of a step.
 
 use std::{path::Path, time::Duration};
 
@@ -9,54 +9,56 @@ use crate::{
     output::{Printer, duration},
 };
 
-/// How a step ended that did what it should.
+/// The outcome of a step that ended without an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// Done.
     Done,
     /// Done, but the answer is negative or partial.
     Negative,
-    /// A check found what no correct calib writes.
+    /// A check found an output that no correct calib writes.
     Faulty,
-    /// Parts that others are to make are missing.
+    /// Parts are missing that other processes must make.
     Incomplete,
 }
 
-/// A result that can be told; `S` is what it is the result of, as far as telling it needs that: a [`Job`], or nothing, `()`.
+/// A result that can be printed. `S` is the subject that printing needs: a [`Job`], or nothing, `()`.
 pub trait Told<S = Job> {
-    /// How the step ended that has it.
+    /// Returns the outcome of the step with this result.
     fn outcome(&self) -> Outcome {
         Outcome::Done
     }
 
-    /// Tell it: lines and tables for people, JSON for machines; then what to type next on its `subject`.
+    /// Prints the result: lines and tables for people, JSON for machines. Then it prints the next command for its
+    /// `subject`.
     ///
     /// # Errors
-    /// If it cannot be passed on.
+    /// If the observer cannot take it.
     fn tell(&self, subject: &S, printer: &Printer) -> Result<(), StepError>;
 }
 
-/// Tell a `result`, and hand it on.
+/// Prints a `result`, and returns it.
 ///
 /// # Errors
-/// If it cannot be passed on.
+/// If the observer cannot take it.
 pub fn told<S, T: Told<S>>(result: T, subject: &S, printer: &Printer) -> Result<T, StepError> {
     result.tell(subject, printer)?;
     Ok(result)
 }
 
-/// What a step came to: `T` is what it makes, `P` what it knows of that in a dry run.
+/// The result of a step. `T` is its product, `P` the plan of a dry run.
 #[derive(Debug)]
 pub enum StepResult<T, P = NoPlan> {
-    /// What it made, or found as it would make it.
+    /// The product, made now or found up to date.
     Made(T),
-    /// What it would make: in a dry run nothing is.
+    /// The plan of a dry run, which makes nothing.
     Planned(P),
-    /// Nothing, which is no error, and why was said: a deployment that cannot be scored, a share of work that others finish.
+    /// No product, without an error, for a reason that was reported: a deployment that cannot be scored, or a share of
+    /// work that others finish.
     Nothing(Outcome),
 }
 
-/// Nothing is known of what would be made but what was said.
+/// The plan of a step that knows no more than was already reported.
 #[derive(Clone, Copy, Debug)]
 pub struct NoPlan;
 
@@ -73,7 +75,7 @@ impl<S, P: Told<S>> Told<S> for Option<P> {
 }
 
 impl<T, P> StepResult<T, P> {
-    /// The same with what was made as another type.
+    /// Converts the product into another type.
     pub fn map<U>(self, into: impl FnOnce(T) -> U) -> StepResult<U, P> {
         match self {
             Self::Made(result) => StepResult::Made(into(result)),
@@ -82,7 +84,7 @@ impl<T, P> StepResult<T, P> {
         }
     }
 
-    /// What was made or found, if anything was.
+    /// Returns the product, if there is one.
     pub fn made(self) -> Option<T> {
         match self {
             Self::Made(result) => Some(result),
@@ -109,17 +111,17 @@ impl<S, T: Told<S>, P: Told<S>> Told<S> for StepResult<T, P> {
     }
 }
 
-/// Whether a result was there already.
+/// Whether a result existed already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Freshness {
-    /// It was, and is what would be made now.
+    /// It existed and is up to date.
     Kept,
     /// It was made just now.
     Made,
 }
 
 impl Freshness {
-    /// Where a result is, and what it took.
+    /// Returns a line on the place of a result, and the time it took.
     pub fn line(self, directory: &Path, took: Duration) -> String {
         let verb = match self {
             Self::Kept => "up to date:",

@@ -1,10 +1,10 @@
-//! A study inside of another document, in the schema of that.
+//! The schema of a study inside another document.
 
 use std::borrow::Cow;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 
-/// A study as it was resolved, where it stands in another document.
+/// The schema of a resolved study inside another document.
 pub struct ResolvedStudy;
 
 impl JsonSchema for ResolvedStudy {

@@ -1,4 +1,5 @@
-//! Results of another study than the one at hand: which keys differ, and what to run.
+//! Detects results of another study than the present one: which keys differ, and which command to
+//! run.
 
 use std::path::Path;
 
@@ -6,22 +7,22 @@ use calib_study::{Difference, Job, StepKind, Study};
 
 use crate::StepError;
 
-/// Differences that are told one by one.
+/// Maximum number of differences that are listed one by one.
 const TOLD: usize = 3;
 
-/// A result of a step that is there.
+/// An existing result of a step.
 #[derive(Clone, Copy)]
 pub struct StoredArtefact<'a> {
     /// The step that made it.
     pub step: StepKind,
-    /// What it was made of.
+    /// The study that it was made from.
     pub study: &'a Study,
-    /// Where it is.
+    /// Directory of the result.
     pub directory: &'a Path,
 }
 
 impl StoredArtefact<'_> {
-    /// Refuse it where it follows from other keys than those of the job.
+    /// Refuses the result if it was made with other keys than those of the job.
     ///
     /// # Errors
     /// [`StepError::Stale`], with the keys that differ.
@@ -29,7 +30,8 @@ impl StoredArtefact<'_> {
         self.stale_reason(job).map_or(Ok(()), |reason| Err(StepError::Stale(reason)))
     }
 
-    /// Which keys differ from those of the job, and what to run; none where it follows from the same.
+    /// Returns which keys differ from those of the job, and the command to run, or `None` if none
+    /// differs.
     pub fn stale_reason(self, job: &Job) -> Option<String> {
         let differences = job.study().differences(self.step, self.study);
         (!differences.is_empty()).then(|| {
@@ -45,10 +47,10 @@ impl StoredArtefact<'_> {
     }
 }
 
-/// What decides which other keys a result follows from at all, and so is told first.
+/// The key that decides which other keys a result depends on, and so is reported first.
 const DECISIVE: &str = "model.kind";
 
-/// The keys that differ, with both values.
+/// Formats the keys that differ, with both values.
 fn told(differences: &[Difference]) -> String {
     let (decisive, others): (Vec<&Difference>, Vec<&Difference>) =
         differences.iter().partition(|difference| difference.key == DECISIVE);

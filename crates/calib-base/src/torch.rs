@@ -1,4 +1,4 @@
-//! What is done through libtorch, and what is said where it is not there.
+//! Work through libtorch, and the errors of a calib without it.
 #![cfg_attr(not(feature = "torch"), expect(unused_variables, reason = "libtorch uses them"))]
 
 use calib_agent::Accelerator;
@@ -10,19 +10,20 @@ use calib_represent::{LaplacianConfig, Task, Trained};
 
 use crate::{StepError, options::Device};
 
-/// Check that this program has libtorch, or say that `what` wants it.
+/// Checks that this program has libtorch, which `what` needs.
 ///
 /// # Errors
-/// [`StepError::Unavailable`] if it has not.
+/// [`StepError::Unavailable`] if it does not.
 pub fn require(what: &str) -> Result<(), StepError> {
     if cfg!(feature = "torch") { Ok(()) } else { Err(StepError::Unavailable(what.to_owned())) }
 }
 
-/// A trainer of a network on a device, going on from a checkpoint if there is one, and what it computes with.
+/// Returns a trainer of a network on a device, which resumes from a checkpoint if there is one, and the name of library
+/// and device.
 ///
 /// # Errors
-/// [`StepError::Unavailable`] without libtorch; or the device is not there, the checkpoint is of another network, or such
-/// a model is not trained.
+/// [`StepError::Unavailable`] without libtorch; or the device does not exist, the checkpoint is of another network, or
+/// models of this kind are not trained.
 pub fn trainer(
     kind: ModelKind,
     data: &Transitioning<'_>,
@@ -57,10 +58,10 @@ pub fn trainer(
     }
 }
 
-/// What trains agents side by side on a device.
+/// Returns the accelerator that trains agents side by side on a device.
 ///
 /// # Errors
-/// [`StepError::Unavailable`] without libtorch; or the device is not there.
+/// [`StepError::Unavailable`] without libtorch; or the device does not exist.
 pub fn accelerator(device: Device) -> Result<Box<dyn Accelerator>, StepError> {
     #[cfg(feature = "torch")]
     {
@@ -72,10 +73,11 @@ pub fn accelerator(device: Device) -> Result<Box<dyn Accelerator>, StepError> {
     }
 }
 
-/// Train an encoder on a device, going on from a checkpoint if there is one.
+/// Trains an encoder on a device, resuming from a checkpoint if there is one.
 ///
 /// # Errors
-/// [`StepError::Unavailable`] without libtorch; or the device is not there, training fails, or the monitor asks to stop.
+/// [`StepError::Unavailable`] without libtorch; or the device does not exist, training fails, or the monitor asks to
+/// stop.
 pub fn represent(
     config: &LaplacianConfig,
     task: Task<'_>,
@@ -95,7 +97,7 @@ pub fn represent(
     }
 }
 
-/// A model that was exported from PyTorch, for states of `columns` values; it runs on the processor.
+/// Opens a model that was exported from PyTorch, for states of `columns` values. It runs on the processor.
 ///
 /// # Errors
 /// [`StepError::Unavailable`] without libtorch; or it cannot be read, or is for other states.

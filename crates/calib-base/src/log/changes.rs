@@ -1,4 +1,4 @@
-//! What changed in a simulated plant, and when: told, and left beside its log.
+//! Reports the dated changes of a simulated plant, and writes them beside its log.
 
 use std::path::Path;
 
@@ -9,10 +9,10 @@ use calib_plant::{Change, ChangeKind, Plant};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// The file beside the day files. It is no log: logs are Parquet files.
+/// The file beside the day files. It is not a log: logs are Parquet files.
 pub(crate) const CHANGES: &str = "changes.json";
 
-/// `changes.json`: every change of the plant in the order of time.
+/// `changes.json`: every change of the plant in time order.
 #[derive(Serialize)]
 struct ChangesFile<'a> {
     format: u32,
@@ -45,7 +45,8 @@ impl DatedChange {
     }
 }
 
-/// Leave the changes of `plant` beside its log; nothing, also of an earlier plant, where it does not change.
+/// Writes the changes of `plant` beside its log. If the plant does not change, it removes the file of an
+/// earlier plant.
 pub(crate) fn write(
     directory: &Path,
     record: &FolderRecord,

@@ -1,4 +1,4 @@
-//! What the steps of one command have in common.
+//! The context that the steps of one command share.
 
 use std::{
     collections::BTreeMap,
@@ -9,17 +9,17 @@ use std::{
 
 use crate::{log::prepared::Prepared, output::Printer};
 
-/// Whom the steps of a command tell what they do, and the logs that they have opened: within a command a log is what it
-/// was when it was first read, and files are compared with what was written once.
+/// The observer of a command's steps, and the logs that they have opened. Within a command, a log is as it was when it
+/// was first read, and files are compared with their recorded fingerprints once.
 #[derive(Clone)]
 pub struct RunContext {
     printer: Printer,
     opened: Arc<Mutex<Opened>>,
-    /// Rows that each row of the log stands for, if it [stands in](crate::log::stand_in) for another.
+    /// Number of rows that each row of the log represents, if it is a [stand-in](crate::log::stand_in) for another log.
     stand_in: Option<usize>,
 }
 
-/// Logs by their folders, all of the study that was opened last: others are let go.
+/// Logs by folder, all of the study that was opened last. Logs of other studies are dropped.
 #[derive(Default)]
 struct Opened {
     root: PathBuf,
@@ -27,50 +27,50 @@ struct Opened {
 }
 
 impl RunContext {
-    /// A command begins: what an earlier one has opened may have changed meanwhile.
+    /// Returns the context of a new command. Logs may have changed since an earlier command opened them.
     pub fn new(printer: &Printer) -> Self {
         Self { printer: printer.clone(), opened: Arc::default(), stand_in: None }
     }
 
-    /// The same for a step on the way to another result.
+    /// Returns the context for a step on the way to another result.
     #[must_use]
     pub fn talking(&self) -> Self {
         Self { printer: self.printer.talking(), ..self.clone() }
     }
 
-    /// The same for a step that is up to date.
+    /// Returns the context for a step that is up to date.
     #[must_use]
     pub fn in_detail(&self) -> Self {
         Self { printer: self.printer.in_detail(), ..self.clone() }
     }
 
-    /// The same for what is done twice: nothing is said.
+    /// Returns the context for repeated work, which reports nothing.
     #[must_use]
     pub fn silent(&self) -> Self {
         Self { printer: self.printer.silent(), ..self.clone() }
     }
 
-    /// The same for logs that stand in for others: each row for `rows_each` of them.
+    /// Returns the context for a stand-in log, each row of which represents `rows_each` rows.
     #[must_use]
     pub(crate) fn with_stand_in(&self, rows_each: usize) -> Self {
         Self { stand_in: Some(rows_each), ..Self::new(self) }
     }
 
-    /// The rows that each row of a log stands for; none if it stands for itself.
+    /// Returns the number of rows that each row of a stand-in log represents, or `None` for an ordinary log.
     pub fn stands_in(&self) -> Option<usize> {
         self.stand_in
     }
 
-    /// A log that was opened, of those below `root`.
+    /// Returns a log below `root` that was opened before.
     pub(crate) fn opened(&self, root: &Path, directory: &Path) -> Option<Prepared> {
         let opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
         if opened.root == root { opened.logs.get(directory).cloned() } else { None }
     }
 
-    /// Keep a log that was opened.
+    /// Stores a log that was opened.
     pub(crate) fn remember(&self, root: &Path, directory: &Path, log: &Prepared) {
         let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
-        // States that stand in for others are in memory, those of one log at a time.
+        // States of stand-in logs are in memory, so only those of one log are kept.
         if opened.root != root || self.stands_in().is_some() {
             *opened = Opened { root: root.to_owned(), logs: BTreeMap::new() };
         }

@@ -1,4 +1,5 @@
-//! The log of a study: simulated, read once, divided.
+//! The log of a study: simulated, prepared once, and
+//! divided.
 
 pub(crate) mod changes;
 pub mod context;

@@ -1,4 +1,4 @@
-//! The training range, divided between pre-training and the calibration model.
+//! Divides the training range between pre-training and the calibration model.
 
 use std::{fmt, ops::Range, path::PathBuf};
 
@@ -16,27 +16,27 @@ use crate::{
     },
 };
 
-/// A log, with the part of its training range that is for pre-training apart.
+/// A log, with a separate part of its training range for pre-training.
 ///
 /// The normaliser is fitted on the whole training range, both parts: both are known before the deployment.
 pub struct Parts {
-    /// What the model is built from, as the training range; and what is held out.
+    /// The training range of the model, and the held-out period.
     pub dataset: Dataset,
-    /// What is for pre-training, if the study has it apart.
+    /// The part for pre-training, if the study separates it.
     pub pretrain: Option<PretrainPart>,
-    /// The file of the training states, if there is one and it has no others.
+    /// The file of the training states, if there is one that has exactly these states.
     pub states: Option<PathBuf>,
 }
 
-/// What agents are pre-trained on.
+/// The data for pre-training agents.
 pub struct PretrainPart {
     /// The states.
     pub frames: Frames,
-    /// Of states, timestamps and columns.
+    /// Fingerprint of states, timestamps and columns.
     pub fingerprint: Fingerprint,
 }
 
-/// As [`load`], with nothing held out: of a deployment that the log does not have.
+/// Reads a log as [`load`] does, without a held-out period: for a deployment after the end of the log.
 ///
 /// # Errors
 /// As [`load`].
@@ -45,15 +45,16 @@ pub fn load_training(job: &Job, context: &RunContext) -> Result<Parts, StepError
     parts(job.study(), prepared::open(job, &data, None, context)?)
 }
 
-/// Read the log of a study and divide its training range.
+/// Reads the log of a study and divides its training range.
 ///
 /// # Errors
-/// If the log is not there, cannot be read or has nothing of a range of the study; or the observer asks to stop.
+/// If the log does not exist, cannot be read or has no rows in a range of the study; or the observer asks to
+/// stop.
 pub fn load(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
     let study = job.study();
     let data = plant_of_study::data_of(job)?;
     let prepared = prepared::open(job, &data, None, context);
-    // What is held out is the deployment, where the study has several.
+    // With several deployments, the deployment is the held-out period.
     let prepared = match job.deployment() {
         Some(name) => prepared.with_context(|| format!("[deployments.{name}]"))?,
         None => prepared?,
@@ -61,7 +62,7 @@ pub fn load(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
     parts(study, prepared)
 }
 
-/// Whether a log has nothing to learn or to judge by where the study holds out a part of it.
+/// Whether the error means that the held-out period is outside the log, or has no transitions.
 pub fn is_outside(reason: &StepError) -> bool {
     let StepError::Data(reason) = reason.root() else { return false };
     matches!(
@@ -71,7 +72,7 @@ pub fn is_outside(reason: &StepError) -> bool {
     )
 }
 
-/// Divide the training range of a log that was read.
+/// Divides the training range of a log that was read.
 ///
 /// # Errors
 /// If a part has no rows.
@@ -91,20 +92,20 @@ pub fn parts(study: &Study, prepared: Prepared) -> Result<Parts, StepError> {
     Ok(Parts { dataset, pretrain, states })
 }
 
-/// The training states of a log that are for the model.
+/// Returns the rows of the training states that are for the model.
 ///
 /// # Errors
-/// If there are none.
+/// If there are no such rows.
 pub fn model_rows(study: &Study, times: &[Timestamp]) -> Result<Range<usize>, StepError> {
     Ok(divide(&study.partition(), times)?.model)
 }
 
-/// Rows of the training range.
+/// The rows of the training range, divided into parts.
 #[derive(Debug, PartialEq, Eq)]
 struct Division {
-    /// For pre-training, if there is any.
+    /// Rows for pre-training, if there are any.
     pretrain: Option<Range<usize>>,
-    /// For the model.
+    /// Rows for the model.
     model: Range<usize>,
 }
 
@@ -121,7 +122,7 @@ fn divide(partition: &Partition, times: &[Timestamp]) -> Result<Division, StepEr
     }
 }
 
-/// A stretch of time in microseconds, without its end.
+/// A half-open span of time in microseconds, without its end.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     start: i64,
@@ -134,7 +135,7 @@ impl Span {
         Self { start: micros(0), end: micros(times.len() - 1) + 1 }
     }
 
-    /// The range of the study, which has the ends of this one unless it says otherwise.
+    /// Returns the range of the study. Ends that it does not give are those of this span.
     fn given(self, range: &TimeRange) -> Self {
         Self {
             start: micros_or(range.start.as_ref(), self.start),
@@ -142,7 +143,7 @@ impl Span {
         }
     }
 
-    /// The rows in it, which `key` of the study asks for.
+    /// Returns the rows in the span that `key` of the study asks for.
     fn rows(self, key: &str, times: &[Timestamp]) -> Result<Range<usize>, StepError> {
         let before = |limit: i64| times.partition_point(|time| time.as_micros() < limit);
         let rows = before(self.start)..before(self.end.max(self.start));
@@ -157,7 +158,7 @@ impl Span {
     }
 }
 
-/// The time of a moment in microseconds, or `otherwise` without one.
+/// Returns the time of a moment in microseconds, or `otherwise` without a moment.
 fn micros_or(at: Option<&calib_data::Moment>, otherwise: i64) -> i64 {
     at.map_or(otherwise, |at| at.instant().as_micros())
 }
@@ -170,7 +171,7 @@ impl fmt::Display for Span {
     }
 }
 
-/// Rows for pre-training and rows for the model, by their periods or else by a share of the time.
+/// Returns the rows for pre-training and for the model, by their periods, or otherwise by a share of the time.
 fn in_two(
     fraction: f64,
     periods: [Option<&TimeRange>; 2],
@@ -204,7 +205,7 @@ fn in_two(
     })
 }
 
-/// The time from the first to the last state of a part, for people.
+/// Returns the time from the first to the last state of a part, as text.
 ///
 /// # Errors
 /// If it has no states.
@@ -230,7 +231,7 @@ mod tests {
         TimeRange { start: moment(start), end: moment(end) }
     }
 
-    /// The time that `text` gives, if it is not empty.
+    /// Returns the time in `text`, if it is not empty.
     fn moment(text: &str) -> Option<Moment> {
         (!text.is_empty()).then(|| Moment::new(text).expect("a time"))
     }
@@ -279,7 +280,7 @@ mod tests {
         assert_eq!(first, (48..72, 0..24), "the model may come first");
     }
 
-    /// Why these periods are refused.
+    /// Returns the message with which these periods are refused.
     fn refusal(pretrain: Option<TimeRange>, model: Option<TimeRange>) -> String {
         divided(0.5, pretrain, model).expect_err("refused").to_string()
     }

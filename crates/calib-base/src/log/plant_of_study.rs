@@ -1,4 +1,4 @@
-//! The log that a study reads, where `[simulate]` says how it is made.
+//! The log that a study reads, if `[simulate]` describes how it is made.
 
 use std::path::PathBuf;
 
@@ -13,24 +13,25 @@ use crate::{
     output::Printer,
 };
 
-/// Channels that are named to somebody who asks for one that is not there.
+/// Maximum number of similar channels that an error names.
 const NEAREST: usize = 8;
 
-/// The plant of a study, where its log goes, and what there is of it.
+/// The plant of a study, the place of its log, and the state of that log.
 pub struct PlantOfStudy {
-    /// Where the log goes.
+    /// Folder of the log.
     pub directory: PathBuf,
-    /// The plant.
+    /// Options of the plant.
     pub options: PlantOptions,
-    /// What is there.
+    /// State of the existing log.
     pub found: PlantLogState,
 }
 
 impl PlantOfStudy {
-    /// What `[simulate]` describes; nothing if the study has no such section.
+    /// Returns the plant of `[simulate]`, or `None` if the study has no such section.
     ///
     /// # Errors
-    /// If the section is wrong, the folder of the log cannot be named, or what is there cannot be read.
+    /// If the section is wrong, the folder of the log cannot be named, or its present state cannot be
+    /// read.
     pub fn of(job: &Job) -> Result<Option<Self>, StepError> {
         let Some(config) = &job.study().simulate else { return Ok(None) };
         let options = config.plant().context("[simulate]")?;
@@ -40,20 +41,20 @@ impl PlantOfStudy {
         Ok(Some(Self { directory, options, found }))
     }
 
-    /// Refuse sensors to predict that the plant does not have, before its log is there to tell.
+    /// Refuses sensors to predict that the plant does not have, before its log exists.
     ///
     /// # Errors
-    /// The first such sensor, with the channels whose names are most like it.
+    /// The first such sensor, with the most similar channel names.
     pub fn check_sensors(&self, job: &Job) -> Result<(), StepError> {
         let study = job.study();
-        // Other files, and other names than the plant's.
+        // The study reads other files, or renames the channels.
         if study.data.path.0.len() > 1 || study.data.file_as_prefix {
             return Ok(());
         }
         let plant = Plant::new(self.options.clone())?;
         let names = || plant.schema().iter().map(|channel| channel.name.as_str());
         for sensor in &study.sweep.sensors {
-            // An angle of the plant is two channels of the states.
+            // An angle of the plant is two columns of the states.
             let angle = sensor.strip_suffix("_sin").or_else(|| sensor.strip_suffix("_cos"));
             if names().any(|name| name == sensor || Some(name) == angle) {
                 continue;
@@ -77,7 +78,7 @@ impl PlantOfStudy {
         Ok(())
     }
 
-    /// Write what is missing of the log; `force` begins anew.
+    /// Writes the missing days of the log; `force` writes all of them again.
     ///
     /// # Errors
     /// As [`simulate`](simulate::simulate).
@@ -86,16 +87,16 @@ impl PlantOfStudy {
     }
 }
 
-/// The `[data]` section to read with, once the log is there.
+/// Returns the `[data]` section for reading an existing log.
 ///
 /// # Errors
-/// As [`PlantOfStudy::of`]; also if the log of the plant is not there, or is another one.
+/// As [`PlantOfStudy::of`]; also if the log of the plant does not exist, or is of another plant.
 pub fn data_of(job: &Job) -> Result<DataConfig, StepError> {
     if let Some(PlantOfStudy { directory, found, .. }) = PlantOfStudy::of(job)? {
         let directory = directory.display();
         let command = job.command(StepKind::Simulate);
         match found {
-            // Somebody's own logs are read as they are.
+            // Logs that calib did not simulate are read as they are.
             PlantLogState::Whole | PlantLogState::NotSimulated => {}
             PlantLogState::Unfinished => {
                 bail!(
@@ -110,7 +111,7 @@ pub fn data_of(job: &Job) -> Result<DataConfig, StepError> {
     Ok(data_to_read(job)?)
 }
 
-/// Refuse a log that is not what `[simulate]` wrote, where the study has such a section.
+/// Refuses a log that differs from the one that `[simulate]` wrote, if the study has such a section.
 pub(crate) fn check_days(job: &Job) -> Result<(), StepError> {
     match PlantOfStudy::of(job)? {
         Some(PlantOfStudy { directory, found: PlantLogState::Whole, .. }) => {
@@ -120,7 +121,7 @@ pub(crate) fn check_days(job: &Job) -> Result<(), StepError> {
     }
 }
 
-/// The `[data]` section with the variables of the environment.
+/// Returns the `[data]` section with environment variables expanded.
 ///
 /// # Errors
 /// If a variable of the environment is not set.
@@ -129,7 +130,8 @@ pub fn data_to_read(job: &Job) -> Result<DataConfig, StudyError> {
     Ok(memory::on_this_machine(data))
 }
 
-/// The plant that a study describes, and the folder where its log goes; nothing if it describes none.
+/// Returns the plant that a study describes, and the folder of its log, or `None` without a
+/// description.
 ///
 /// # Errors
 /// If the description is not valid, or the folder cannot be named.

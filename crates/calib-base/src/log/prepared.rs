@@ -1,4 +1,4 @@
-//! The log of a study, read and prepared once: every later step, of this command or another, maps what the first one wrote.
+//! The log of a study, read and prepared once. Every later step, of this command or another, maps the prepared files.
 
 use std::{
     collections::BTreeSet,
@@ -29,10 +29,10 @@ use crate::{
 /// `manifest.json` of a prepared log.
 type LogManifest = Artefact<LogFacts>;
 
-/// What is told of a prepared log.
+/// The contents of the manifest of a prepared log.
 #[derive(Serialize, Deserialize)]
 struct LogFacts {
-    /// Fingerprint of what it follows from, beside the content of the log.
+    /// Fingerprint of all inputs except the content of the log.
     key: String,
     data: DataConfig,
     preprocess: PreprocessConfig,
@@ -41,7 +41,7 @@ struct LogFacts {
     profile: Profile,
     /// Fingerprint of the training states.
     train: Fingerprint,
-    /// The same of the held-out ones.
+    /// Fingerprint of the held-out states.
     held_out: Option<Fingerprint>,
 }
 
@@ -56,28 +56,28 @@ impl Facts for LogFacts {
 
 const TRAIN: &str = "train";
 const HELD_OUT: &str = "held-out";
-/// Digits of a key that a folder is called by.
+/// Number of digits of a key in the name of a folder.
 const KEY_DIGITS: usize = 12;
 
 /// A prepared log.
 #[derive(Clone)]
 pub struct Prepared {
-    /// Its states, divided as the study says.
+    /// Its states, divided as in the study.
     pub dataset: Dataset,
-    /// The file of the training states; none if it could not be written.
+    /// The file of the training states; `None` if it could not be written.
     pub(crate) states: Option<PathBuf>,
 }
 
-/// What there is of a log before its states are asked for.
+/// The state of a log before its states are made.
 pub enum Known {
-    /// Its states are there.
+    /// Its states exist.
     Prepared(Box<Prepared>),
-    /// It was looked at, and its states are not there. Making them takes this much memory, in bytes.
+    /// It was surveyed, and its states do not exist. Making them takes this much memory, in bytes.
     Surveyed(Box<Surveyed>, u64),
 }
 
-/// The states of a log, as they were prepared before, or else from its files. `data` is the section of the study, or
-/// less of it; `memory` is how much there is, in bytes, if somebody says so.
+/// Returns the states of a log: previously prepared ones, or otherwise made from its files. `data` is the section of
+/// the study, or a part of it. `memory` is the available memory in bytes, if the user gives it.
 ///
 /// # Errors
 /// If the log cannot be read or does not fit into memory, is not what `[simulate]` wrote, or the observer asks to stop.
@@ -103,7 +103,7 @@ pub fn open(
     Ok(prepared)
 }
 
-/// Whether the states of a log are there, and the log is what it was.
+/// Whether the states of a log exist, and the log has not changed since.
 pub fn is_there(job: &Job, data: &DataConfig, context: &RunContext) -> bool {
     let Ok(place) = Place::of(job, data) else { return false };
     if place.opened(context).is_some() {
@@ -116,8 +116,8 @@ pub fn is_there(job: &Job, data: &DataConfig, context: &RunContext) -> bool {
     kept.is_some()
 }
 
-/// A file of the log that has another name, size or date than when the log was read; none if there is none, or the log was not read
-/// for these sections of the study.
+/// Returns a file of the log that has another name, size or date than when the log was read. `None` if there is no such file, or the log
+/// was not read for these sections of the study.
 ///
 /// # Errors
 /// If the log has no files, or the key of what was read cannot be computed.
@@ -127,7 +127,7 @@ pub fn changed_file(job: &Job, data: &DataConfig) -> Result<Option<PathBuf>, Ste
     Ok(noted.and_then(|noted| noted.changed_file(&place.sources).map(Path::to_owned)))
 }
 
-/// As [`open`], but where states would have to be made they are not: for a plan of what they are needed for.
+/// Returns the state of a log as [`open`] does, but without making states: for a plan of the work that needs them.
 ///
 /// # Errors
 /// As [`open`].
@@ -153,7 +153,7 @@ pub fn look(
     Ok(Known::Surveyed(Box::new(surveyed), needed))
 }
 
-/// What of a log has to be known before anything follows from it.
+/// Reports warnings about a log that matter to every later step.
 fn warn(profile: &Profile, printer: &Printer) {
     printer.say_all(&profile.read_as);
     if profile.without_times {
@@ -179,9 +179,9 @@ enum Writable {
     No,
 }
 
-/// Where a log is kept once it is prepared.
+/// The place where a prepared log is stored.
 struct Place {
-    /// Of all logs of the study.
+    /// Folder of all logs of the study.
     root: PathBuf,
     directory: PathBuf,
     key: String,
@@ -204,7 +204,7 @@ impl Place {
         context.remember(&self.root, &self.directory, prepared);
     }
 
-    /// What was prepared before, if the log is still what it was and no file is damaged.
+    /// Returns the previously prepared log, if the log has not changed and no file is damaged.
     fn kept(&self, job: &Job) -> Option<Prepared> {
         if job.policy().redoes() {
             return None;
@@ -243,7 +243,7 @@ impl Place {
         self.directory.join(format!("{name}.parquet"))
     }
 
-    /// Read the log, and keep what it becomes where that can be written.
+    /// Reads the log, and stores the prepared log if that can be written.
     fn prepare(
         &self,
         job: &Job,
@@ -253,15 +253,16 @@ impl Place {
     ) -> Result<Prepared, StepError> {
         plant_of_study::check_days(job)?;
         memory::check_log(data)?;
-        // A log that was simulated just now is not changed unseen while it is read, and known again next time.
+        // A log that was simulated just now must not change unnoticed while it is read; it must also be recognised next
+        // time.
         clock::settle(self.sources.files.iter().filter_map(|source| source.stamp));
-        // Before anything is read: what is held of the log by then is a part of what it takes.
+        // Measured before anything is read, because the log that is held by then is a part of the need.
         let there = memory.or_else(memory::available);
         let study = job.study();
         tell(data, printer);
         let surveyed = calib_data::survey(data, &study.preprocess, &printer.progress())?;
         warn(surveyed.profile(), printer);
-        // Refused before anything is written.
+        // Refuse before anything is written.
         self.scratch(&surveyed, there, Writable::Yes)?;
         let claim = if job.policy().is_dry() { None } else { self.claim()? };
         let writable = if claim.is_some() { Writable::Yes } else { Writable::No };
@@ -271,7 +272,8 @@ impl Place {
         self.keep(&claim, job, dataset)
     }
 
-    /// None where nothing can be written, or where another calib is preparing the same: this one then reads for itself.
+    /// Claims the folder. `None` if nothing can be written, or if another calib is preparing the same log: this one
+    /// then reads for itself.
     fn claim(&self) -> Result<Option<DirectoryLock>, StepError> {
         match DirectoryLock::try_new(&self.directory, Below::Ours) {
             Err(error) if artefact::is_refusal(&error) => Ok(None),
@@ -279,8 +281,8 @@ impl Place {
         }
     }
 
-    /// Where states are while they are made, and the memory that it takes, in bytes: they are in memory if they take no
-    /// more than half of what there is.
+    /// Returns where states are held while they are made, and the memory for that, in bytes. They are in memory if they
+    /// take no more than half of what is available.
     fn scratch(
         &self,
         surveyed: &Surveyed,
@@ -345,7 +347,7 @@ impl Place {
         self.map(kept.facts)
     }
 
-    /// Write states, or give those of another log of the study, which may differ in what it holds out, a second name.
+    /// Writes states, or links those of another log of the study, which may differ in its held-out period.
     fn write_states(
         &self,
         name: &str,
@@ -365,7 +367,7 @@ impl Place {
         frames::write_states(&path, frames)
     }
 
-    /// Remove the logs that no part of the study reads any more.
+    /// Removes the logs that no part of the study reads any more.
     fn remove_others(&self, job: &Job) -> Result<(), StepError> {
         let mut read = BTreeSet::from([self.directory.clone()]);
         for model in job.choose(None, None)?.models()? {
@@ -387,18 +389,18 @@ impl Place {
     }
 }
 
-/// Fingerprint of what a prepared log follows from, beside the content of its files.
+/// Returns the fingerprint of all inputs of a prepared log except the content of its files.
 fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> Result<String, StepError> {
     let data = DataConfig { path: Paths::default(), ..data.clone() };
     artefact::key(&(LogFacts::FORMAT, TOOL, data, preprocess))
 }
 
-/// The folder of a prepared log.
+/// Returns the name of the folder of a prepared log.
 fn folder(key: &str) -> &str {
     &key[..key.len().min(KEY_DIGITS)]
 }
 
-/// Remove the files of a prepared log, and its folder if nothing of anybody's is left in it.
+/// Removes the files of a prepared log, and its folder if no other files are left in it.
 fn forget(directory: &Path) -> Result<(), StepError> {
     let parts = [TRAIN, HELD_OUT].into_iter().flat_map(files_of);
     for name in [MANIFEST, SOURCES].map(str::to_owned).into_iter().chain(parts) {
@@ -409,7 +411,7 @@ fn forget(directory: &Path) -> Result<(), StepError> {
     Ok(())
 }
 
-/// The files of the states of a part, and of their rows.
+/// Returns the names of the files of states and rows of a part.
 fn files_of(name: &str) -> [String; 2] {
     [format!("{name}.npy"), format!("{name}.parquet")]
 }

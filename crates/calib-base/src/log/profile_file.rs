@@ -1,4 +1,5 @@
-//! `profile.json`: what the data of a result looked like, beside it, so that a report need not read a log.
+//! `profile.json`: a profile of the data of a result, stored beside it, so that a report need not read a
+//! log.
 
 use std::path::Path;
 
@@ -7,10 +8,10 @@ use calib_files::{Fingerprint, fingerprint_file, read_json, write_json};
 
 use crate::{Context as _, StepError};
 
-/// The file.
+/// Name of the file.
 pub const PROFILE: &str = "profile.json";
 
-/// Write it into the directory of a result.
+/// Writes the profile into the directory of a result.
 ///
 /// # Errors
 /// If it cannot be written.
@@ -18,7 +19,7 @@ pub fn write(directory: &Path, profile: &Profile) -> Result<(), StepError> {
     Ok(write_json(&directory.join(PROFILE), profile)?)
 }
 
-/// What was written into the directory of a result, which `again` makes again.
+/// Reads the profile from the directory of a result, which the command `again` makes again.
 ///
 /// # Errors
 /// If it cannot be read, or is no profile.
@@ -29,7 +30,7 @@ pub fn read(directory: &Path, again: &str) -> Result<Profile, StepError> {
     })
 }
 
-/// Whether the file is what was `written`.
+/// Whether the file is as it was `written`.
 pub fn is_whole(directory: &Path, written: Option<&Fingerprint>) -> bool {
     written.is_some_and(|written| {
         fingerprint_file(&directory.join(PROFILE)).is_ok_and(|found| found == *written)

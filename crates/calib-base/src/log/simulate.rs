@@ -21,10 +21,10 @@ use crate::{
     output::{Printer, bytes, count},
 };
 
-/// The file that says what the day files beside it were made from.
+/// The file that describes the plant of the day files beside it.
 const SIMULATION: &str = "simulation.json";
 
-/// `simulation.json`: what the day files beside it were made from, and the truth about each channel.
+/// `simulation.json`: the plant of the day files beside it, and the ground truth about each channel.
 #[derive(Debug, Serialize, Deserialize)]
 struct Simulation {
     tool: String,
@@ -45,9 +45,9 @@ impl Simulation {
         read_sealed_json(&directory.join(SIMULATION))
     }
 
-    /// The names of all files of it: the day files, and what says what they are.
+    /// Returns the names of all files of the simulation: the day files and their descriptions.
     fn names(&self) -> Result<Vec<String>, StepError> {
-        // What no plant can have is no record of one.
+        // Options that are invalid for every plant do not come from a simulation.
         let plant = Plant::new(self.options.clone())?;
         let changes = (plant.options().change.strength > 0.0).then_some(CHANGES);
         let days = (0..plant.days()).map(|day| file_name(self.options.start, day));
@@ -55,7 +55,8 @@ impl Simulation {
         Ok(beside.chain(days).collect())
     }
 
-    /// Refuse days that are there and not what was written: what is simulated would follow from them without a word.
+    /// Refuses existing days that have changed since they were written: the simulation would silently depend on
+    /// them.
     fn check_days(&self, directory: &Path) -> Result<(), StepError> {
         for (name, written) in &self.files {
             let path = directory.join(name);
@@ -83,7 +84,7 @@ pub struct Simulated {
 }
 
 impl Simulated {
-    /// What there is now, in words.
+    /// Returns a line about the present state of the log.
     pub fn line(&self) -> String {
         format!(
             "{} day files of {} channels in {} ({} written, {} already there)",
@@ -95,12 +96,12 @@ impl Simulated {
         )
     }
 
-    /// What changes in the plant and when, in words.
+    /// Returns the dated changes of the plant as text.
     pub fn changes(&self) -> Vec<String> {
         self.changes.iter().map(DatedChange::line).collect()
     }
 
-    /// How often the plant changed, in words; nothing of one that does not.
+    /// Returns a line about how often the plant changed, or `None` if it does not change.
     pub fn changes_line(&self) -> Option<String> {
         let first = self.changes.first()?;
         let last = self.changes.last()?;
@@ -115,7 +116,7 @@ impl Simulated {
     }
 }
 
-/// Write the log of the plant that a study describes, as far as it is missing.
+/// Writes the missing part of the log of the plant that a study describes.
 ///
 /// # Errors
 /// As [`simulate`]; also if the description is not valid.
@@ -124,8 +125,8 @@ pub fn of_study(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepE
     simulate(&directory, plant, job.policy().redoes(), printer).map(Some)
 }
 
-/// Write the days of a plant that are not there yet. A day file is there as a whole or not at all,
-/// so an interrupted simulation goes on where it stopped.
+/// Writes the missing days of a plant. A day file exists as a whole or not at all, so an interrupted simulation
+/// resumes where it stopped.
 ///
 /// # Errors
 /// If the options are wrong, the folder holds other logs or cannot be written, or the observer asks to stop.
@@ -182,7 +183,7 @@ pub fn simulate(
     Ok(simulated)
 }
 
-/// Refuse days that the disk has no room for. Those that are there are kept, or replaced by as large ones.
+/// Refuses days that do not fit on the disk. Existing days are kept, or replaced by files of the same size.
 fn require_room(directory: &Path, plant: &Plant) -> Result<(), StepError> {
     let start = plant.options().start;
     let missing = (0..plant.days()).filter(|&day| !directory.join(file_name(start, day)).exists());
@@ -194,13 +195,13 @@ fn require_room(directory: &Path, plant: &Plant) -> Result<(), StepError> {
     )
 }
 
-/// Bytes of a day of the log, at most: Parquet compresses it.
+/// Returns an upper bound on the bytes per day of the log: Parquet compresses it.
 fn day_bytes(plant: &Plant) -> u64 {
     let channels = plant.schema().len() as u64;
     plant.instants() * (4 * channels + 8) / u64::from(plant.days()).max(1)
 }
 
-/// What simulating a plant takes.
+/// Returns a sentence about the cost of simulating a plant.
 pub fn sentence(plant: &Plant) -> String {
     let channels = plant.schema().len();
     let per_day = day_bytes(plant);
@@ -214,17 +215,17 @@ pub fn sentence(plant: &Plant) -> String {
     )
 }
 
-/// "4.5 days".
+/// Formats a number of days: "4.5 days".
 fn days(days: f64) -> String {
     format!("{days} day{}", if days == 1.0 { "" } else { "s" })
 }
 
-/// What lies where the log of a plant should be.
+/// The state of the folder in which the log of a plant should be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlantLogState {
-    /// All of it.
+    /// The whole log.
     Whole,
-    /// Nothing, or a part of it.
+    /// No days, or a part of them.
     Unfinished,
     /// The log of another plant.
     Another,
@@ -232,7 +233,7 @@ pub enum PlantLogState {
     NotSimulated,
 }
 
-/// Whether `directory` has the log of this plant.
+/// Checks whether `directory` has the log of this plant.
 pub(crate) fn find(directory: &Path, options: &PlantOptions) -> Result<PlantLogState, StepError> {
     let found = match Simulation::read(directory) {
         Ok(found) => found,
@@ -257,12 +258,12 @@ pub(crate) fn find(directory: &Path, options: &PlantOptions) -> Result<PlantLogS
     )
 }
 
-/// Refuse days of a simulated log that are not what was written, before they are read.
+/// Refuses days of a simulated log that have changed since they were written, before they are read.
 pub(crate) fn check_days(directory: &Path) -> Result<(), StepError> {
     Simulation::read(directory).map_or(Ok(()), |found| found.check_days(directory))
 }
 
-/// What can be done where nobody knows what a log was simulated from.
+/// Returns the remedy for a log whose simulation is unknown.
 fn records(directory: &Path) -> String {
     format!(
         "it is not known what the logs in {} were simulated from; simulate into another folder, or remove them with {SIMULATION}",
@@ -270,13 +271,14 @@ fn records(directory: &Path) -> String {
     )
 }
 
-/// Whether a folder has anything but hidden files: logs may lie in folders of their own.
+/// Whether a folder has anything but hidden files: logs may be in subfolders.
 fn holds_logs(directory: &Path) -> bool {
     let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
     entries.into_iter().any(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
 }
 
-/// Make the directory this simulation's, unless it is another one's. Returns what is known of days that are there.
+/// Makes the directory this simulation's own, unless it belongs to another one. Returns the description of existing
+/// days.
 fn own(
     directory: &Path,
     record: &mut FolderRecord,
@@ -288,7 +290,7 @@ fn own(
     if let Ok(found) = &found
         && !record.has(SIMULATION)
     {
-        // A calib that noted nothing has written these.
+        // A calib that kept no record has written these.
         record.add(found.names()?)?;
     }
     match found {
@@ -324,13 +326,13 @@ fn has_parquet(directory: &Path) -> bool {
     paths.any(|path| path.extension().is_some_and(|extension| extension == "parquet"))
 }
 
-/// Remove the days of the simulation that is being replaced; other Parquet files stay.
+/// Removes the days of the simulation that is being replaced. Other Parquet files are kept.
 fn remove_days(directory: &Path, record: &FolderRecord) -> Result<(), FileError> {
     let days = record.names().iter().filter(|name| name.ends_with(".parquet"));
     days.map(|name| directory.join(name)).try_for_each(|path| remove_file(&path))
 }
 
-/// The date of a day of the plant, as a file name.
+/// Returns the date of a day of the plant, as a file name.
 fn file_name(start: Timestamp, day: u32) -> String {
     let micros = start.as_micros() + i64::from(day) * 86_400_000_000;
     let date = jiff::Timestamp::from_microsecond(micros)

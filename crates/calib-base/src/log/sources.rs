@@ -1,4 +1,4 @@
-//! What the file system says of the files of a log, by which a change is seen without reading them.
+//! File-system metadata of the files of a log, which reveal a change without reading them.
 
 use std::{
     fs,
@@ -11,8 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Context as _, StepError};
 
-/// File of what was said of the log when it was read. It differs from one reading of the same log to the next, and so
-/// lies apart.
+/// The file of these metadata. They differ between readings of the same log, so they have their own file.
 pub(super) const SOURCES: &str = "sources.json";
 
 /// The files of a log.
@@ -30,10 +29,10 @@ pub(super) struct SourceFile {
 }
 
 impl Sources {
-    /// Those of the log that `data` names, as they are now.
+    /// Returns the present metadata of the log that `data` names.
     ///
     /// # Errors
-    /// If there are none, or nothing is said of one.
+    /// If there are no files, or the metadata of one cannot be read.
     pub fn of(data: &DataConfig) -> Result<Self, StepError> {
         let files = calib_data::log_files(data)?.into_iter();
         Ok(Self {
@@ -47,28 +46,28 @@ impl Sources {
         })
     }
 
-    /// Those that were noted in a directory, if they were.
+    /// Reads the metadata that were stored in a directory, if there are any.
     pub fn noted_in(directory: &Path) -> Option<Self> {
         read_sealed_json(&directory.join(SOURCES)).ok()
     }
 
-    /// Note them in a directory.
+    /// Stores the metadata in a directory.
     ///
     /// # Errors
-    /// If that cannot be written.
+    /// If they cannot be written.
     pub fn note_in(&self, directory: &Path) -> Result<(), StepError> {
         Ok(write_sealed_json(&directory.join(SOURCES), self)?)
     }
 
-    /// Whether there are other files, or one has another size or time of its last change. Files that were moved, or copied
-    /// with their times, are the same.
+    /// Whether there are other files, or one has another size or modification time. Files that were moved, or copied
+    /// with their times, count as the same.
     pub fn differ_from(&self, others: &Self) -> bool {
         let own = self.files.iter().map(SourceFile::size_and_time);
         own.ne(others.files.iter().map(SourceFile::size_and_time))
     }
 
-    /// A file that these do not have with the same name, size and time of its last change, or one that `now` lacks; none if there is
-    /// none.
+    /// Returns a file that these lack with the same name, size and modification time, or one that `now` lacks. `None` if there is no
+    /// such file.
     pub(super) fn changed_file<'a>(&'a self, now: &'a Self) -> Option<&'a Path> {
         let lacks = |files: &[SourceFile], file: &SourceFile| {
             files.iter().all(|other| {
@@ -83,12 +82,12 @@ impl Sources {
 }
 
 impl SourceFile {
-    /// Bytes, and nanoseconds since 1970; none where the system does not tell.
+    /// Returns bytes, and nanoseconds since 1970, or `None` where the system does not report them.
     fn size_and_time(&self) -> Option<(u64, i64)> {
         self.stamp.map(|stamp| (stamp.bytes, stamp.modified_ns))
     }
 
-    /// Whether the file is still what it was.
+    /// Whether the file has not changed.
     pub(super) fn is_same(&self) -> bool {
         self.stamp.is_some() && FileStat::of(&self.path).is_ok_and(|stamp| stamp == self.stamp)
     }

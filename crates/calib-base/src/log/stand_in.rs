@@ -1,4 +1,4 @@
-//! A log that stands in for one that is not simulated yet, so that a dry run can say what a study will take.
+//! A stand-in for a log that is not simulated yet, so that a dry run can estimate the cost of a study.
 
 use std::iter::repeat_n;
 
@@ -15,12 +15,12 @@ use crate::{
     output::bytes,
 };
 
-/// Rows that are enough to see which channels are left, and quick to simulate.
+/// Number of rows that is enough to see which channels remain, and quick to simulate.
 const ENOUGH_ROWS: u64 = 20_000;
-/// The longest time between rows that a plant is simulated with, in seconds.
+/// The longest sampling interval that a plant is simulated with, in seconds.
 const LONGEST_PERIOD: f64 = 3_600.0;
 
-/// The log of the same plant at fewer instants, in a folder that goes with it. Each of its rows stands for several.
+/// A log of the same plant at fewer instants, in a folder that is removed with it. Each of its rows represents several.
 pub struct StandInLog {
     _folder: TemporaryFolder,
     job: Job,
@@ -28,14 +28,15 @@ pub struct StandInLog {
 }
 
 impl StandInLog {
-    /// For the log of `options` that the study of `job` reads.
+    /// Simulates the stand-in for the log of `options` that the study of `job` reads.
     ///
     /// # Errors
-    /// If its states would take more than an eighth of the memory that is there, for they are made when rows are repeated; if the study reads its
-    /// log by a clock of its own, or nothing is left of it; if nothing can be written to the folder for temporary files; or the observer asks to stop.
+    /// If its states would take more than an eighth of the available memory, because they are in memory once rows are
+    /// repeated; if the study reads its log by its own clock, or no rows remain; if nothing can be written to the
+    /// folder for temporary files; or the observer asks to stop.
     pub fn of(options: &PlantOptions, job: &Job, context: &RunContext) -> Result<Self, StepError> {
         let study = job.study();
-        // The study's own choice of every so many rows is made here already.
+        // The study's own subsampling is already applied here.
         let subsample = study.preprocess.subsample as u64;
         let wanted = (Plant::new(options.clone())?.instants() / subsample).div_ceil(ENOUGH_ROWS);
         let period = options.period.as_secs() * subsample as f64;
@@ -65,7 +66,7 @@ impl StandInLog {
         let job = Job::resolve(request)?;
         let data = plant_of_study::data_to_read(&job)?;
         let has_own_clock = data.period_secs.is_some() || data.resample.is_some();
-        // What is wrong with the rest of the study is found out all the same.
+        // Errors in the rest of the study are still found.
         let data = DataConfig { period_secs: None, resample: None, max_age_secs: None, ..data };
         let surveyed = calib_data::survey(&data, &job.study().preprocess, &progress)?;
         ensure!(!has_own_clock, "data.period_secs is another clock than a sample of the log has");
@@ -79,12 +80,12 @@ impl StandInLog {
         Ok(Self { _folder: folder, job, rows_each: rows_each as usize })
     }
 
-    /// The study that reads it.
+    /// Returns the study that reads it.
     pub fn job(&self) -> &Job {
         &self.job
     }
 
-    /// What the steps of that study talk to.
+    /// Returns the context for the steps of that study.
     pub fn context(&self, context: &RunContext) -> RunContext {
         context.with_stand_in(self.rows_each)
     }
@@ -112,7 +113,8 @@ fn sampled(mut plant: Plant, monitor: &dyn Monitor) -> Result<SampledLog, StepEr
     Ok(SampledLog { timestamps, channels })
 }
 
-/// A log whose rows each stand for `count` of another: as many rows as that has, with the states of this one.
+/// Returns a log in which each row represents `count` rows: it has as many rows as the full log, with the states of
+/// this one.
 pub(crate) fn repeated(dataset: Dataset, count: usize) -> Result<Dataset, StepError> {
     let secs = dataset.period.as_secs() / count as f64;
     let period = Period::from_secs(secs).unwrap_or(dataset.period);

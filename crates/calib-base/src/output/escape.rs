@@ -1,18 +1,18 @@
-//! Text from outside on a terminal: names of sensors, words in logs and paths may hold escape sequences that a terminal
-//! obeys, or line breaks that forge a line of ours. All that is printed passes through here.
+//! Makes outside text safe for a terminal. Names of sensors, words in logs and paths may hold escape sequences that a
+//! terminal obeys, or line breaks that forge a line of calib's output. All printed text passes through here.
 
 use std::{borrow::Cow, fmt::Write as _};
 
-/// Whose the line breaks of a text are.
+/// The source of the line breaks in a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lines {
-    /// A line of ours has none: whatever breaks it came from outside.
+    /// A single line of calib's. Any line break in it comes from outside.
     One,
-    /// Calib's own, as those of a table.
+    /// Calib's own line breaks, as in a table.
     Several,
 }
 
-/// `text` with every character that a terminal obeys written as its code: `\u{1b}`, `\n`.
+/// Returns `text` with every character that a terminal obeys replaced by its code: `\u{1b}`, `\n`.
 pub fn harmless(text: &str, lines: Lines) -> Cow<'_, str> {
     let obeyed =
         |character: char| obeys(character) && !(lines == Lines::Several && character == '\n');
@@ -30,7 +30,7 @@ pub fn harmless(text: &str, lines: Lines) -> Cow<'_, str> {
     Cow::Owned(safe)
 }
 
-/// The same JSON, in which control characters that JSON itself lets through are escaped as JSON does it.
+/// Returns the same JSON with control characters, which JSON itself permits, escaped in the manner of JSON.
 pub fn harmless_json(json: &str) -> Cow<'_, str> {
     if !json.contains(is_obeyed_in_json) {
         return Cow::Borrowed(json);
@@ -38,7 +38,7 @@ pub fn harmless_json(json: &str) -> Cow<'_, str> {
     let mut safe = String::with_capacity(json.len() + 8);
     for character in json.chars() {
         if is_obeyed_in_json(character) {
-            // Writing to a string cannot fail; all of them have four digits at most.
+            // Writing to a string cannot fail. All these characters have at most four digits.
             let _ = write!(safe, "\\u{:04x}", u32::from(character));
         } else {
             safe.push(character);
@@ -52,7 +52,8 @@ fn is_obeyed_in_json(character: char) -> bool {
     obeys(character) && character != '\n'
 }
 
-/// Control characters (C0, DEL and C1), separators of lines, and marks that turn the direction of what follows.
+/// Whether a character is a control character (C0, DEL and C1), a line separator, or a mark that changes the text
+/// direction.
 fn obeys(character: char) -> bool {
     (character.is_control() && character != '\t')
         || matches!(

@@ -4,12 +4,12 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 
 use super::escape::{Lines, harmless};
 
-/// `1234567` as `1,234,567`.
+/// Formats `1234567` as `1,234,567`.
 pub fn count(number: usize) -> String {
     calib_report::count(number as u64)
 }
 
-/// `1536` as `1.5 KiB`.
+/// Formats `1536` as `1.5 KiB`.
 pub fn bytes(bytes: u64) -> String {
     const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
     let mut size = bytes as f64;
@@ -21,7 +21,7 @@ pub fn bytes(bytes: u64) -> String {
     if unit == 0 { format!("{bytes} B") } else { format!("{size:.1} {}", UNITS[unit]) }
 }
 
-/// A span of time in the largest two units.
+/// Formats a span of time in the largest two units.
 pub fn duration(span: Duration) -> String {
     let secs = span.as_secs_f64();
     if secs < 10.0 {
@@ -37,12 +37,13 @@ pub fn duration(span: Duration) -> String {
     }
 }
 
-/// So many seconds as [`duration`] tells them; what is too long for one is as long as one can be.
+/// Formats seconds as [`duration`] does. A number that is too large counts as the longest duration.
 pub fn duration_of_secs(secs: f64) -> String {
     duration(Duration::try_from_secs_f64(secs.max(0.0)).unwrap_or(Duration::MAX))
 }
 
-/// A span of the log in the largest two units, whole numbers where they are: `5 d 10 h`, `1 min`, `0.5 s`.
+/// Formats a span of the log in the largest two units, with whole numbers where possible:
+/// `5 d 10 h`, `1 min`, `0.5 s`.
 pub fn span(secs: f64) -> String {
     const UNITS: [(f64, &str); 4] = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "min"), (1.0, "s")];
     let secs = if secs < 60.0 { secs } else { secs.round() };
@@ -69,12 +70,12 @@ pub fn span(secs: f64) -> String {
     }
 }
 
-/// "1 segment", "2 segments".
+/// Formats a number with its noun: "1 segment", "2 segments".
 pub fn counted(number: usize, noun: &str) -> String {
     format!("{} {noun}{}", count(number), if number == 1 { "" } else { "s" })
 }
 
-/// `0.0123` as `1.2 %`.
+/// Formats `0.0123` as `1.2 %`.
 pub fn percent(share: f64) -> String {
     if share.is_infinite() {
         return "diverged".to_owned();
@@ -87,7 +88,7 @@ pub fn percent(share: f64) -> String {
     }
 }
 
-/// Three significant digits; scientific where plain digits would be long.
+/// Formats with three significant digits, in scientific notation where plain digits would be long.
 pub fn significant(number: f64) -> String {
     if number.is_infinite() {
         return "diverged".to_owned();
@@ -103,12 +104,12 @@ pub fn significant(number: f64) -> String {
     format!("{number:.decimals$}")
 }
 
-/// `number` to so many significant digits, at least one.
+/// Rounds `number` to `digits` significant digits, at least one.
 pub fn rounded(number: f64, digits: usize) -> f64 {
     format!("{number:.*e}", digits - 1).parse().unwrap_or(number)
 }
 
-/// A number of which only the first two digits are known: `12518` as `13,000`.
+/// Formats a number of which only the first two digits are known: `12518` as `13,000`.
 pub fn about(number: f64) -> String {
     if number < 100.0 {
         significant(rounded(number, 2))
@@ -117,7 +118,7 @@ pub fn about(number: f64) -> String {
     }
 }
 
-/// A table for a terminal: the first column is text, the others are numbers.
+/// Formats a table for a terminal: the first column is text, the others are numbers.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled);

@@ -1,4 +1,5 @@
-//! What steps tell: to whom is the observer's affair.
+//! The output of steps. The observer decides where it
+//! goes.
 
 mod escape;
 mod format;

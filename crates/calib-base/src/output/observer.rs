@@ -2,35 +2,35 @@ use std::{io, time::Duration};
 
 use calib_core::{Monitor, Silent};
 
-/// Something that a step says while it works.
+/// A message of a step during its work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Remark<'a> {
-    /// What is being done; one line.
+    /// The present action, in one line.
     Talk(&'a str),
-    /// Several lines of the same, such as a table.
+    /// Several lines of the same kind, such as a table.
     Table(&'a str),
-    /// What a step came to that is on the way to another result; one line or several. Shown to those who ask for more.
+    /// The result of a step on the way to another result, in one or several lines. Shown only with more verbosity.
     Detail(&'a str),
-    /// What begins.
+    /// The heading of a new stage or part.
     Heading(&'a str),
-    /// What the user should look at.
+    /// A warning for the user.
     Warning(&'a str),
-    /// Why something was not done.
+    /// The reason why something was not done.
     Error(&'a str),
 }
 
-/// A part of what a step was run for.
+/// A part of the requested result of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResultPart<'a> {
-    /// A line.
+    /// One line.
     Line(&'a str),
     /// Several lines, such as a table, whose line breaks are calib's own.
     Lines(&'a str),
-    /// All of it, for machines.
+    /// The whole result, for machines.
     Json(&'a str),
 }
 
-/// Whom results are for.
+/// The format of results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutputFormat {
     /// Lines and tables.
@@ -42,57 +42,57 @@ pub enum OutputFormat {
 /// Whether progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
-    /// It is.
+    /// Shown.
     Yes,
-    /// It is not; whoever watches can still ask the work to stop.
+    /// Not shown; the observer can still ask the work to stop.
     No,
 }
 
-/// How far a run of several stages is.
+/// The position in a run of several stages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stage {
-    /// The stage that was begun, counted from 1.
+    /// The present stage, counted from 1.
     pub number: usize,
-    /// Stages in all.
+    /// Total number of stages.
     pub stages: usize,
-    /// The work after that of this one as a multiple of it, where that is known.
+    /// The work after this stage as a multiple of this stage's work, where that is known.
     pub later: Option<f64>,
 }
 
-/// How long a run was announced to take, and when.
+/// The announced duration of a run, and the time of the announcement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Announced {
-    /// All of it.
+    /// Duration of the whole run.
     pub whole: Duration,
-    /// Since it began.
+    /// Time of the announcement since the run began.
     pub after: Duration,
 }
 
-/// Whoever watches a step: a terminal, a notebook, a log. Texts hold names and words of logs as they are, with whatever
-/// a terminal would obey.
+/// The observer of a step: a terminal, a notebook or a log. Texts hold names and words of logs unchanged, including any
+/// character that a terminal would obey.
 pub trait Observer: Send + Sync {
-    /// Hear a remark. What cannot be shown is no reason to stop.
+    /// Receives a remark. The work continues if it cannot be shown.
     fn remark(&self, remark: Remark<'_>);
 
-    /// Take a part of the result.
+    /// Receives a part of the result.
     ///
     /// # Errors
     /// If it cannot be passed on; the step then ends.
     fn result(&self, result: ResultPart<'_>) -> io::Result<()>;
 
-    /// Hear how far a run of several stages is; what is watched from now on is work of this part of it.
+    /// Receives the position in a run of several stages. Work that follows belongs to this stage.
     fn stage(&self, _stage: Stage) {}
 
-    /// What was announced of how long a run takes, if anything was.
+    /// Returns the announced duration of the run, if there was an announcement.
     fn announced(&self) -> Option<Announced> {
         None
     }
 
-    /// Watch long work, and stop it.
+    /// Returns a monitor of long work, which can stop it.
     fn progress(&self, shown: Shown) -> Box<dyn Monitor>;
 }
 
-/// Nobody.
+/// An observer that ignores everything.
 #[derive(Clone, Copy, Debug)]
 pub struct Unobserved;
 

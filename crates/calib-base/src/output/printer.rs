@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{Announced, Observer, OutputFormat, Remark, ResultPart, Shown, Stage, Unobserved};
 use crate::{Context as _, StepError};
 
-/// Decides what an observer is told: results, or talk where a step is on the way to another result.
+/// Sends output to an observer: as results, or as talk where a step is on the way to another result.
 #[derive(Clone)]
 pub struct Printer {
     observer: Arc<dyn Observer>,
@@ -24,25 +24,25 @@ impl fmt::Debug for Printer {
     }
 }
 
-/// Whether anything but results and errors is said.
+/// How much is reported besides results and errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verbosity {
     Audible,
-    /// What calib is doing is said only to those who ask for more: the step is up to date.
+    /// The step is up to date: its actions are reported only with more verbosity.
     InDetail,
     Quiet,
 }
 
-/// What results are.
+/// The role of results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Results {
-    /// What the command was run for.
+    /// The requested result of the command.
     Wanted,
-    /// Talk: they are a step on the way to another result.
+    /// Talk, because the step is on the way to another result.
     Talk,
 }
 
-/// Where a verdict's reasons are.
+/// The place of a verdict's reasons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reasons {
     InTheReport,
@@ -50,7 +50,7 @@ enum Reasons {
 }
 
 impl Printer {
-    /// A printer that tells this observer everything.
+    /// Returns a printer that sends everything to this observer.
     pub fn new(observer: Arc<dyn Observer>) -> Self {
         let verbosity = Verbosity::Audible;
         let results = Results::Wanted;
@@ -58,52 +58,53 @@ impl Printer {
         Self { observer, verbosity, results, format: OutputFormat::Text, reasons }
     }
 
-    /// The same printer, which gives the reasons of verdicts as well.
+    /// Returns the printer that also prints the reasons of verdicts.
     #[must_use]
     pub fn explaining(self) -> Self {
         Self { reasons: Reasons::Printed, ..self }
     }
 
-    /// Whether verdicts come with their reasons.
+    /// Whether verdicts are printed with their reasons.
     pub fn is_explaining(&self) -> bool {
         self.reasons == Reasons::Printed
     }
 
-    /// A printer that nobody hears.
+    /// Returns a printer without an observer.
     pub fn nobody() -> Self {
         Self::new(Arc::new(Unobserved)).silent()
     }
 
-    /// The same printer, which says nothing but results and errors.
+    /// Returns the printer that prints only results and errors.
     #[must_use]
     pub fn quiet(self) -> Self {
         Self { verbosity: Verbosity::Quiet, ..self }
     }
 
-    /// The same printer for a step on the way: its results are talk.
+    /// Returns the printer for a step on the way to another result: its results are talk.
     #[must_use]
     pub fn talking(&self) -> Self {
         Self { results: Results::Talk, format: OutputFormat::Text, ..self.clone() }
     }
 
-    /// The same printer, whose result is in this format.
+    /// Returns the printer with this format of the result.
     #[must_use]
     pub fn in_format(&self, format: OutputFormat) -> Self {
         Self { format, ..self.clone() }
     }
 
-    /// Whether the result is to be JSON.
+    /// Whether the result is printed as JSON.
     pub fn is_json(&self) -> bool {
         self.format == OutputFormat::Json
     }
 
-    /// The same printer for what is done twice: it says nothing.
+    /// Returns the printer for repeated work: it prints nothing.
     #[must_use]
     pub fn silent(&self) -> Self {
         self.talking().quiet()
     }
 
-    /// The same printer for a step that is up to date: what is done, and warnings that were told before, are for those who ask for more.
+    /// Returns the printer for a step that is up to date: its actions, and earlier warnings, are printed only with more
+    /// verbosity.
     #[must_use]
     pub fn in_detail(&self) -> Self {
         Self { verbosity: Verbosity::InDetail, ..self.clone() }
@@ -113,7 +114,7 @@ impl Printer {
         self.verbosity == Verbosity::Quiet
     }
 
-    /// A line of the result.
+    /// Prints a line of the result.
     ///
     /// # Errors
     /// If it cannot be passed on.
@@ -121,7 +122,7 @@ impl Printer {
         self.pass(ResultPart::Line(text.trim_end_matches('\n')))
     }
 
-    /// Several lines of the result, such as a table, whose line breaks are calib's own.
+    /// Prints several lines of the result, such as a table, whose line breaks are calib's own.
     ///
     /// # Errors
     /// If they cannot be passed on.
@@ -129,7 +130,7 @@ impl Printer {
         self.pass(ResultPart::Lines(text.trim_end_matches('\n')))
     }
 
-    /// The result for machines; whatever it is has a schema.
+    /// Prints the result for machines. Its type has a schema.
     ///
     /// # Errors
     /// If it cannot be passed on.
@@ -137,24 +138,25 @@ impl Printer {
         self.pass(ResultPart::Json(&serde_json::to_string_pretty(value)?))
     }
 
-    /// What calib is doing; silent with `-q`.
+    /// Reports the present action; silent with `-q`.
     pub fn say(&self, text: &str) {
         self.remark(Remark::Talk(text));
     }
 
-    /// What only those want to know who ask for more.
+    /// Reports a detail, which is shown only with more verbosity.
     pub fn detail(&self, text: &str) {
         self.remark(Remark::Detail(text));
     }
 
-    /// Several remarks, a line each.
+    /// Reports several remarks, one per line.
     pub fn say_all(&self, remarks: &[String]) {
         for remark in remarks {
             self.say(remark);
         }
     }
 
-    /// What to type next, one of several on a line each; a step on the way to another result is followed by the next step anyway.
+    /// Reports the possible next commands, one per line. A step on the way to another result reports none, because the
+    /// next step follows anyway.
     pub fn next(&self, commands: &[String]) {
         if self.results == Results::Wanted {
             for (number, command) in commands.iter().enumerate() {
@@ -164,32 +166,32 @@ impl Printer {
         }
     }
 
-    /// Something that the user should look at.
+    /// Reports a warning for the user.
     pub fn warn(&self, text: &str) {
         self.remark(Remark::Warning(text));
     }
 
-    /// Why something was not done; never silent.
+    /// Reports why something was not done; never silent.
     pub fn error(&self, text: &str) {
         self.observer.remark(Remark::Error(text));
     }
 
-    /// What begins.
+    /// Reports the heading of a new stage or part.
     pub fn heading(&self, text: &str) {
         self.remark(Remark::Heading(text));
     }
 
-    /// How far a run of several stages is.
+    /// Reports the position in a run of several stages.
     pub fn stage(&self, stage: Stage) {
         self.observer.stage(stage);
     }
 
-    /// What was announced of how long a run takes, if anything was.
+    /// Returns the announced duration of the run, if there was an announcement.
     pub fn announced(&self) -> Option<Announced> {
         self.observer.announced()
     }
 
-    /// The same printer, which tells what `around` makes of its observer.
+    /// Returns the printer with the observer that `around` makes from its own.
     #[must_use]
     pub(crate) fn observed_by(
         &self,
@@ -198,7 +200,7 @@ impl Printer {
         Self { observer: around(Arc::clone(&self.observer)), ..self.clone() }
     }
 
-    /// Progress of long work.
+    /// Returns a monitor of the progress of long work.
     pub fn progress(&self) -> Box<dyn Monitor> {
         self.observer.progress(if self.is_quiet() { Shown::No } else { Shown::Yes })
     }

@@ -1,4 +1,5 @@
-//! Notes of commands that are at work, beside what they write: how far each is, for whoever looks from outside.
+//! Progress notes of running commands, stored beside their results, so that other processes can read the
+//! progress.
 
 mod note;
 mod recorder;

@@ -1,4 +1,4 @@
-//! `.progress/HOST-PROCESS-0.json`: how far a command is.
+//! `.progress/HOST-PROCESS-0.json`: the progress of a command.
 
 use std::{
     fs,
@@ -14,13 +14,14 @@ use crate::{
     clock::{process_began, unix_secs},
 };
 
-/// The folder of notes, in that of all results.
+/// The folder of notes, inside the folder of all results.
 pub(super) const FOLDER: &str = ".progress";
 
 /// Version of a note.
 const FORMAT: u32 = 1;
 
-/// A note is written every second. One of another machine that is older than this is of a command that was killed.
+/// Age, in seconds, after which a note of another machine means that its command was killed. Notes are written every
+/// second.
 const STALE_SECS: f64 = 30.0;
 
 /// What a command is doing.
@@ -82,7 +83,7 @@ pub enum CommandState {
 }
 
 impl Note {
-    /// The note of a command of this process that begins now.
+    /// Returns the note of a command of this process that begins now.
     pub(super) fn begun(command: &str, study: &Path) -> Self {
         let process = std::process::id();
         let now = unix_secs();
@@ -104,7 +105,7 @@ impl Note {
         }
     }
 
-    /// Whether its command is at work.
+    /// Returns whether its command is at work.
     pub fn standing(&self) -> CommandState {
         let is_here = self.host == host_name();
         let is_running = match (is_here, self.process_began) {
@@ -115,8 +116,8 @@ impl Note {
     }
 }
 
-/// The notes of commands that write to `results`, each with its file, in the order in which the commands began. What is no
-/// note is left out.
+/// Returns the notes of commands that write to `results`, each with its file, in the order in which the commands began.
+/// Other files are ignored.
 pub(super) fn notes(results: &Path) -> Vec<(PathBuf, Note)> {
     let entries = fs::read_dir(results.join(FOLDER)).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path());
@@ -131,7 +132,7 @@ pub(super) fn notes(results: &Path) -> Vec<(PathBuf, Note)> {
     notes
 }
 
-/// The same, without their files.
+/// Returns the same notes without their files.
 pub fn running(results: &Path) -> Vec<Note> {
     notes(results).into_iter().map(|(_, note)| note).collect()
 }

@@ -1,4 +1,4 @@
-//! An observer that notes how far a command is, and passes on what it hears.
+//! An observer that records the progress of a command, and passes on everything that it receives.
 
 use std::{
     io,
@@ -22,17 +22,17 @@ use crate::{
     output::{Announced, Observer, Printer, Remark, ResultPart, Shown, Stage},
 };
 
-/// Before the first note: what fails at once leaves no trace.
+/// Delay before the first note, so that a command that fails at once leaves no note.
 const FIRST: Duration = Duration::from_millis(100);
-/// Between two notes.
+/// Interval between two notes.
 const EVERY: Duration = Duration::from_secs(1);
-/// A task says little of how long it takes before it has run so long,
+/// The remaining time of a task is estimated after this time,
 const FIRST_ESTIMATE: Duration = Duration::from_secs(2);
-/// or has done so much.
+/// or after this share of its work.
 const FIRST_SHARE: f64 = 0.1;
 
-/// Do the work of a command on a study, and note in the folder of its results how far it is. Nothing is noted of what
-/// writes nothing. A disk that cannot be written is no reason not to work.
+/// Runs the work of a command on a study, and records its progress in the folder of results. A command that writes
+/// nothing gets no note. If the disk cannot be written, the work continues.
 ///
 /// # Errors
 /// Those of the `work`.
@@ -73,14 +73,14 @@ impl Drop for Ending {
     }
 }
 
-/// What is noted, and where.
+/// The progress to record, and the file for it.
 struct Recorder {
     path: PathBuf,
     results: PathBuf,
     clock: Stopwatch,
     state: Mutex<State>,
     news: Condvar,
-    /// Units of the task that are done.
+    /// Completed units of the task.
     done: AtomicU64,
 }
 
@@ -94,7 +94,7 @@ struct State {
 
 impl Recorder {
     fn new(command: &str, job: &Job) -> Self {
-        /// A program may run several.
+        /// A program may run several commands.
         static NUMBER: AtomicUsize = AtomicUsize::new(0);
         let results = job.layout().of_study().to_owned();
         let note = Note::begun(command, job.layout().study());
@@ -116,7 +116,7 @@ impl Recorder {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Write a note soon, then every second, until the command is over.
+    /// Writes a note soon, then every second, until the command is over.
     fn tick(&self) {
         for (path, note) in notes(&self.results) {
             if note.standing() == CommandState::Killed {
@@ -135,7 +135,7 @@ impl Recorder {
             let note = self.noted(&mut state);
             drop(state);
             if let Ok(text) = serde_json::to_vec_pretty(&note) {
-                // What cannot be written is not seen from outside, and nothing else.
+                // If the note cannot be written, only the progress report is missing.
                 let _ = write_note(&self.path, &text);
             }
             state = self.state();
@@ -144,7 +144,7 @@ impl Recorder {
         remove_note(&self.path, &self.results);
     }
 
-    /// How far it is by now.
+    /// Returns the present progress.
     fn noted(&self, state: &mut State) -> Note {
         let stage = state.stage;
         let task = state.task.as_ref().map(|(name, total, since)| {
@@ -163,7 +163,7 @@ impl Recorder {
                 Some(stage) => Some(left + (elapsed.as_secs_f64() + left) * stage.later?),
             }
         });
-        // Sweeps are almost all of the work: what is left of them is what is left.
+        // Sweeps are almost all of the work, so their remaining time is that of the run.
         let is_sweep = stage.is_some_and(|stage| stage.later.is_some());
         let is_settled = task.as_ref().is_some_and(|(_, elapsed)| *elapsed >= FIRST_ESTIMATE);
         if let (None, Some(left), true) = (state.announced, secs_left, is_sweep && is_settled) {
@@ -179,7 +179,7 @@ impl Recorder {
     }
 }
 
-/// Passes on what is heard, and notes it.
+/// Passes on everything that it receives, and records it.
 struct Recording {
     inner: Arc<dyn Observer>,
     recorder: Arc<Recorder>,
@@ -189,7 +189,7 @@ impl Observer for Recording {
     fn remark(&self, remark: Remark<'_>) {
         if let Remark::Heading(text) = remark {
             let note = &mut self.recorder.state().note;
-            // A stage has its number; what has none is a part of one.
+            // A heading with a number begins a stage; one without is a part of a stage.
             if text.starts_with('[') {
                 (note.doing, note.part) = (Some(text.to_owned()), None);
             } else {
@@ -219,7 +219,7 @@ impl Observer for Recording {
     }
 }
 
-/// Long work that is watched.
+/// A monitor of long work.
 struct Watched {
     inner: Box<dyn Monitor>,
     recorder: Arc<Recorder>,
