@@ -5,23 +5,22 @@ use crate::{FileError, npy_header::NpyHeader, open_regular, read_regular};
 /// An array of numbers, as `f64`, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
-    /// Length of each dimension; none for a single number.
+    /// Length of each dimension; empty for a single number.
     pub shape: Vec<usize>,
     /// The values, last dimension fastest.
     pub values: Vec<f64>,
 }
 
-/// Read a NumPy file of any shape and any real number type up to 64 bits, either byte order, row-
-/// or column-major.
+/// Reads a NumPy file of any shape and any real number type up to 64 bits, in either byte order, row- or column-major.
 ///
 /// # Errors
-/// If the file cannot be read, is not NumPy's, is cut off, or holds anything but numbers.
+/// If the file cannot be read, is not NumPy's, is truncated, or holds anything but numbers.
 pub fn read_array(path: &Path) -> Result<Array, FileError> {
     let bytes = read_regular(path)?;
     parse(&bytes).map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
 }
 
-/// The memory that [`read_array`] takes for a file, in bytes, by its header alone.
+/// Returns the memory that [`read_array`] takes for a file, in bytes, from its header alone.
 ///
 /// # Errors
 /// As [`read_array`].
@@ -39,10 +38,10 @@ pub fn array_bytes(path: &Path) -> Result<u64, FileError> {
     bytes.map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
 }
 
-/// Bytes of a file that its header is looked for in; NumPy itself writes headers of some hundred.
+/// Bytes at the start of a file in which its header is searched. NumPy itself writes headers of some hundred bytes.
 const LONGEST_HEADER: u64 = 1 << 20;
 
-/// How many numbers of `size` bytes there are in `bytes` of data, which must be as many as the shape says.
+/// Returns the number of values of `size` bytes in `bytes` of data, which must match the shape.
 fn count(header: &NpyHeader<'_>, size: usize, bytes: u64) -> Result<u64, String> {
     let expected = header.bytes(size);
     if expected.map(|expected| expected as u64) == Some(bytes) {
@@ -77,8 +76,8 @@ fn parse(bytes: &[u8]) -> Result<Array, String> {
     Ok(Array { shape, values })
 }
 
-/// Read a column-major matrix into a row-major one, in blocks: numbers that lie far apart in the one lie beside each other in
-/// the other.
+/// Reads a column-major matrix into a row-major one, in blocks: numbers that are far apart in one layout are adjacent
+/// in the other.
 fn read_transposed(kind: &Kind, data: &[u8], rows: usize, columns: usize, values: &mut [f64]) {
     const BLOCK: usize = 64;
     for first_row in (0..rows).step_by(BLOCK) {
@@ -93,7 +92,7 @@ fn read_transposed(kind: &Kind, data: &[u8], rows: usize, columns: usize, values
     }
 }
 
-/// Room for `count` numbers, or that there is none.
+/// Allocates memory for `count` numbers.
 fn room(count: usize) -> Result<Vec<f64>, String> {
     let mut values = Vec::new();
     let reserved = values.try_reserve_exact(count);
@@ -101,7 +100,7 @@ fn room(count: usize) -> Result<Vec<f64>, String> {
     Ok(values)
 }
 
-/// How a number is stored.
+/// The storage format of a number.
 struct Kind {
     letter: char,
     size: usize,
@@ -134,7 +133,7 @@ impl Kind {
             bytes[..self.size].reverse();
         }
         let bits = u64::from_le_bytes(bytes);
-        // Signed numbers are shifted up and back, which extends the sign.
+        // Signed numbers are shifted left and back, which extends the sign.
         let unused = 64 - 8 * self.size as u32;
         match (self.letter, self.size) {
             ('f', 4) => f64::from(f32::from_bits(bits as u32)),
@@ -146,7 +145,7 @@ impl Kind {
     }
 }
 
-/// Column-major values in row-major order.
+/// Returns column-major values in row-major order.
 fn row_major(values: &[f64], shape: &[usize], mut ordered: Vec<f64>) -> Vec<f64> {
     let mut index = vec![0; shape.len()];
     for _ in 0..values.len() {
@@ -181,7 +180,7 @@ mod tests {
         bytes
     }
 
-    /// The two numbers of a type that `data` holds.
+    /// Returns the two numbers of a type that `data` holds.
     fn pair_of(descr: &str, data: &[u8]) -> Vec<f64> {
         parse(&npy(1, descr, "False", "(2,)", data)).expect(descr).values
     }
@@ -241,7 +240,7 @@ mod tests {
         let whole = npy(1, "|u1", "True", "(2, 3)", &[0; 6]);
         std::fs::write(&path, &whole).expect("written");
         assert_eq!(array_bytes(&path).expect("whole"), whole.len() as u64 + 48);
-        // No byte of so many is there.
+        // The shape declares more data than the file holds.
         let header = npy(1, "<f8", "True", "(2000000, 500000)", &[]);
         std::fs::write(&path, &header).expect("written");
         assert!(array_bytes(&path).expect_err("cut").to_string().contains("truncated"));

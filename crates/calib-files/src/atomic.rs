@@ -12,11 +12,11 @@ use crate::{
     writer::{SUFFIX, is_abandoned, is_temporary, prefix},
 };
 
-/// Write `path` as a whole: `fill` writes to a temporary file in the same directory,
-/// which is synced and then renamed. After a crash `path` holds the old content or the new.
+/// Writes `path` as a whole. `fill` writes to a temporary file in the same directory, which is synced and then renamed.
+/// After a crash, `path` holds the old content or the new.
 ///
 /// # Errors
-/// If the directory cannot be written, a link lies at `path`, or `fill` fails; `path` is then untouched.
+/// If the directory cannot be written, `path` is a link, or `fill` fails; `path` is then untouched.
 pub fn write_atomically(
     path: &Path,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
@@ -24,10 +24,10 @@ pub fn write_atomically(
     write_whole(path, ExistingFile::Replaced, fill)
 }
 
-/// As [`write_atomically`], of a file that must not be there yet: of several processes that write it, one does.
+/// Writes a new file as [`write_atomically`] does. If several processes write it, one of them succeeds.
 ///
 /// # Errors
-/// As [`write_atomically`], and [`FileError::Occupied`] if anything lies at `path`, also if it came there meanwhile.
+/// As [`write_atomically`], and [`FileError::Occupied`] if `path` exists, even if it was created meanwhile.
 pub fn write_new(
     path: &Path,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
@@ -50,17 +50,17 @@ fn write_whole(
     })
 }
 
-/// What becomes of a file that is there already.
+/// The treatment of an existing file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExistingFile {
-    /// It stays, and nothing is written.
+    /// It is kept, and nothing is written.
     Kept,
     /// It is replaced.
     Replaced,
 }
 
-/// Whether [`write_output`] could begin: for what takes long before it writes. What killed processes have left half-written
-/// beside `path` goes.
+/// Checks whether [`write_output`] could begin, for work that takes long before it writes. Half-written files of killed
+/// processes beside `path` are removed.
 ///
 /// # Errors
 /// As [`write_output`]; `path` is untouched.
@@ -70,12 +70,12 @@ pub fn check_output(path: &Path, existing: ExistingFile) -> Result<(), FileError
     }
     let directory = directory_of(path);
     create_directory(directory)?;
-    // What cannot be removed is in nobody's way.
+    // Files that cannot be removed do no harm.
     let _ = remove_temporaries(directory, Below::Unknown);
     temporary_in(directory).map(drop).map_err(|source| FileError::io("write", path, source))
 }
 
-/// A file in `directory` that gets its name once it is whole.
+/// Creates a file in `directory` that is renamed once it is complete.
 pub(crate) fn temporary_in(directory: &Path) -> io::Result<tempfile::NamedTempFile> {
     tempfile::Builder::new()
         .prefix(&prefix())
@@ -104,7 +104,7 @@ fn put(
         ExistingFile::Replaced => temporary.persist(path),
     };
     match kept {
-        // A file system that has neither links nor renames that replace nothing.
+        // The file system has neither links nor renames that replace nothing.
         Err(failed) if existing == ExistingFile::Kept && fs::symlink_metadata(path).is_err() => {
             failed.file.persist(path).map_err(|failed| failed.error)?;
         }
@@ -116,7 +116,7 @@ fn put(
     sync_directory(directory)
 }
 
-/// Refuse a link in the place of a file: somebody put it there, and a file that is renamed over it would remove it.
+/// Refuses a link in the place of a file. A user created it, and a rename over it would remove it.
 fn refuse_link(path: &Path) -> io::Result<()> {
     if fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
         let reason = "it is a link, which calib neither follows nor replaces; remove it, or name the file that it leads to";
@@ -134,20 +134,20 @@ fn write_to(
     fill(&mut output).and_then(|()| output.flush())
 }
 
-/// What lies in the directories below a claimed one.
+/// The content of the directories below a claimed one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Below {
     /// Files of the same artefact.
     Ours,
-    /// Anything: the directory is the user's.
+    /// Any files: the directory is the user's.
     Unknown,
 }
 
-/// Remove what a killed process left half-written in `directory`, and in those below if they are ours. What another
-/// process is writing, on this machine or on another one, stays.
+/// Removes the half-written files of killed processes in `directory`, and in its subdirectories if they are ours. Files
+/// that another process is writing, on this machine or on another one, are kept.
 ///
 /// # Errors
-/// If it cannot be read, or something cannot be removed.
+/// If it cannot be read, or a file cannot be removed.
 pub fn remove_temporaries(directory: &Path, below: Below) -> Result<(), FileError> {
     let refused = |source| FileError::io("read the folder", directory, source);
     for entry in fs::read_dir(directory).map_err(refused)? {
@@ -164,8 +164,8 @@ pub fn remove_temporaries(directory: &Path, below: Below) -> Result<(), FileErro
     Ok(())
 }
 
-/// Put the content of `from` at `path` as a whole: under a second name of the same file where the file system has such,
-/// or else as a copy. Files are replaced and never changed, so that neither name sees what becomes of the other.
+/// Puts the content of `from` at `path` as a whole: as a hard link where the file system supports it, otherwise as a
+/// copy. Files are replaced and never changed, so that later changes to one name do not affect the other.
 ///
 /// # Errors
 /// If `from` cannot be read, or the directory of `path` cannot be written; `path` is then untouched.
@@ -179,7 +179,7 @@ pub fn link_or_copy(from: &Path, path: &Path) -> Result<(), FileError> {
     write_atomically(path, |copy| io::copy(&mut file, copy).map(|_| ()))
 }
 
-/// Give a file a second name. False if the file system has no such, or `from` lies on another one.
+/// Creates a hard link. False if the file system does not support it, or `from` is on another one.
 fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<bool> {
     reach(Operation::Create, path)?;
     let prefix = prefix();
@@ -189,7 +189,7 @@ fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<bool> {
         return Ok(false);
     };
     reach(Operation::Rename, path)?;
-    // A name of the same file stays as it is, and the temporary one goes with `temporary`.
+    // Renaming to a hard link of the same file does nothing; the temporary name is removed with `temporary`.
     let temporary = temporary.into_temp_path();
     fs::rename(&temporary, path)?;
     drop(temporary);
@@ -197,11 +197,11 @@ fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<bool> {
     Ok(true)
 }
 
-/// Write a file that the user named. A file that is there is replaced only if that is wanted, a link never; a device or
-/// a pipe is written to.
+/// Writes a file that the user named. An existing file is replaced only on request, and a link never. A device or a
+/// pipe is written to.
 ///
 /// # Errors
-/// As [`write_atomically`], and [`FileError::Occupied`] for a file that is to stay.
+/// As [`write_atomically`], and [`FileError::Occupied`] for a file that must be kept.
 pub fn write_output(
     path: &Path,
     existing: ExistingFile,
@@ -217,12 +217,12 @@ pub fn write_output(
     }
 }
 
-/// What lies where a file is to be written.
+/// The present state of the place for a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Target {
-    /// Nothing, or a file that may be replaced.
+    /// No file, or a file that may be replaced.
     File,
-    /// A device or a pipe, perhaps at the end of a link, as `/dev/stdout` is one.
+    /// A device or a pipe, perhaps at the end of a link, such as `/dev/stdout`.
     Device,
 }
 
@@ -248,7 +248,8 @@ impl Target {
     }
 }
 
-/// Temporary files are private by default; results should be readable like any other file.
+/// Returns the permissions for results. Temporary files are private by default, but results should be readable like any
+/// other file.
 #[cfg(unix)]
 fn default_permissions() -> fs::Permissions {
     use std::os::unix::fs::PermissionsExt as _;

@@ -5,18 +5,18 @@ use std::{
 
 use crate::{FileError, Tensors, read_sealed_tensors, remove_file, write_tensors};
 
-/// Checkpoints that are being written.
+/// Number of checkpoints that are being written.
 static WRITING: AtomicUsize = AtomicUsize::new(0);
 
-/// Whether a checkpoint is being written: whoever has to end this process may wait for it.
+/// Whether a checkpoint is being written. Code that has to end this process may wait for it.
 pub fn is_writing_checkpoint() -> bool {
     WRITING.load(Ordering::Acquire) > 0
 }
 
-/// The text in the file that names its work.
+/// Name of the metadata text that identifies the work.
 const KEY: &str = "key";
 
-/// The file that work which may be killed goes on from: arrays, and texts beside them.
+/// The file from which interrupted work resumes: arrays, and texts beside them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CheckpointFile {
     path: PathBuf,
@@ -24,25 +24,25 @@ pub struct CheckpointFile {
 }
 
 impl CheckpointFile {
-    /// The safetensors file at `path`, which need not exist, of the work that `key` stands for: it names everything that
-    /// the work follows from.
+    /// Returns the safetensors file at `path`, which need not exist. `key` identifies everything that the work depends
+    /// on.
     pub fn new(path: PathBuf, key: String) -> Self {
         Self { path, key }
     }
 
-    /// Where it is.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The last checkpoint. A file that is missing, damaged or of other work is none: the work begins anew, and replaces
-    /// it.
+    /// Reads the last checkpoint. `None` if the file is missing, damaged or of other work: the work then starts again,
+    /// and replaces it.
     pub fn read(&self) -> Option<Tensors> {
         let mut content = read_sealed_tensors(&self.path).ok()?;
         (content.metadata.remove(KEY)? == self.key).then_some(content)
     }
 
-    /// Write a checkpoint in place of the one that was there.
+    /// Writes a checkpoint in place of the previous one.
     ///
     /// # Errors
     /// If the file cannot be written, or has a text that is named "key".
@@ -57,7 +57,7 @@ impl CheckpointFile {
         written
     }
 
-    /// The work is finished, and its results are kept elsewhere.
+    /// Removes the file after the work is finished and its results are stored elsewhere.
     ///
     /// # Errors
     /// If the system refuses.
@@ -87,7 +87,7 @@ mod tests {
         checkpoint("a").write(content.clone()).expect("written");
         assert_eq!(checkpoint("a").read(), Some(content.clone()));
         assert_eq!(checkpoint("b").read(), None);
-        // Damage is nothing, and is replaced.
+        // A damaged file is ignored, and is replaced.
         let mut bytes = fs::read(checkpoint("a").path()).expect("there");
         *bytes.last_mut().expect("not empty") ^= 1;
         fs::write(checkpoint("a").path(), bytes).expect("written");

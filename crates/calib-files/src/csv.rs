@@ -7,24 +7,25 @@ use crate::{FileError, read_regular};
 /// A column of a CSV file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CsvColumn {
-    /// From the header; without a header the column's number, from 0.
+    /// Name from the header; without a header the column's number, from 0.
     pub name: String,
-    /// The numbers, NaN where a cell is empty; or the first cell that is no number.
+    /// The numbers, NaN where a cell is empty; or the first cell that is not a
+    /// number.
     pub numbers: Result<Vec<f64>, NotANumber>,
 }
 
-/// A cell that is no number.
+/// A cell that is not a number.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected numbers, got `{text}` in line {line}")]
 pub struct NotANumber {
-    /// Line of the record's end, from 1.
+    /// Last line of the record, from 1.
     pub line: u64,
     /// The cell.
     pub text: String,
 }
 
 impl CsvColumn {
-    /// Whether there are numbers in it, and nothing else.
+    /// Whether the column holds at least one number, and no other text.
     pub fn is_numeric(&self) -> bool {
         self.numbers.as_ref().is_ok_and(|numbers| !numbers.iter().all(|number| number.is_nan()))
     }
@@ -45,7 +46,7 @@ impl CsvColumn {
     }
 }
 
-/// Read a CSV file (commas, `"` as quotes, any line ends, empty lines skipped).
+/// Reads a CSV file (commas, `"` as quotes, any line ends, empty lines skipped).
 ///
 /// The first record is a header if it has a cell that is neither a number nor empty.
 ///
@@ -73,7 +74,7 @@ fn parse(bytes: &[u8]) -> Result<Vec<CsvColumn>, String> {
         })
         .collect();
     let expected = columns.len();
-    // A record has a line's end, and a byte between its cells.
+    // A record ends with a line end, and has a byte between its cells.
     let most = bytes.split(|&byte| byte == b'\n').count().min(bytes.len() / expected + 1);
     for column in &mut columns {
         column.numbers.iter_mut().try_for_each(|numbers| reserve(numbers, most))?;
@@ -93,7 +94,7 @@ fn parse(bytes: &[u8]) -> Result<Vec<CsvColumn>, String> {
     Ok(columns)
 }
 
-/// Room for `count` more, or that there is none.
+/// Reserves memory for `count` more values.
 fn reserve<T>(values: &mut Vec<T>, count: usize) -> Result<(), String> {
     let reserved = values.try_reserve_exact(count);
     reserved.map_err(|_| "it does not fit into memory; take fewer records or columns".to_owned())
@@ -104,13 +105,14 @@ struct Record {
     line: u64,
 }
 
-/// The records of a file that is in memory.
+/// Iterates over the records of a file in memory.
 struct Records<'a> {
     reader: Reader,
     rest: &'a [u8],
-    /// Room for the longest record that there can be, unquoted.
+    /// Buffer for the unquoted text of a record. It can hold the longest possible
+    /// one.
     text: Vec<u8>,
-    /// Where its cells end.
+    /// End of each cell in the text.
     ends: Vec<usize>,
 }
 
@@ -151,7 +153,7 @@ impl Iterator for Records<'_> {
             cells += more_cells;
             match result {
                 ReadRecordResult::Record => return Some(self.record(cells, now.last())),
-                // Without input left, the next call ends the last record.
+                // Without further input, the next call ends the last record.
                 ReadRecordResult::InputEmpty => {}
                 ReadRecordResult::OutputEndsFull => self.ends.resize(2 * self.ends.len(), 0),
                 ReadRecordResult::OutputFull | ReadRecordResult::End => return None,

@@ -1,4 +1,4 @@
-//! The one place where calib changes a disk. Each function announces what it does, so that a test can make it fail.
+//! The only module that changes a disk. Each function announces its operation first, so that a test can make it fail.
 
 use std::{
     fs::{self, File},
@@ -11,10 +11,10 @@ use crate::{
     faults::{Operation, reach, reach_or_half},
 };
 
-/// What content is written to.
+/// The buffered writer for the content of a file.
 pub type Output<'a> = BufWriter<Announced<'a>>;
 
-/// A file, every write to which is announced.
+/// A file whose writes are all announced.
 #[derive(Debug)]
 pub struct Announced<'a> {
     file: &'a mut File,
@@ -22,14 +22,14 @@ pub struct Announced<'a> {
 }
 
 impl<'a> Announced<'a> {
-    /// A buffer before `file`, which is written for `path`.
+    /// Returns a buffered writer to `file`, which is written for `path`.
     pub(crate) fn output(file: &'a mut File, path: &'a Path) -> Output<'a> {
         BufWriter::with_capacity(1 << 20, Self { file, path })
     }
 }
 
 impl Announced<'_> {
-    /// What was written is on the disk when this returns.
+    /// Syncs the written data to the disk.
     pub(crate) fn sync(&self) -> io::Result<()> {
         reach(Operation::Sync, self.path)?;
         self.file.sync_all()
@@ -49,7 +49,7 @@ impl Write for Announced<'_> {
     }
 }
 
-/// Create `path` and its parents, if they do not exist. Their names are on the disk when this returns.
+/// Creates `path` and its parents, if they do not exist. Their names are on the disk when this returns.
 ///
 /// # Errors
 /// If the system refuses.
@@ -63,7 +63,7 @@ pub fn create_directory(path: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-/// The working directory, as `parent` of a bare name gives it.
+/// Whether the path is empty: the working directory, as `parent` of a bare name returns it.
 fn names_nothing(path: &Path) -> bool {
     path.as_os_str().is_empty()
 }
@@ -71,14 +71,14 @@ fn names_nothing(path: &Path) -> bool {
 fn make_folder(folder: &Path) -> io::Result<()> {
     reach(Operation::MakeFolder, folder)?;
     match fs::create_dir(folder) {
-        // Another process was faster.
+        // Another process created it first.
         Err(_) if folder.is_dir() => return Ok(()),
         other => other?,
     }
     sync_directory(directory_of(folder))
 }
 
-/// The folder that holds `path`.
+/// Returns the folder that holds `path`.
 pub(crate) fn directory_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !names_nothing(parent) => parent,
@@ -86,7 +86,7 @@ pub(crate) fn directory_of(path: &Path) -> &Path {
     }
 }
 
-/// Without this a renamed file may be gone after a power failure: its name is the directory's content.
+/// Syncs a directory. Without this a renamed file may be lost in a power failure: its name is the directory's content.
 pub(crate) fn sync_directory(directory: &Path) -> io::Result<()> {
     use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     reach(Operation::Sync, directory)?;
@@ -99,10 +99,10 @@ pub(crate) fn sync_directory(directory: &Path) -> io::Result<()> {
     }
 }
 
-/// Remove a file. That there is none is no error.
+/// Removes a file, if it exists.
 ///
 /// # Errors
-/// If there is one, and it cannot be removed.
+/// If it exists and cannot be removed.
 pub fn remove_file(path: &Path) -> Result<(), FileError> {
     match reach(Operation::Remove, path).and_then(|()| fs::remove_file(path)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
@@ -110,11 +110,11 @@ pub fn remove_file(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Remove the files below `folder` that `is_ours` knows by their path in it, and the folders that are empty then. Everything
-/// else stays: other files, links, and what lies at the end of a link. That there is no such folder is no error.
+/// Removes the files below `folder` for which `is_ours` is true, given their path in it, and folders that become empty.
+/// All other files and links are kept, and so are the targets of links. A missing folder is no error.
 ///
 /// # Errors
-/// If a file is there and cannot be removed, or a folder cannot be read.
+/// If a file exists and cannot be removed, or a folder cannot be read.
 pub fn remove_known(
     folder: &Path,
     is_ours: &mut dyn FnMut(&Path) -> bool,
@@ -145,12 +145,12 @@ fn remove_below(
     Ok(())
 }
 
-/// A new folder in the system's folder for temporary files, for what is thrown away; it goes with the value.
+/// A new folder in the system's folder for temporary files. It is removed when the value is dropped.
 #[derive(Debug)]
 pub struct TemporaryFolder(tempfile::TempDir);
 
 impl TemporaryFolder {
-    /// Make it.
+    /// Creates the folder.
     ///
     /// # Errors
     /// If the system refuses.
@@ -160,13 +160,13 @@ impl TemporaryFolder {
         made.map(Self).map_err(|source| FileError::io("create a folder in", &place, source))
     }
 
-    /// Where it is.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         self.0.path()
     }
 }
 
-/// Remove a folder if it is empty; where it is not, or cannot be removed, it stays.
+/// Removes a folder if it is empty. Otherwise, or if it cannot be removed, it is kept.
 pub fn remove_empty_folder(path: &Path) {
     let _ = reach(Operation::Remove, path).and_then(|()| fs::remove_dir(path));
 }

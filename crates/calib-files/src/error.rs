@@ -3,38 +3,38 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// What went wrong with a file, and where.
+/// An error of a file, with its path.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The operating system refused.
     #[error("cannot {action} {}", path.display())]
     Io {
-        /// "read", "write", "create" …
+        /// The action: "read", "write", "create" …
         action: &'static str,
         /// The file or directory.
         path: PathBuf,
         /// The system's reason.
         source: io::Error,
     },
-    /// A file that is there, and is to stay.
+    /// The file exists, and must be kept.
     #[error("{} is there already; --force replaces it", path.display())]
     Occupied {
         /// The file.
         path: PathBuf,
     },
-    /// A file that is to be written, and that is read for it.
+    /// The output file is also an input.
     #[error("{} is what is read; write to another file", path.display())]
     Input {
         /// The file.
         path: PathBuf,
     },
-    /// A file that is to be written, and that somebody else wrote.
+    /// The file to write exists, and calib did not write it.
     #[error("{} is in the way: calib did not write it; move it, or choose another folder", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
     },
-    /// A folder that calib would have to itself, and that has something else in it.
+    /// A folder that calib needs for itself contains other files.
     #[error(
         "{} holds {example}, which calib did not write; choose another folder, or move what is in it",
         folder.display()
@@ -42,39 +42,39 @@ pub enum FileError {
     ForeignFolder {
         /// The folder.
         folder: PathBuf,
-        /// One of the names in it.
+        /// One of these files.
         example: String,
     },
-    /// A NumPy file that is not what calib writes or reads.
+    /// A NumPy file has an unexpected format.
     #[error("{} is not a usable NumPy array: {reason}; write it with numpy.save", path.display())]
     Npy {
         /// The file.
         path: PathBuf,
-        /// What was expected and what was found.
+        /// Expected and actual format.
         reason: String,
     },
-    /// A CSV file whose records are not equally long, or that holds none.
+    /// A CSV file has records of different lengths, or no records.
     #[error("{} is not a usable CSV file: {reason}", path.display())]
     Csv {
         /// The file.
         path: PathBuf,
-        /// What was expected and what was found.
+        /// Expected and actual format.
         reason: String,
     },
-    /// A safetensors file that is none, or that holds what calib cannot use.
+    /// A file is not a safetensors file, or has content that calib cannot use.
     #[error("{} is not a usable safetensors file: {reason}", path.display())]
     Tensors {
         /// The file.
         path: PathBuf,
-        /// What was expected and what was found.
+        /// Expected and actual format.
         reason: String,
     },
-    /// A file that is not what was written.
+    /// A file has changed since it was written.
     #[error("{} is damaged: {reason}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// How that is known.
+        /// The evidence.
         reason: &'static str,
     },
     /// A JSON file that does not have the expected form.
@@ -88,12 +88,12 @@ pub enum FileError {
 }
 
 impl FileError {
-    /// The system's refusal to do `action` with `path`.
+    /// Returns the error that the system refused `action` on `path`.
     pub fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
         Self::Io { action, path: path.to_owned(), source }
     }
 
-    /// Whether the file simply does not exist.
+    /// Whether the file does not exist.
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
     }

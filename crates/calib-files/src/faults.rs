@@ -1,6 +1,6 @@
-//! Failures on purpose: the n-th operation on the disk fails, the disk is full from there on, or the process ends there.
+//! Fault injection: the n-th disk operation fails, the disk is full from there on, or the process ends there.
 //!
-//! Every operation that changes a disk is announced here before it is done. Unless a fault is armed this is one load.
+//! Every operation that changes a disk is announced here before it is done. Without an armed fault this costs one load.
 
 use std::{
     fs::File,
@@ -12,7 +12,7 @@ use std::{
     },
 };
 
-/// What is done to a disk.
+/// A disk operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Operation {
     MakeFolder,
@@ -25,43 +25,43 @@ pub(crate) enum Operation {
 }
 
 impl Operation {
-    /// Whether it takes room.
+    /// Whether it needs disk space.
     fn grows(self) -> bool {
         matches!(self, Self::MakeFolder | Self::Create | Self::Reserve | Self::Write)
     }
 }
 
-/// What is to go wrong. Operations are counted from 1.
+/// The fault to inject. Operations are counted from 1.
 #[derive(Debug)]
 pub enum Fault {
-    /// This operation fails, the others do not.
+    /// This operation fails; the others do not.
     Fail(u64),
-    /// From this operation on nothing that takes room succeeds.
+    /// From this operation on, everything that needs disk space fails.
     Full(u64),
-    /// The process ends before this operation, or half-way through it: no destructor runs.
+    /// The process ends before this operation, or in the middle of it. No destructor runs.
     Kill(u64),
-    /// Nothing; the operations are written to this file, a line each.
+    /// No fault. The operations are written to this file, one per line.
     List(File),
-    /// No lock can be had, as on some file systems of clusters.
+    /// No lock is available, as on some file systems of clusters.
     Lockless,
-    /// So many bytes are said to be free.
+    /// The reported free space, in bytes.
     Free(u64),
 }
 
 static ARMED: OnceLock<Fault> = OnceLock::new();
 static REACHED: AtomicU64 = AtomicU64::new(0);
 
-/// Let this go wrong in this process. A second fault is ignored.
+/// Arms this fault in this process. A second fault is ignored.
 pub fn arm(fault: Fault) {
     let _ = ARMED.set(fault);
 }
 
-/// Whether locks are to fail.
+/// Whether locks must fail.
 pub(crate) fn have_no_locks() -> bool {
     matches!(ARMED.get(), Some(Fault::Lockless))
 }
 
-/// The bytes that are to be said to be free, if any are.
+/// Returns the free space to report, in bytes, if it is overridden.
 pub(crate) fn free() -> Option<u64> {
     match ARMED.get() {
         Some(Fault::Free(bytes)) => Some(*bytes),
@@ -69,12 +69,13 @@ pub(crate) fn free() -> Option<u64> {
     }
 }
 
-/// Announce an operation on `path`: an error if it is to fail.
+/// Announces an operation on `path`, and returns an error if it must fail.
 pub(crate) fn reach(operation: Operation, path: &Path) -> io::Result<()> {
     reach_or_half(operation, path, || ())
 }
 
-/// As [`reach`], of an operation that can be done by half: `half` is done before it fails, or the process ends.
+/// Announces an operation as [`reach`] does, if it can be done by half. `half` is done before it fails, or before the
+/// process ends.
 pub(crate) fn reach_or_half(
     operation: Operation,
     path: &Path,
@@ -95,7 +96,7 @@ pub(crate) fn reach_or_half(
             half();
             std::process::abort()
         }
-        // In one piece: several threads may write theirs.
+        // In one piece, because several threads may write.
         Fault::List(list) => {
             let mut list: &File = list;
             list.write_all(format!("{operation:?} {}\n", path.display()).as_bytes())

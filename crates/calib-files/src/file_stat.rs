@@ -4,23 +4,24 @@ use serde::{Deserialize, Serialize};
 
 use crate::FileError;
 
-/// What the file system says of a file without reading it. As long as nothing of it differs, the content is the same:
-/// every write changes at least `changed_ns`, which programs cannot set. Two writes within one tick of the clock of the
-/// file system have the same.
+/// The metadata of a file, which identify its content without reading it. As long as they are equal, the content is the
+/// same: every write changes at least `changed_ns`, which programs cannot set. The exception is two writes within one
+/// tick of the file system's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct FileStat {
-    /// Size.
+    /// Size, bytes.
     pub bytes: u64,
     /// Time of the last change of its content, in nanoseconds since 1970.
     pub modified_ns: i64,
-    /// Time of the last change of its content, name or rights, in nanoseconds since 1970.
+    /// Time of the last change of content, name or permissions, in nanoseconds since 1970.
     pub changed_ns: i64,
-    /// Number of the file on its file system.
+    /// Inode number on its file system.
     pub inode: u64,
 }
 
 impl FileStat {
-    /// The stamp of a file; none where the system does not tell when a file was changed, or tells of a year beyond 2262.
+    /// Reads the metadata of a file. `None` where the system does not report the time of a change, or reports a year
+    /// beyond 2262.
     ///
     /// # Errors
     /// If there is no such file.
@@ -29,20 +30,21 @@ impl FileStat {
         Ok(known(&found))
     }
 
-    /// The shortest time between two writes that surely have two stamps, in nanoseconds: some file systems count seconds.
+    /// Returns the shortest time between two writes with certainly different stamps, in nanoseconds. Some file systems
+    /// count seconds.
     pub fn tick_ns(&self) -> i64 {
         let counts_seconds =
             self.modified_ns % 1_000_000_000 == 0 && self.changed_ns % 1_000_000_000 == 0;
         if counts_seconds { 2_000_000_000 } else { 20_000_000 }
     }
 
-    /// Nanoseconds until every change, and every file written from then on, has a stamp later by more than a tick. `now_ns` is
-    /// since 1970. Of a file that was not written just now it is 0.
+    /// Returns the nanoseconds until every change, and every new file, has a stamp that is later by more than a tick.
+    /// `now_ns` is since 1970. The result is 0 for a file that was not written just now.
     pub fn unsettled_ns(&self, now_ns: i64) -> u64 {
-        // Two: stamps are of a clock that itself moves by ticks.
+        // Two ticks, because stamps come from a clock that itself advances in ticks.
         let longest = 2 * self.tick_ns();
         let left = self.changed_ns.saturating_add(longest).saturating_sub(now_ns);
-        // The clock of a file system elsewhere may be ahead of ours.
+        // The clock of a remote file system may be ahead.
         left.clamp(0, longest).unsigned_abs()
     }
 }
@@ -62,7 +64,7 @@ fn known(found: &fs::Metadata) -> Option<FileStat> {
     None
 }
 
-/// Seconds and nanoseconds as nanoseconds, if there are not too many.
+/// Returns seconds and nanoseconds as nanoseconds, if they do not overflow.
 #[cfg(unix)]
 fn nanoseconds(secs: i64, ns: i64) -> Option<i64> {
     secs.checked_mul(1_000_000_000)?.checked_add(ns)

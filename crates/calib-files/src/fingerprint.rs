@@ -16,17 +16,17 @@ use crate::{FileError, open_regular};
 pub struct Fingerprint(String);
 
 impl Fingerprint {
-    /// The fingerprint of these bytes.
+    /// Returns the fingerprint of these bytes.
     pub fn of(bytes: &[u8]) -> Self {
         Self(blake3::hash(bytes).to_hex().to_string())
     }
 
-    /// The first twelve digits, for people.
+    /// Returns the first twelve digits, for people.
     pub fn short(&self) -> &str {
         &self.0[..self.0.len().min(12)]
     }
 
-    /// All digits.
+    /// Returns all digits.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -38,36 +38,37 @@ impl fmt::Display for Fingerprint {
     }
 }
 
-/// Builds one fingerprint from parts; parts are length-prefixed, so they cannot run together.
+/// Builds one fingerprint from parts. Parts are length-prefixed, so that different splits give
+/// different fingerprints.
 #[derive(Debug, Default)]
 pub struct Fingerprinter(blake3::Hasher);
 
 impl Fingerprinter {
-    /// Add a part.
+    /// Adds a part.
     pub fn add(&mut self, bytes: &[u8]) -> &mut Self {
         self.0.update(&(bytes.len() as u64).to_le_bytes()).update(bytes);
         self
     }
 
-    /// The fingerprint of all parts so far.
+    /// Returns the fingerprint of all parts so far.
     pub fn finish(&self) -> Fingerprint {
         Fingerprint(self.0.finalize().to_hex().to_string())
     }
 }
 
-/// Bytes that are read at a time: what the cache of a core holds; their chunks are hashed side by side.
+/// Bytes per read: a block that fits in the cache of a core, whose chunks are hashed side by side.
 const READ_AT_ONCE: usize = 1 << 20;
 
-/// The fingerprint of a file's content. Large files are hashed on all threads.
+/// Returns the fingerprint of a file's content. Large files are hashed on all threads.
 ///
 /// # Errors
-/// If the file cannot be read, or is none: a pipe has no content that could be read twice.
+/// If the file cannot be read, or is not a regular file: a pipe cannot be read twice.
 pub fn fingerprint_file(path: &Path) -> Result<Fingerprint, FileError> {
     let mut file = open_regular(path)?;
     fingerprint_rest(&mut file).map_err(|source| FileError::io("read", path, source))
 }
 
-/// The fingerprint of what is still to be read of a file.
+/// Returns the fingerprint of the unread rest of a file.
 fn fingerprint_rest(file: &mut File) -> io::Result<Fingerprint> {
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(READ_AT_ONCE);
     let mut hasher = blake3::Hasher::new();

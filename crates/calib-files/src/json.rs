@@ -4,7 +4,7 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{FileError, read_regular, write_atomically};
 
-/// Read a JSON file.
+/// Reads a JSON file.
 ///
 /// # Errors
 /// If it cannot be read or does not have the form of `T`.
@@ -14,7 +14,8 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
         .map_err(|source| FileError::Json { path: path.to_owned(), source })
 }
 
-/// Write `value` as indented JSON with a final newline, atomically.
+/// Writes `value` as indented JSON with a final newline,
+/// atomically.
 ///
 /// # Errors
 /// If the file cannot be written.

@@ -1,17 +1,15 @@
-//! Files that are whole or absent.
+//! Files that are complete or absent.
 //!
-//! Every file of calib is written to a temporary name beside its place, synced and renamed
-//! ([`write_atomically`]), so that an interrupted command leaves nothing half-written.
-//! Arrays are NumPy files ([`write_npy`], [`map_npy`]) that Python reads in one line and calib maps.
-//! Working arrays that may exceed the memory live in nameless mapped files ([`Scratch`]), what is
-//! only appended and read back in nameless files ([`Spill`]).
-//! Series that come from elsewhere are read as `f64` from NumPy files of any number type
-//! ([`read_array`]) and from CSV ([`read_csv`]). Weights are safetensors files
-//! ([`read_tensors`], [`write_tensors`]). Files that nothing else vouches for carry a fingerprint of themselves
-//! ([`write_sealed_json`], [`read_sealed_tensors`]); what is read must be a file, never a pipe ([`open_regular`]).
-//! Work that may be killed keeps what it needs to go on in a [`CheckpointFile`].
-//! What of a folder is calib's stands in a record there ([`FolderRecord`]): nothing else is replaced or removed.
-//! Nothing but this crate changes a disk, and every operation that does can be made to fail ([`faults`]).
+//! Every file of calib is written to a temporary name beside its place, synced and renamed ([`write_atomically`]),
+//! so that an interrupted command leaves no half-written file. Arrays are NumPy files ([`write_npy`], [`map_npy`])
+//! that Python reads in one line and calib maps. Working arrays that may exceed the memory are nameless mapped
+//! files ([`Scratch`]). Data that are only appended and read back are in nameless files ([`Spill`]). Series from
+//! elsewhere are read as `f64` from NumPy files of any number type ([`read_array`]) and from CSV ([`read_csv`]).
+//! Weights are safetensors files ([`read_tensors`], [`write_tensors`]). Files without another checksum carry their
+//! own fingerprint ([`write_sealed_json`], [`read_sealed_tensors`]). Inputs must be files, never pipes
+//! ([`open_regular`]). Work that may be killed stores the state from which it resumes in a [`CheckpointFile`]. A
+//! record in each folder names the files that calib wrote ([`FolderRecord`]): no others are replaced or removed.
+//! Only this crate changes a disk, and every such operation can be made to fail ([`faults`]).
 //!
 //! ```
 //! use calib_files::{read_sealed_json, write_sealed_json};

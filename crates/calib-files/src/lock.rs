@@ -9,22 +9,22 @@ use crate::{
     faults::{self, Operation, reach},
 };
 
-/// Whether a folder is this process's to write.
+/// The lock of this process on a folder.
 #[derive(Debug)]
 pub enum Lock {
-    /// It is, until the file is closed.
+    /// This process holds it until the file is closed.
     Held(File),
-    /// Another process has it.
+    /// Another process holds it.
     Taken,
-    /// The file system has no locks. Nothing may rest on having one: they keep two commands from doing the same work
-    /// twice, and what both write is the same.
+    /// The file system has no locks. No result may depend on a lock: locks keep two commands from doing the same work
+    /// twice, and both would write the same.
     Unknown,
 }
 
-/// Lock the file `path`, which is made if it is not there.
+/// Locks the file `path`, and creates it if it does not exist.
 ///
 /// # Errors
-/// If the folder is not there or cannot be written, or a link or a folder lies in the place of the file.
+/// If the folder does not exist or cannot be written, or there is a link or a folder in the place of the file.
 pub fn lock(path: &Path) -> Result<Lock, FileError> {
     let file = open_lock(path)?;
     if faults::have_no_locks() {
@@ -37,11 +37,11 @@ pub fn lock(path: &Path) -> Result<Lock, FileError> {
     })
 }
 
-/// Open or make the file that a lock is held on, to read it and to write at its end. Its content stays as it is, and a
-/// link is not followed: whatever lies at its end is somebody's.
+/// Opens or creates a lock file, for reading and appending. Its content is kept. A link is not followed, because its
+/// target does not belong to calib.
 ///
 /// # Errors
-/// If it cannot be made, or something else than a file is called so.
+/// If it cannot be created, or something other than a file has its name.
 pub(crate) fn open_lock(path: &Path) -> Result<File, FileError> {
     let refuse = |source| FileError::io("lock", path, source);
     let mut options = OpenOptions::new();

@@ -1,11 +1,11 @@
-//! Where files are mapped: for a handler of the signal that comes when pages of one are gone.
+//! The address ranges of mapped files, for a signal handler that runs when pages of a file are lost.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Files that are known at a time; a model has a few for each member.
+/// Maximum number of known files at a time. A model has a few per ensemble member.
 const MOST: usize = 4096;
 
-/// Addresses of one file; nothing where both are 0.
+/// Addresses of one file; unused where both are 0.
 struct Range {
     start: AtomicUsize,
     end: AtomicUsize,
@@ -14,7 +14,7 @@ struct Range {
 static RANGES: [Range; MOST] =
     [const { Range { start: AtomicUsize::new(0), end: AtomicUsize::new(0) } }; MOST];
 
-/// Whether a file that calib maps lies at `address`. A handler of signals may ask: nothing is locked or allocated.
+/// Whether `address` is in a file that calib maps. Signal handlers may call it: it neither locks nor allocates.
 pub fn is_mapped(address: usize) -> bool {
     RANGES.iter().any(|range| {
         let start = range.start.load(Ordering::Acquire);
@@ -23,12 +23,12 @@ pub fn is_mapped(address: usize) -> bool {
     })
 }
 
-/// A mapped file that is known as long as this lives. Of more than can be known the others are not.
+/// The registration of a mapped file, which ends when it is dropped. `None` if too many files are registered.
 #[derive(Debug)]
 pub(crate) struct Known(Option<usize>);
 
 impl Known {
-    /// The file that was mapped to these bytes.
+    /// Registers the file that is mapped to these bytes.
     pub(crate) fn of(bytes: &[u8]) -> Self {
         let start = bytes.as_ptr() as usize;
         let end = bytes.as_ptr() as usize + bytes.len();

@@ -1,9 +1,9 @@
 use crate::Fingerprint;
 
-/// A name as a file name: everything unusual is written as its code, so that different names never share a
-/// place and none leads elsewhere. Letters keep their case, so names that differ in case alone still collide
-/// on file systems that ignore it. A name that would be too long for a file system ends in `~` and a fingerprint of
-/// itself.
+/// Converts a name to a file name. Unusual characters are written as their codes, so that different names get
+/// different files and no name leads to another folder. Letters keep their case, so names that differ only in case
+/// still collide on file systems that ignore it. A name that would be too long for a file system ends in `~` and a
+/// fingerprint of the name.
 pub fn file_name(name: &str) -> String {
     let whole = encoded(name);
     if whole.len() <= LONGEST {
@@ -14,14 +14,14 @@ pub fn file_name(name: &str) -> String {
     format!("{}~{digits}", &whole[..LONGEST - DIGITS - 1])
 }
 
-/// Bytes of a name: what is put before and after it, such as `learning-` and `.safetensors`, fits into the 255 of a
-/// file system as well.
+/// Maximum bytes of an encoded name. Prefixes and suffixes, such as `learning-` and `.safetensors`, then fit into
+/// the 255 of a file system as well.
 const LONGEST: usize = 120;
 
-/// Digits of the fingerprint of a name that was cut.
+/// Digits of the fingerprint of a truncated name.
 const DIGITS: usize = 16;
 
-/// Only ASCII, so that it can be cut anywhere.
+/// Encodes the name in ASCII only, so that it can be cut anywhere.
 fn encoded(name: &str) -> String {
     use std::fmt::Write as _;
     name.chars().enumerate().fold(String::new(), |mut file, (position, character)| {

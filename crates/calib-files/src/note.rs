@@ -1,4 +1,4 @@
-//! Notes: small files that say how work stands, and that nothing rests on.
+//! Notes: small files that report the state of work, and that no result depends on.
 
 use std::{
     fs,
@@ -8,11 +8,11 @@ use std::{
 
 use crate::{atomic::temporary_in, disk::directory_of};
 
-/// Write a note in place of the one before, as a whole. Unlike a result it is not synced: a crash of the machine may lose
-/// it. Nor can it be made to fail on purpose: when it is written depends on the clock.
+/// Writes a note in place of the previous one, as a whole. Unlike a result it is not synced: a crash of the machine may
+/// lose it. Fault injection does not apply either, because the time of the write depends on the clock.
 ///
 /// # Errors
-/// If the folder cannot be made or written.
+/// If the folder cannot be created or written.
 pub fn write_note(path: &Path, text: &[u8]) -> io::Result<()> {
     let directory = directory_of(path);
     fs::create_dir_all(directory)?;
@@ -22,8 +22,7 @@ pub fn write_note(path: &Path, text: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Remove a note, and those of the folders around it that hold nothing else, as far as `root`. What cannot be removed
-/// stays.
+/// Removes a note, and the enclosing folders that become empty, up to `root`. Files that cannot be removed are kept.
 pub fn remove_note(path: &Path, root: &Path) {
     let _ = fs::remove_file(path);
     for folder in path.ancestors().skip(1) {

@@ -34,7 +34,8 @@ fn header<T: NpyElement>(rows: usize, columns: usize) -> Vec<u8> {
         "{{'descr': '{}', 'fortran_order': False, 'shape': ({rows}, {columns}), }}",
         T::DESCRIPTION
     );
-    // Magic, length, dictionary and newline together are padded so that the data is aligned to 64.
+    // Magic, length, dictionary and newline together are padded so that the data are aligned to 64
+    // bytes.
     let unpadded = MAGIC.len() + 2 + dictionary.len() + 1;
     let padding = unpadded.next_multiple_of(64) - unpadded;
     let length = (dictionary.len() + padding + 1) as u16;
@@ -47,7 +48,7 @@ fn header<T: NpyElement>(rows: usize, columns: usize) -> Vec<u8> {
     header
 }
 
-/// Write a `[rows, columns]` array, row-major, in NumPy's format 1.0, atomically.
+/// Writes a `[rows, columns]` array, row-major, in NumPy's format 1.0, atomically.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -70,7 +71,7 @@ pub fn write_npy<T: NpyElement>(
 /// A two-dimensional array in a mapped file.
 #[derive(Debug)]
 pub struct MappedNpy<T> {
-    /// Forgotten before the file is unmapped.
+    /// Dropped before the file is unmapped.
     _known: Known,
     map: Mmap,
     offset: usize,
@@ -80,17 +81,17 @@ pub struct MappedNpy<T> {
 }
 
 impl<T: NpyElement> MappedNpy<T> {
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Number of columns.
+    /// Returns the number of columns.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// All values, row-major.
+    /// Returns all values, row-major.
     pub fn as_slice(&self) -> &[T] {
         bytemuck::cast_slice(&self.map[self.offset..])
     }
@@ -102,7 +103,7 @@ impl<T: NpyElement> AsRef<[T]> for MappedNpy<T> {
     }
 }
 
-/// Map the array that [`write_npy`] (or NumPy, row-major) wrote.
+/// Maps an array that [`write_npy`] (or NumPy, row-major) wrote.
 ///
 /// # Errors
 /// If the file cannot be read, has another element type or shape, or is truncated.
@@ -137,7 +138,7 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
     if !offset.is_multiple_of(align_of::<T>()) {
         return Err(bad("the data is not aligned; save it again with NumPy".to_owned()));
     }
-    // Before the map moves: its bytes stay where they are.
+    // Before the map is moved: its bytes keep their address.
     Ok(MappedNpy { _known: Known::of(&map), map, offset, rows, columns, element: PhantomData })
 }
 

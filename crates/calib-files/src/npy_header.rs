@@ -1,31 +1,31 @@
-//! The header of a NumPy file, as strict as NumPy is: what it refuses to load is refused here too.
+//! The header of a NumPy file. Parsing is as strict as NumPy's: a header that NumPy refuses is refused here too.
 //!
 //! After <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>: magic, version, length, and a Python
 //! dictionary of exactly three keys.
 
-/// Most dimensions that an array of NumPy has.
+/// Maximum number of dimensions of a NumPy array.
 const MOST_DIMENSIONS: usize = 64;
-/// Longest header that NumPy loads.
+/// Length of the longest header that NumPy loads.
 const LONGEST: usize = 10_000;
 
-/// What a NumPy file holds.
+/// The contents of a NumPy header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct NpyHeader<'a> {
-    /// NumPy's name of the type of its numbers: `<f8`.
+    /// NumPy's name of the number type: `<f8`.
     pub(crate) description: &'a str,
     /// Whether the first dimension is fastest.
     pub(crate) is_column_major: bool,
     /// Length of each dimension.
     pub(crate) shape: Vec<usize>,
-    /// Where the data begin.
+    /// Offset of the data.
     pub(crate) data: usize,
 }
 
 impl<'a> NpyHeader<'a> {
-    /// Of a file that begins with `bytes`.
+    /// Parses the header of a file that begins with `bytes`.
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// A description of the error.
     pub(crate) fn parse(bytes: &'a [u8]) -> Result<Self, String> {
         let Some(rest) = bytes.strip_prefix(b"\x93NUMPY") else {
             return Err("it does not begin as NumPy files do".to_owned());
@@ -54,7 +54,7 @@ impl<'a> NpyHeader<'a> {
         Ok(header)
     }
 
-    /// Bytes of its data, if numbers take `size` each; none if there are more than can be counted.
+    /// Returns the bytes of the data for numbers of `size` bytes, or `None` on overflow.
     pub(crate) fn bytes(&self, size: usize) -> Option<usize> {
         self.shape.iter().try_fold(size, |product, &length| product.checked_mul(length))
     }
@@ -68,7 +68,7 @@ fn lacks(key: &str) -> String {
     format!("the header has no {key:?}")
 }
 
-/// A literal of Python that is being read.
+/// A parser of a Python dictionary literal.
 struct Dictionary<'a> {
     rest: &'a str,
 }
@@ -128,7 +128,7 @@ impl<'a> Dictionary<'a> {
         }
     }
 
-    /// The next few letters.
+    /// Returns the next few characters.
     fn shown(&self) -> String {
         format!("{:?}", self.rest.chars().take(20).collect::<String>())
     }
@@ -161,7 +161,7 @@ impl<'a> Dictionary<'a> {
         Ok(truth)
     }
 
-    /// A tuple of lengths: one alone has a comma behind it.
+    /// Parses a tuple of lengths. A single length has a comma after it.
     fn shape(&mut self) -> Result<Vec<usize>, String> {
         self.expect("(")?;
         let mut shape = Vec::new();
@@ -209,7 +209,7 @@ mod tests {
         NpyHeader::parse(bytes.leak())
     }
 
-    /// The shape of a header that gives it so.
+    /// Returns the shape of a header with this text.
     fn read_shape(shape: &str) -> Result<Vec<usize>, String> {
         let header = format!("{{'descr':\"|u1\",'fortran_order':True,'shape':{shape}}}");
         parse(&header).map(|header| header.shape)

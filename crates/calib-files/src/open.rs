@@ -6,9 +6,9 @@ use std::{
 
 use crate::FileError;
 
-/// Open a file to read it. Pipes, sockets and devices are refused before they are opened: opening one can wait for
-/// ever, and reading one has effects. So are files below `/proc` and `/sys`, which are what the kernel says at the moment, and
-/// may never end.
+/// Opens a file for reading. Pipes, sockets and devices are refused before they are opened: opening one can wait for
+/// ever, and reading one has side effects. Files below `/proc` and `/sys` are refused too: the kernel generates them on
+/// reading, and they may never end.
 ///
 /// # Errors
 /// If there is no such file, it cannot be read, or it is not a regular file.
@@ -17,7 +17,7 @@ pub fn open_regular(path: &Path) -> Result<File, FileError> {
     File::open(path).map_err(|source| FileError::io("read", path, source))
 }
 
-/// The content of a file, refused as in [`open_regular`].
+/// Reads the content of a file, with the refusals of [`open_regular`].
 ///
 /// # Errors
 /// As [`open_regular`].
@@ -26,11 +26,11 @@ pub fn read_regular(path: &Path) -> Result<Vec<u8>, FileError> {
     fs::read(path).map_err(|source| FileError::io("read", path, source))
 }
 
-/// Open a file to write at its end, refused as in [`open_regular`]; it is made if there is none. For what is said of work, not
-/// for results: those are whole or absent.
+/// Opens a file for appending, with the refusals of [`open_regular`], and creates it if it does not exist. This is for
+/// logs of work, not for results, which are complete or absent.
 ///
 /// # Errors
-/// If it is no regular file, or cannot be made or written.
+/// If it is no regular file, or cannot be created or written.
 pub fn open_to_append(path: &Path) -> Result<File, FileError> {
     if fs::symlink_metadata(path).is_ok() {
         require_regular(path)?;
@@ -39,7 +39,7 @@ pub fn open_to_append(path: &Path) -> Result<File, FileError> {
     opened.map_err(|source| FileError::io("write", path, source))
 }
 
-/// Check that `path` leads to a regular file.
+/// Checks that `path` leads to a regular file.
 ///
 /// # Errors
 /// If there is no such file, or it is a folder, a pipe, a socket or a device.
@@ -58,7 +58,7 @@ pub fn require_regular(path: &Path) -> Result<(), FileError> {
     Err(FileError::io("read", path, io::Error::new(io::ErrorKind::InvalidInput, reason)))
 }
 
-/// Whether two paths lead to the same file, which exists.
+/// Whether two paths lead to the same existing file.
 pub fn is_same_file(one: &Path, other: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -71,14 +71,14 @@ pub fn is_same_file(one: &Path, other: &Path) -> bool {
     }
 }
 
-/// The file system and the number of the file that a path leads to, if it exists.
+/// Returns the device and inode number of the file that a path leads to, if it exists.
 #[cfg(unix)]
 fn identity(path: &Path) -> Option<(u64, u64)> {
     use std::os::unix::fs::MetadataExt as _;
     fs::metadata(path).ok().map(|metadata| (metadata.dev(), metadata.ino()))
 }
 
-/// Whether a file is on a file system that holds nothing: reading it asks the kernel.
+/// Whether a file is on a virtual file system, whose content the kernel generates on reading.
 #[cfg(target_os = "linux")]
 fn is_of_the_kernel(path: &Path) -> bool {
     // PROC_SUPER_MAGIC, SYSFS_MAGIC, DEBUGFS_MAGIC, TRACEFS_MAGIC, SECURITYFS_MAGIC, CGROUP_SUPER_MAGIC, CGROUP2_SUPER_MAGIC,
@@ -122,7 +122,7 @@ mod tests {
         assert!(open_to_append(&directory.path().join("none/log")).is_err());
     }
 
-    /// Why a path is not opened.
+    /// Returns the message with which a path is refused.
     fn refusal(path: &Path) -> String {
         format!("{:?}", open_regular(path).expect_err("refused"))
     }

@@ -1,5 +1,5 @@
-//! What of a folder is calib's, written in the file that its lock is held on: what somebody else put there is neither
-//! replaced nor removed, whatever it is called.
+//! The record of calib's files in a folder, written in the lock file. All other files are neither replaced nor removed,
+//! whatever their names.
 
 use std::{
     collections::BTreeSet,
@@ -12,18 +12,18 @@ use crate::{
     FileError, create_directory, disk::Announced, is_temporary, lock::open_lock, write_new,
 };
 
-/// The file in each folder.
+/// Name of the file in each folder.
 pub const LOCK: &str = ".lock";
 
-/// What the file begins with; a line a name follows.
+/// First line of the file. One name per line follows.
 const TITLE: &str =
     "calib keeps this file, and replaces and removes in this folder only what it names:\n";
 /// Stands for everything in the folder.
 const EVERYTHING: &str = "*";
-/// What the name of a file outside of the folder begins with.
+/// Prefix of the name of a file outside the folder.
 const OUTSIDE: &str = "../";
 
-/// What of a folder is calib's.
+/// The names of calib's files in a folder.
 #[derive(Clone, Debug)]
 pub struct FolderRecord {
     folder: PathBuf,
@@ -31,51 +31,52 @@ pub struct FolderRecord {
 }
 
 impl FolderRecord {
-    /// The record of `folder`: nothing is calib's where there is none.
+    /// Reads the record of `folder`. Without a record, no file is calib's.
     ///
     /// # Errors
-    /// If there is one that cannot be read.
+    /// If the record exists and cannot be read.
     pub fn read(folder: &Path) -> Result<Self, FileError> {
         let text = read(&folder.join(LOCK))?;
         let names = text.strip_prefix(TITLE).unwrap_or_default().lines().map(str::to_owned);
         Ok(Self { folder: folder.to_owned(), names: names.collect() })
     }
 
-    /// The record of `folder`, which may be somebody's: it is made where there is none.
+    /// Opens the record of `folder`, which may also hold other files. It is created if it does not exist.
     ///
     /// # Errors
-    /// [`FileError::Foreign`] if somebody else's file is called as the record is; or if it cannot be written.
+    /// [`FileError::Foreign`] if a file with the record's name is not calib's; or if it cannot be written.
     pub fn open(folder: &Path) -> Result<Self, FileError> {
         let record = Self::read(folder)?;
         record.make("")?;
         Ok(record)
     }
 
-    /// As [`open`](Self::open), of a folder that must be new, empty, or have nothing in it but what its record names.
+    /// Opens the record as [`open`](Self::open) does. The folder must be new, empty, or hold only files that its record
+    /// names.
     ///
     /// # Errors
-    /// [`FileError::ForeignFolder`] if there is something else in it; or if it cannot be written.
+    /// [`FileError::ForeignFolder`] if it holds other files; or if it cannot be written.
     pub fn open_own(folder: &Path) -> Result<Self, FileError> {
         Self::check(folder, || false)?;
         Self::open(folder)
     }
 
-    /// Make `folder` calib's as a whole, which it is from then on. It must be new, empty or calib's already, or `is_ours`
-    /// must know it.
+    /// Makes the whole of `folder` calib's from now on. It must be new, empty or calib's already, or `is_ours` must
+    /// recognise it.
     ///
     /// # Errors
-    /// [`FileError::ForeignFolder`] if there is something else in it; or if it cannot be written.
+    /// [`FileError::ForeignFolder`] if it holds other files; or if it cannot be written.
     pub fn take(folder: &Path, is_ours: impl FnOnce() -> bool) -> Result<Self, FileError> {
         create_directory(folder)?;
         let mut record = Self::check(folder, is_ours)?;
         if fs::symlink_metadata(folder.join(LOCK)).is_err() {
-            // At once, so that of several calibs one does it.
+            // In one operation, so that only one of several calib processes does it.
             record.make(&format!("{EVERYTHING}\n"))?;
             record = Self::read(folder)?;
         }
         if !record.names.contains(EVERYTHING) {
             match record.add([EVERYTHING]) {
-                // The folder is known to be calib's, whatever became of the record.
+                // The folder is known to be calib's, whatever happened to the record.
                 Err(FileError::Foreign { .. }) => drop(record.names.insert(EVERYTHING.to_owned())),
                 added => added?,
             }
@@ -83,13 +84,13 @@ impl FolderRecord {
         Ok(record)
     }
 
-    /// Whether `folder` could be taken, which need not exist; nothing is written.
+    /// Checks whether `folder`, which need not exist, could be taken. Nothing is written.
     ///
     /// # Errors
     /// As [`take`](Self::take).
     pub fn check(folder: &Path, is_ours: impl FnOnce() -> bool) -> Result<Self, FileError> {
-        // Before the record is read: whoever makes a folder calib's writes the record before anything else, so that what
-        // another calib has written here meanwhile is not taken for somebody's.
+        // The files are listed before the record is read. A process that takes a folder writes the record before
+        // anything else, so files that another calib has written meanwhile are not mistaken for foreign ones.
         let files = if Self::read(folder)?.names.contains(EVERYTHING) {
             Vec::new()
         } else {
@@ -97,28 +98,30 @@ impl FolderRecord {
         };
         let record = Self::read(folder)?;
         let foreign = files.into_iter().filter(|name| !record.has(name));
-        // The same one each time.
+        // The minimum, so that the message is always the same.
         match foreign.min().filter(|_| !is_ours()) {
             Some(example) => Err(FileError::ForeignFolder { folder: folder.to_owned(), example }),
             None => Ok(record),
         }
     }
 
-    /// The names that calib wrote.
+    /// Returns the names that calib wrote.
     pub fn names(&self) -> &BTreeSet<String> {
         &self.names
     }
 
-    /// Whether what is called `name` in the folder is calib's.
+    /// Whether the file `name` in the folder is calib's.
     pub fn has(&self, name: &str) -> bool {
-        // Not even what is calib's as a whole reaches out of it.
+        // Even a folder that is calib's as a whole does not cover files outside it.
         self.names.contains(name) || (self.names.contains(EVERYTHING) && !name.starts_with(OUTSIDE))
     }
 
-    /// Note, before they are written, that files in this folder, or in one that they name the way to, are calib's.
+    /// Records that files in this folder, or outside it by a relative path, are calib's. Call it before they are
+    /// written.
     ///
     /// # Errors
-    /// [`FileError::Foreign`] if one of them is there and somebody else's: then none is noted. Or if nothing can be written.
+    /// [`FileError::Foreign`] if one of them exists and is not calib's; then none is recorded. Or if nothing can be
+    /// written.
     pub fn note<S: Into<String>>(
         &mut self,
         names: impl IntoIterator<Item = S>,
@@ -131,7 +134,7 @@ impl FolderRecord {
             }
             let path = self.folder.join(&name);
             if fs::symlink_metadata(&path).is_ok() {
-                // Where there are no locks, another calib may have noted and written it meanwhile.
+                // Without locks, another calib may have recorded and written it meanwhile.
                 self.names.extend(Self::read(&self.folder)?.names);
                 if self.has(&name) {
                     continue;
@@ -147,7 +150,7 @@ impl FolderRecord {
         self.add(new)
     }
 
-    /// Note that files are calib's which are known to be.
+    /// Records files that are known to be calib's.
     ///
     /// # Errors
     /// If nothing can be written.
@@ -167,10 +170,10 @@ impl FolderRecord {
         }
         let there = read(&path)?;
         let text = match there.strip_prefix(TITLE) {
-            // A kill may have left half a line.
+            // A killed process may have left half a line.
             Some(before) if !before.is_empty() && !before.ends_with('\n') => format!("\n{lines}"),
             Some(_) => lines,
-            // Of a calib that noted nothing.
+            // The file was written by a calib that kept no record.
             None if there.is_empty() => format!("{TITLE}{lines}"),
             None => return Err(FileError::Foreign { path }),
         };
@@ -179,14 +182,14 @@ impl FolderRecord {
         Ok(())
     }
 
-    /// Make the file with these lines, unless it is there.
+    /// Creates the file with these lines, unless it exists.
     fn make(&self, lines: &str) -> Result<(), FileError> {
         let path = self.folder.join(LOCK);
         if read(&path)?.starts_with(TITLE) {
             return Ok(());
         }
         match write_new(&path, |file| write!(file, "{TITLE}{lines}")) {
-            // Another calib was faster.
+            // Another calib created it first.
             Err(FileError::Occupied { .. }) if read(&path)?.starts_with(TITLE) => Ok(()),
             Err(FileError::Occupied { path }) => Err(FileError::Foreign { path }),
             made => made,
@@ -199,7 +202,7 @@ fn append(path: &Path, text: &str) -> Result<(), FileError> {
     write_through(&mut file, path, text).map_err(|source| FileError::io("write", path, source))
 }
 
-/// Write `text` to an open file, and on to the disk.
+/// Writes `text` to an open file, and syncs it to the disk.
 fn write_through(file: &mut File, path: &Path, text: &str) -> io::Result<()> {
     let mut output = Announced::output(file, path);
     output.write_all(text.as_bytes())?;
@@ -207,7 +210,7 @@ fn write_through(file: &mut File, path: &Path, text: &str) -> io::Result<()> {
     output.get_ref().sync()
 }
 
-/// What the record says, as far as it is one: a link is somebody's, and so is what it leads to.
+/// Reads the text of the record. A link is not a record: it and its target are not calib's.
 fn read(path: &Path) -> Result<String, FileError> {
     if !fs::symlink_metadata(path).is_ok_and(|found| found.is_file()) {
         return Ok(String::new());
@@ -216,7 +219,8 @@ fn read(path: &Path) -> Result<String, FileError> {
     Ok(String::from_utf8(bytes).unwrap_or_default())
 }
 
-/// The names of what is in a folder and in those below, but for records and what a killed process leaves of a file.
+/// Returns the names of the files in a folder and its subfolders, without records and temporary files of killed
+/// processes.
 fn files(folder: &Path, before: &str) -> Result<Vec<String>, FileError> {
     let refused = |source| FileError::io("read the folder", folder, source);
     let entries = match fs::read_dir(folder) {
@@ -295,7 +299,7 @@ mod tests {
         assert!(!FolderRecord::read(folder).expect("readable").has("another"));
         write(folder, "another");
         assert!(record.note(["another"]).is_err());
-        // Half a line of a kill stands for itself.
+        // Half a line of a killed process counts as a name of its own.
         let path = folder.join(LOCK);
         let text = fs::read_to_string(&path).expect("readable");
         fs::write(&path, &text[..text.len() - 3]).expect("written");

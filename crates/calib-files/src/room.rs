@@ -1,14 +1,14 @@
-//! How much room a disk has.
+//! Free and used disk space.
 
 use std::{fs, path::Path};
 
 use crate::faults;
 
-/// A file takes whole blocks of so many bytes on most disks.
+/// Size of a block, bytes. On most disks a file takes whole blocks of this size.
 const BLOCK_BYTES: u64 = 4_096;
 
-/// Bytes that this user may still write to the file system on which `path` lies, or will lie once it is made. None where the system
-/// does not say: some file systems of networks say 0.
+/// Returns the bytes that this user may still write to the file system of `path`, which need not exist yet. `None`
+/// where the system does not report it: some network file systems report 0.
 pub fn free_bytes(path: &Path) -> Option<u64> {
     let folder = path.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
     faults::free().or_else(|| told_of(folder)).filter(|free| *free > 0)
@@ -25,7 +25,8 @@ fn told_of(_folder: &Path) -> Option<u64> {
     None
 }
 
-/// Bytes that the files in `folder` and below it take, in whole blocks; 0 where there is no such folder. Links are not followed.
+/// Returns the bytes that the files in `folder` and below it take, in whole blocks; 0 if the folder does not exist.
+/// Links are not followed.
 pub fn taken_bytes(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let taken = entries.map(|entry| match entry.metadata() {
@@ -45,7 +46,7 @@ mod tests {
     fn a_folder_that_is_not_there_yet_has_the_room_of_the_one_above() {
         let directory = tempfile::tempdir().expect("a directory");
         let free = free_bytes(&directory.path().join("new").join("newer")).expect("told");
-        // Others may write meanwhile, but not to another disk.
+        // Other processes may write meanwhile, but not to another disk.
         let above = free_bytes(directory.path()).expect("told");
         assert!(free > 0 && free.abs_diff(above) < above / 2 + 1, "{free} and {above}");
         assert!(free_bytes(Path::new("nowhere/at/all")).is_some(), "of the working directory");

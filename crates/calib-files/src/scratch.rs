@@ -14,14 +14,14 @@ use crate::{
     faults::{Operation, reach},
 };
 
-/// Where working arrays live.
+/// The place of working arrays.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ScratchPlace {
     /// In memory.
     #[default]
     Memory,
-    /// In nameless files in this directory, mapped: the system may write them out and read them back, so they
-    /// take memory only as long as there is some. They vanish with the process, however it ends.
+    /// In nameless, mapped files in this directory. The system may write them out and read them back, so they take
+    /// memory only as long as it is free. They are removed with the process, however it ends.
     Disk(PathBuf),
 }
 
@@ -38,14 +38,14 @@ enum Storage<T> {
 }
 
 impl<T: Pod + Zeroable> Scratch<T> {
-    /// `len` zeros.
+    /// Allocates `len` zeros.
     ///
     /// # Errors
-    /// If the file cannot be made, or the disk is too full for it.
+    /// If the file cannot be created, or there is not enough disk space.
     pub fn zeroed(len: usize, place: &ScratchPlace) -> Result<Self, FileError> {
         let storage = match place {
             ScratchPlace::Memory => Storage::Heap(vec![T::zeroed(); len]),
-            // Nothing cannot be mapped.
+            // An empty file cannot be mapped.
             ScratchPlace::Disk(_) if len == 0 => Storage::Heap(Vec::new()),
             ScratchPlace::Disk(directory) => {
                 create_directory(directory)?;
@@ -58,8 +58,8 @@ impl<T: Pod + Zeroable> Scratch<T> {
     }
 }
 
-/// A nameless file of numbers that are written and read in pieces, wherever they lie. A mapped file of which pieces far
-/// apart are read is read many times over where memory is short: the system reads ahead of each.
+/// A nameless file of numbers that are written and read in pieces at any position. When memory is short, reading
+/// distant pieces of a mapped file reads it many times over, because the system reads ahead of each piece.
 #[derive(Debug)]
 pub struct ScratchFile<T> {
     file: File,
@@ -68,10 +68,10 @@ pub struct ScratchFile<T> {
 }
 
 impl<T: Pod> ScratchFile<T> {
-    /// A file in `directory`, with room for `len` numbers.
+    /// Creates a file in `directory`, with room for `len` numbers.
     ///
     /// # Errors
-    /// If the file cannot be made, or the disk is too full for it.
+    /// If the file cannot be created, or there is not enough disk space.
     pub fn new(len: usize, directory: &Path) -> Result<Self, FileError> {
         create_directory(directory)?;
         let file = nameless(directory, len * size_of::<T>())
@@ -79,7 +79,7 @@ impl<T: Pod> ScratchFile<T> {
         Ok(Self { file, directory: directory.to_owned(), element: PhantomData })
     }
 
-    /// Write `values` from the position of number `first` on.
+    /// Writes `values` from the position of number `first` on.
     ///
     /// # Errors
     /// If the disk refuses.
@@ -88,10 +88,10 @@ impl<T: Pod> ScratchFile<T> {
             .map_err(|source| FileError::io("write a working file in", &self.directory, source))
     }
 
-    /// Read as many `values` as there is room for, from the position of number `first` on.
+    /// Fills `values` from the position of number `first` on.
     ///
     /// # Errors
-    /// If the disk refuses, or there are no so many.
+    /// If the disk refuses, or there are not enough numbers.
     pub fn read(&self, first: usize, values: &mut [T]) -> Result<(), FileError> {
         read_exact_at(&self.file, bytemuck::cast_slice_mut(values), first * size_of::<T>())
             .map_err(|source| FileError::io("read a working file in", &self.directory, source))
@@ -129,7 +129,7 @@ fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: usize) -> io::Re
     Ok(())
 }
 
-/// A file without a name, with room for as many bytes.
+/// Creates a nameless file of `bytes` bytes.
 fn nameless(directory: &Path, bytes: usize) -> io::Result<File> {
     reach(Operation::Reserve, directory)?;
     let mut file = tempfile::tempfile_in(directory)?;
@@ -139,16 +139,16 @@ fn nameless(directory: &Path, bytes: usize) -> io::Result<File> {
 
 fn map_nameless(directory: &Path, bytes: usize) -> io::Result<MmapMut> {
     let file = nameless(directory, bytes)?;
-    // SAFETY: the file has no name, and this process has the only handle: nobody else changes it.
+    // SAFETY: the file has no name, and this process has the only handle: no other process changes it.
     #[expect(unsafe_code, reason = "memory-mapping a file is unsafe by nature")]
     unsafe {
         MmapMut::map_mut(&file)
     }
 }
 
-/// Take the space now: a full disk must be an error here, not a fault where the array is used.
+/// Reserves the disk space now: a full disk must be an error here, not a fault where the array is used.
 fn reserve(file: &mut File, bytes: usize) -> io::Result<()> {
-    // The system refuses to reserve nothing.
+    // The system refuses to reserve 0 bytes.
     #[cfg(target_os = "linux")]
     if bytes > 0 {
         use rustix::fs::{FallocateFlags, fallocate};

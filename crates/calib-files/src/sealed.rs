@@ -1,4 +1,4 @@
-//! JSON files that tell whether they are what was written: their last entry is the fingerprint of all before it.
+//! JSON files with a checksum: their last entry is the fingerprint of all before it.
 
 use std::{io, path::Path};
 
@@ -8,12 +8,13 @@ use crate::{FileError, Fingerprint, read_regular, write_atomically, write_new};
 
 const OPENS: &str = ",\n  \"fingerprint\": \"";
 const CLOSES: &str = "\"\n}\n";
-/// Of a file without its seal.
+/// The end of a file without its fingerprint.
 const END: &str = "\n}\n";
 /// Hexadecimal digits of a fingerprint.
 const DIGITS: usize = 64;
 
-/// Write `value` as [`crate::write_json`] does, with a last entry `fingerprint`: of the file's bytes before that entry.
+/// Writes `value` as [`crate::write_json`] does, with a last entry `fingerprint`: that of the file's bytes before that
+/// entry.
 ///
 /// # Errors
 /// If the file cannot be written, or `value` is no object with entries.
@@ -22,16 +23,16 @@ pub fn write_sealed_json<T: Serialize>(path: &Path, value: &T) -> Result<(), Fil
     write_atomically(path, |file| io::Write::write_all(file, text.as_bytes()))
 }
 
-/// As [`write_sealed_json`], of a file that must not be there yet.
+/// Writes a new file as [`write_sealed_json`] does.
 ///
 /// # Errors
-/// As [`write_sealed_json`], and [`FileError::Occupied`] if it is.
+/// As [`write_sealed_json`], and [`FileError::Occupied`] if it exists.
 pub fn write_new_sealed_json<T: Serialize>(path: &Path, value: &T) -> Result<(), FileError> {
     let text = sealed(path, value)?;
     write_new(path, |file| io::Write::write_all(file, text.as_bytes()))
 }
 
-/// The text of the file.
+/// Returns the text of the file.
 fn sealed<T: Serialize>(path: &Path, value: &T) -> Result<String, FileError> {
     let invalid = |source: io::Error| FileError::io("write", path, source);
     let text = serde_json::to_string_pretty(value).map_err(|error| invalid(error.into()))? + "\n";
@@ -42,10 +43,10 @@ fn sealed<T: Serialize>(path: &Path, value: &T) -> Result<String, FileError> {
     Ok(format!("{body}{OPENS}{seal}{CLOSES}"))
 }
 
-/// Read what [`write_sealed_json`] wrote.
+/// Reads a file that [`write_sealed_json`] wrote.
 ///
 /// # Errors
-/// If it cannot be read, one byte of it differs from what was written, or it does not have the form of `T`.
+/// If it cannot be read, one byte of it has changed, or it does not have the form of `T`.
 pub fn read_sealed_json<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
     let bytes = read_regular(path)?;
     let damaged = |reason: &'static str| FileError::Damaged { path: path.to_owned(), reason };

@@ -1,4 +1,4 @@
-//! A file that is opened once and read from many places.
+//! A file that is opened once and read at many positions.
 
 use std::{
     fs::File,
@@ -12,13 +12,14 @@ use std::{
 
 use crate::{FileError, open_regular};
 
-/// Files that are held open at a time. Systems allow a process 1,024 or fewer; what is opened beyond is opened again for
-/// each reader.
+/// Maximum number of files that are held open. Systems allow a process 1,024 or fewer. Files beyond this number are
+/// opened again for each reader.
 const MOST: usize = 200;
 
 static HELD: AtomicUsize = AtomicUsize::new(0);
 
-/// A file to read. Whoever replaces it meanwhile changes nothing of what is read, as long as not too many are held.
+/// A file for reading. If the file is replaced meanwhile, the old content is still read, as long as not too many files
+/// are held.
 #[derive(Debug)]
 pub struct HeldFile {
     path: PathBuf,
@@ -26,7 +27,7 @@ pub struct HeldFile {
 }
 
 impl HeldFile {
-    /// Open the file at `path`, with the refusals of [`open_regular`].
+    /// Opens the file at `path`, with the refusals of [`open_regular`].
     ///
     /// # Errors
     /// As [`open_regular`].
@@ -40,8 +41,8 @@ impl HeldFile {
         Ok(Self { path, file: None })
     }
 
-    /// The file, for a library that maps it. Its position is shared with every other one: only one of them may be read or
-    /// moved in at a time.
+    /// Returns the file, for a library that maps it. All handles share one position: only one of them may be read or
+    /// moved at a time.
     ///
     /// # Errors
     /// If it cannot be opened.
@@ -54,7 +55,7 @@ impl HeldFile {
         }
     }
 
-    /// A reader of its own, from byte `offset` on.
+    /// Returns an independent reader, from byte `offset` on.
     ///
     /// # Errors
     /// If it cannot be opened.
@@ -83,10 +84,10 @@ pub struct HeldReader {
 }
 
 impl HeldReader {
-    /// Bytes of the file.
+    /// Returns the bytes of the file.
     ///
     /// # Errors
-    /// If the system does not tell.
+    /// If the system does not report them.
     pub fn len(&self) -> io::Result<u64> {
         Ok(self.file.metadata()?.len())
     }
@@ -94,7 +95,7 @@ impl HeldReader {
     /// Whether the file has no bytes.
     ///
     /// # Errors
-    /// If the system does not tell.
+    /// If the system does not report them.
     pub fn is_empty(&self) -> io::Result<bool> {
         Ok(self.len()? == 0)
     }

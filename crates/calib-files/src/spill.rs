@@ -1,7 +1,7 @@
 use crate::{FileError, ScratchFile, ScratchPlace};
 
-/// Bytes that are appended once and read back from anywhere, in memory or in a nameless file: what is too much
-/// for the memory, and of no use to anybody later.
+/// Bytes that are appended once and read back at any position, in memory or in a nameless file: temporary data
+/// that may exceed the memory.
 #[derive(Debug)]
 pub struct Spill {
     storage: Storage,
@@ -15,10 +15,10 @@ enum Storage {
 }
 
 impl Spill {
-    /// Nothing yet.
+    /// Creates an empty spill.
     ///
     /// # Errors
-    /// If the file cannot be made.
+    /// If the file cannot be created.
     pub fn new(place: &ScratchPlace) -> Result<Self, FileError> {
         let storage = match place {
             ScratchPlace::Memory => Storage::Heap(Vec::new()),
@@ -27,7 +27,7 @@ impl Spill {
         Ok(Self { storage, bytes: 0 })
     }
 
-    /// Append `bytes`; the place where they begin.
+    /// Appends `bytes`, and returns the position of the first.
     ///
     /// # Errors
     /// If the disk is full.
@@ -41,13 +41,13 @@ impl Spill {
         Ok(at)
     }
 
-    /// Read what lies from `at` on.
+    /// Fills `bytes` from position `at` on.
     ///
     /// # Errors
     /// If the disk fails.
     ///
     /// # Panics
-    /// If so much was not appended.
+    /// If fewer bytes were appended.
     pub fn read(&self, at: u64, bytes: &mut [u8]) -> Result<(), FileError> {
         assert!(at + bytes.len() as u64 <= self.bytes, "only what was appended can be read");
         match &self.storage {

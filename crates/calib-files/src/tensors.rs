@@ -14,20 +14,20 @@ use crate::{FileError, Fingerprint, Fingerprinter, read_regular, write_atomicall
 pub struct Tensor {
     /// Its name, unique in the file; dots group layers (`hidden.0.weight`).
     pub name: String,
-    /// The length of each dimension.
+    /// Length of each dimension.
     pub shape: Vec<usize>,
-    /// As many values as the shape has elements, the last dimension running fastest.
+    /// As many values as the shape has elements, the last dimension fastest.
     pub values: Vec<f32>,
 }
 
 impl Tensor {
-    /// An array of one dimension.
+    /// Returns an array of one dimension.
     pub fn flat(name: impl Into<String>, values: Vec<f32>) -> Self {
         Self { name: name.into(), shape: vec![values.len()], values }
     }
 }
 
-/// What a safetensors file holds.
+/// The contents of a safetensors file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tensors {
     /// The arrays, ordered by name.
@@ -37,13 +37,13 @@ pub struct Tensors {
 }
 
 impl Tensors {
-    /// The array of that name.
+    /// Returns the array with that name.
     pub fn get(&self, name: &str) -> Option<&Tensor> {
         self.tensors.iter().find(|tensor| tensor.name == name)
     }
 }
 
-/// Write arrays and texts as a safetensors file, atomically.
+/// Writes arrays and texts as a safetensors file, atomically.
 ///
 /// The arrays are stored ordered by name, so that the same content gives the same bytes.
 ///
@@ -59,7 +59,7 @@ pub fn write_tensors(path: &Path, content: &Tensors) -> Result<(), FileError> {
             return Err(refuse(format!("the name '{name}' is used twice")));
         }
     }
-    // The format's library keeps texts in a hash map, whose order differs from run to run; one text keeps bytes equal.
+    // The library keeps texts in a hash map, whose order differs between runs. A single text keeps the bytes equal.
     let mut own = content.metadata.clone();
     own.insert(SEAL.to_owned(), seal(&views, &content.metadata).to_string());
     let metadata = Some(HashMap::from([(METADATA.to_owned(), texts(&own))]));
@@ -68,16 +68,16 @@ pub fn write_tensors(path: &Path, content: &Tensors) -> Result<(), FileError> {
     write_atomically(path, |file| std::io::Write::write_all(file, &bytes))
 }
 
-/// Read a safetensors file of floats; `f64` and the half-precision types are converted to `f32`.
+/// Reads a safetensors file of floats. `f64` and the half-precision types are converted to `f32`.
 ///
 /// # Errors
 /// If it cannot be read, is no safetensors file, or holds an array that is not of floats; or if calib wrote it, and it
-/// is not what was written.
+/// has changed since.
 pub fn read_tensors(path: &Path) -> Result<Tensors, FileError> {
     read(path).map(|(content, _)| content)
 }
 
-/// As [`read_tensors`], of a file that must have been written by [`write_tensors`].
+/// Reads a file that [`write_tensors`] must have written.
 ///
 /// # Errors
 /// As [`read_tensors`], and if the file has no fingerprint of itself.
@@ -87,7 +87,7 @@ pub fn read_sealed_tensors(path: &Path) -> Result<Tensors, FileError> {
     seal.map(|_| content).ok_or_else(|| FileError::Damaged { path: path.to_owned(), reason })
 }
 
-/// The content, and the fingerprint that it carries and has, if it carries one.
+/// Returns the content, and the verified fingerprint that the file carries, if it carries one.
 fn read(path: &Path) -> Result<(Tensors, Option<String>), FileError> {
     let refuse = |reason: String| FileError::Tensors { path: path.to_owned(), reason };
     let bytes = read_regular(path)?;
@@ -121,10 +121,10 @@ fn read(path: &Path) -> Result<(Tensors, Option<String>), FileError> {
     Ok((Tensors { tensors, metadata }, carried))
 }
 
-/// The text that holds the fingerprint of all else.
+/// The text that holds the fingerprint of all other content.
 const SEAL: &str = "fingerprint";
 
-/// The fingerprint of the arrays and the texts.
+/// Returns the fingerprint of the arrays and the texts.
 fn seal(
     views: &BTreeMap<&str, TensorView<'_>>,
     metadata: &BTreeMap<String, String>,
@@ -138,7 +138,7 @@ fn seal(
     all.finish()
 }
 
-/// The one text under which calib keeps its own.
+/// The single metadata text in which calib stores its own texts.
 const METADATA: &str = "calib";
 
 fn texts(metadata: &BTreeMap<String, String>) -> String {
@@ -161,7 +161,7 @@ fn numbers<const N: usize>(bytes: &[u8], number: impl Fn([u8; N]) -> f32) -> Vec
     bytes.as_chunks::<N>().0.iter().map(|&bytes| number(bytes)).collect()
 }
 
-/// An IEEE half: 1 sign, 5 exponent, 10 fraction bits.
+/// Converts an IEEE half: 1 sign, 5 exponent, 10 fraction bits.
 fn half(bits: u16) -> f32 {
     let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
     let fraction = f32::from(bits & 0x3ff) / 1024.0;
@@ -193,7 +193,7 @@ mod tests {
         Tensor { name: name.to_owned(), shape: shape.to_vec(), values: values.to_vec() }
     }
 
-    /// The bits of all values, array by array.
+    /// Returns the bits of all values, array by array.
     fn bits(tensors: &[Tensor]) -> Vec<u32> {
         tensors.iter().flat_map(|tensor| &tensor.values).map(|value| value.to_bits()).collect()
     }
@@ -231,7 +231,7 @@ mod tests {
             other[place] ^= 1 << (place % 8);
             fs::write(&path, &other).unwrap();
             if let Ok(read) = read_sealed_tensors(&path) {
-                // Blanks between the header's entries are no content.
+                // Blanks between the header's entries are not content.
                 let same = read.metadata == content().metadata
                     && bits(&read.tensors) == bits(&content().tensors);
                 silent += usize::from(!same);

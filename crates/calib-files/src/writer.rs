@@ -1,5 +1,5 @@
-//! Who writes a temporary file: its name says so, because locks cannot be relied on. Some file systems of clusters have
-//! none, and on some they hold on one node only.
+//! The writer of a temporary file, which its name identifies, because locks are not reliable. Some file systems of
+//! clusters have no locks, and on some they hold on one node only.
 
 use std::{
     fs, io,
@@ -15,13 +15,13 @@ use crate::{
 };
 
 const PREFIX: &str = ".calib-";
-/// What the names of temporary files end with.
+/// Suffix of the names of temporary files.
 pub(crate) const SUFFIX: &str = ".tmp";
 
-/// A file of another machine that nobody has written to for so long has nobody who writes it.
+/// Age after which an unchanged file of another machine counts as abandoned.
 const ABANDONED_AFTER: Duration = Duration::from_hours(24);
 
-/// The name of this machine; empty where the system does not say.
+/// Returns the name of this machine; empty where the system does not report it.
 pub fn host_name() -> &'static str {
     static NAME: OnceLock<String> = OnceLock::new();
     NAME.get_or_init(|| {
@@ -30,7 +30,7 @@ pub fn host_name() -> &'static str {
     })
 }
 
-/// Some digits that stand for the processes that this one can see: those of this machine, or of its container.
+/// Returns digits that identify the processes that this one can see: those of this machine, or of its container.
 fn machine() -> Option<&'static str> {
     static MACHINE: OnceLock<Option<String>> = OnceLock::new();
     MACHINE
@@ -42,13 +42,13 @@ fn machine() -> Option<&'static str> {
         .as_deref()
 }
 
-/// What the names of temporary files of this process begin with.
+/// Returns the prefix of the names of this process's temporary files.
 pub(crate) fn prefix() -> String {
     format!("{PREFIX}{}-{}-", machine().unwrap_or("unknown"), process::id())
 }
 
-/// Whether `path` has the name of a temporary file of [`write_atomically`](crate::write_atomically):
-/// one that no process writes any more is left over from a kill and may be removed.
+/// Whether `path` has the name of a temporary file of [`write_atomically`](crate::write_atomically). If no process
+/// writes it any more, it is left over from a killed process and may be removed.
 pub fn is_temporary(path: &Path) -> bool {
     middle(path).is_some()
 }
@@ -57,8 +57,8 @@ fn middle(path: &Path) -> Option<&str> {
     path.file_name()?.to_str()?.strip_prefix(PREFIX)?.strip_suffix(SUFFIX)
 }
 
-/// Whether nobody writes a temporary file any more: its process is gone or, where only another machine could say that,
-/// it is a day older than what is written beside it now.
+/// Whether no process writes a temporary file any more: its process has ended. If only another machine could know that,
+/// the file must be a day older than a file that is written beside it now.
 pub(crate) fn is_abandoned(path: &Path) -> io::Result<bool> {
     let mut parts = middle(path).unwrap_or_default().split('-');
     let writer = parts.next();
@@ -71,14 +71,14 @@ pub(crate) fn is_abandoned(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// By the clock of the disk that both are on.
+/// Whether the file is older than [`ABANDONED_AFTER`], by the clock of its own disk.
 fn is_older(path: &Path) -> io::Result<bool> {
     let Some(folder) = path.parent() else { return Ok(false) };
     reach(Operation::Create, folder)?;
     let now = tempfile::tempfile_in(folder)?.metadata()?.modified()?;
     let written = match fs::symlink_metadata(path) {
         Ok(found) => found.modified()?,
-        // It has got its name meanwhile.
+        // It was renamed meanwhile.
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
         Err(error) => return Err(error),
     };
@@ -108,7 +108,7 @@ mod tests {
             "this process lives"
         );
         if let Some(machine) = machine() {
-            // No process has the largest number there is.
+            // No process has the largest possible number.
             let dead = at(format!("{PREFIX}{machine}-{}-x{SUFFIX}", u32::MAX));
             assert!(is_abandoned(&dead).expect("readable"));
         }
