@@ -1,4 +1,4 @@
-//! Steps a second of one rollout on one core, from a table whose rows lie anywhere in memory.
+//! Steps per second of one rollout on one core, from a table whose rows are scattered in memory.
 
 use std::hint::black_box;
 
@@ -9,7 +9,8 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 
 const STEPS: usize = 100_000;
 
-/// States without structure on a line: neighbours are anywhere, so every step misses the caches.
+/// States without structure on a line: neighbours are scattered, so every step misses the
+/// caches.
 fn scattered(rows: usize) -> KnnModel {
     let mut rng = Seed::new(1).rng();
     let states =

@@ -6,15 +6,16 @@ use calib_knn::Weights;
 
 use crate::{ModelError, ModelStart, StartSource, Trajectory};
 
-/// A model of a plant that starts from recorded states and is rolled out from them, with members that differ by what they
+/// A model of a plant for rollouts from recorded states. The ensemble members differ in the part of the log that they
 /// were made from.
 ///
-/// A rollout is a pure function of the model, the member, its number among the member's, its start and a [`Rolling`].
+/// A rollout is a pure function of the model, the member, its number among the member's rollouts, its start state and a
+/// [`Rolling`].
 pub trait CalibrationModel: fmt::Debug + Send + Sync {
-    /// Members of the ensemble; 1 of a network.
+    /// Returns the number of ensemble members; 1 for a network.
     fn members(&self) -> usize;
 
-    /// `count` start states of each member, as `source` says.
+    /// Returns `count` start states of each member, from `source`.
     ///
     /// # Errors
     /// If the source has no rows or names rows that do not exist, or nothing is found; if a search has no place for its
@@ -27,10 +28,10 @@ pub trait CalibrationModel: fmt::Debug + Send + Sync {
         search: Search<'_>,
     ) -> Result<Vec<Vec<ModelStart>>, ModelError>;
 
-    /// A rollout of `member` from each start, in parallel; the first is number 0. Progress counts steps.
+    /// Makes a rollout of `member` from each start state, in parallel; the first is number 0. Progress counts steps.
     ///
     /// # Errors
-    /// If the model cannot be run from such starts, or the monitor interrupts it.
+    /// If the model cannot be run from such start states, or the monitor interrupts it.
     fn roll_out(
         &self,
         member: usize,
@@ -39,14 +40,15 @@ pub trait CalibrationModel: fmt::Debug + Send + Sync {
         monitor: &dyn Monitor,
     ) -> Result<Vec<Trajectory>, ModelError>;
 
-    /// Rollouts that step together: making one of them makes all.
+    /// Returns the number of rollouts that step together: making one of them makes all.
     fn lanes(&self) -> usize;
 
-    /// The rollouts with these numbers from their starts, at most [`lanes`](Self::lanes) and none that steps with others, on the
-    /// calling thread alone: those of [`roll_out`](Self::roll_out), to the bit.
+    /// Makes the rollouts with these numbers from their start states. There are at most [`lanes`](Self::lanes), and
+    /// none steps with others. They run on the calling thread alone and equal those of [`roll_out`](Self::roll_out), to
+    /// the bit.
     ///
     /// # Errors
-    /// If the model cannot be run from such starts.
+    /// If the model cannot be run from such start states.
     fn lockstep(
         &self,
         member: usize,
@@ -55,8 +57,8 @@ pub trait CalibrationModel: fmt::Debug + Send + Sync {
         rolling: &Rolling,
     ) -> Result<Vec<Trajectory>, ModelError>;
 
-    /// The expected next states of states that it was not made from: one matrix `[rows, columns]` a member, in normalised
-    /// units. +∞ where a prediction is not finite.
+    /// Returns the expected next states of states that the model was not made from: one matrix `[rows, columns]` per
+    /// member, in normalised units. +∞ where a prediction is not finite.
     ///
     /// # Errors
     /// If the model cannot be run from such states, or the search is interrupted.
@@ -67,42 +69,44 @@ pub trait CalibrationModel: fmt::Debug + Send + Sync {
         search: Search<'_>,
     ) -> Result<Vec<Vec<f64>>, ModelError>;
 
-    /// Bytes that a state of a rollout takes.
+    /// Returns the bytes per state of a rollout.
     fn state_bytes(&self) -> u64;
 
-    /// Bytes that a search for start states works in at most, on so many threads; 0 where nothing is searched.
+    /// Returns the maximum working memory of a search for start states on `threads` threads, in bytes; 0 where nothing
+    /// is searched.
     fn search_bytes(&self, threads: usize) -> u64;
 
-    /// The rows that `member` was not made from, if there are any: its own block of an ensemble that leaves blocks out.
+    /// Returns the rows that `member` was not made from, if there are any: its own block of an ensemble that leaves
+    /// blocks out.
     fn left_out_rows(&self, member: usize) -> Option<Range<usize>>;
 }
 
-/// Where a search for nearest states has its large arrays, and who watches it.
+/// The place of the large arrays of a search for nearest states, and its monitor.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
     /// Memory, or files in a folder.
     pub place: &'a ScratchPlace,
-    /// Who watches.
+    /// The monitor of the search.
     pub monitor: &'a dyn Monitor,
 }
 
-/// How rollouts are made.
+/// The settings of rollouts.
 #[derive(Clone, Copy, Debug)]
 pub struct Rolling {
-    /// Steps of each.
+    /// Steps per rollout.
     pub steps: usize,
-    /// How a neighbour is drawn; networks draw nothing.
+    /// Weights for drawing a neighbour. Networks draw nothing.
     pub weights: Weights,
     /// Root of the seeds: rollout `r` of member `m` has [`rollout_seed`](crate::rollout_seed).
     pub seed: Seed,
 }
 
-/// Some recorded states that a model was not made from.
+/// Recorded states that a model was not made from.
 #[derive(Clone, Copy, Debug)]
 pub struct Unseen<'a> {
-    /// What was recorded.
+    /// The recorded frames.
     pub frames: &'a Frames,
-    /// The rows in question.
+    /// The selected rows.
     pub rows: &'a [RowIndex],
     /// Their states in the metric of the model.
     pub in_metric: &'a States,

@@ -57,8 +57,8 @@ impl Default for RolloutConfig {
 }
 
 impl RolloutConfig {
-    /// What decides where rollouts start, with everything else at its default: sweeps, which have
-    /// lengths and numbers of rollouts of their own, depend on nothing else of this section.
+    /// Returns the settings that decide where rollouts start, with everything else at its default. Sweeps, which have
+    /// their own lengths and numbers of rollouts, depend on nothing else in this section.
     #[must_use]
     pub fn starts(&self) -> Self {
         let Self { steps, rollouts, dtw_steps, .. } = Self::default();

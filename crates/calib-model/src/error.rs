@@ -2,10 +2,10 @@ use calib_core::{Cancelled, RowIndex};
 use calib_dynamics::DynamicsError;
 use calib_knn::KnnError;
 
-/// Why there is no start state or no rollout.
+/// An error in finding start states or making rollouts.
 #[derive(Debug, thiserror::Error)]
 pub enum RolloutError {
-    /// Start rows were asked for, but none are given.
+    /// The start source is rows, but no rows are listed.
     #[error(
         "`start` is \"rows\", but no rows or timestamps are given; list them in `rows` or `timestamps`"
     )]
@@ -13,18 +13,18 @@ pub enum RolloutError {
     /// A start row is not a row of the data.
     #[error("start row {} does not exist: the data has rows 0 to {}", row.0, rows - 1)]
     UnknownRow {
-        /// The row asked for.
+        /// The requested row.
         row: RowIndex,
         /// Rows of the data.
         rows: usize,
     },
-    /// A month that is none.
+    /// The number of a month is invalid.
     #[error("`month` must be 1 to 12, got {got}")]
     Month {
-        /// The number given.
+        /// The given number.
         got: u8,
     },
-    /// The data has nothing of the month.
+    /// The data have no rows in the month.
     #[error(
         "the model's data has no rows in month {month}{}; \
          use `start` = \"random\" or \"nearest\", another `month`, or more data",
@@ -45,7 +45,7 @@ pub enum RolloutError {
     /// A model without transitions cannot be rolled out from anywhere.
     #[error("the model has no transitions to start from; use more data, or sub-sample less")]
     NoTransitions,
-    /// There is not a timestamp for each row of the data.
+    /// The number of timestamps differs from the number of rows.
     #[error("{timestamps} timestamps do not match {rows} rows")]
     Timestamps {
         /// Number of timestamps.
@@ -56,7 +56,7 @@ pub enum RolloutError {
     /// The deployment period has no states to start from.
     #[error("`start` is \"nearest\", but the deployment period has no states")]
     NoStates,
-    /// Every source in the member is forbidden to a start row.
+    /// Every source in the ensemble member is forbidden for a start row.
     #[error(
         "row {} has no possible neighbour in ensemble member {member}; lower `theiler`, or start elsewhere",
         row.0
@@ -64,7 +64,7 @@ pub enum RolloutError {
     NoNeighbor {
         /// The start row.
         row: RowIndex,
-        /// The member.
+        /// The ensemble member.
         member: usize,
     },
     /// The search for start states failed.
@@ -84,10 +84,10 @@ impl From<KnnError> for RolloutError {
     }
 }
 
-/// Why a calibration model does not start, step or predict.
+/// An error of a calibration model.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    /// No start states, or none that can be used.
+    /// There are no usable start states.
     #[error(transparent)]
     Start(RolloutError),
     /// The network cannot be run.
@@ -96,7 +96,8 @@ pub enum ModelError {
     /// Neighbours cannot be searched.
     #[error(transparent)]
     Search(KnnError),
-    /// A start of a model of neighbours was given to a network, or the other way round.
+    /// A start state of a neighbour model was given to a network, or the other way
+    /// round.
     #[error("the start is one of another kind of model")]
     OtherStart,
     /// The observer asked to stop.

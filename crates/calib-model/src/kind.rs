@@ -19,7 +19,7 @@ pub enum ModelKind {
 }
 
 impl ModelKind {
-    /// What a model of this kind is made of.
+    /// Returns the family of this kind of model.
     pub fn family(self) -> ModelFamily {
         match self {
             Self::Knn => ModelFamily::Neighbors,
@@ -28,26 +28,28 @@ impl ModelKind {
         }
     }
 
-    /// What it is called in figures and tables.
+    /// Returns the label in figures and tables.
     pub fn label(self) -> &'static str {
         match self {
             Self::Knn => "kNN",
             Self::Nn => "NN",
             Self::Gru => "GRU",
             Self::Torchscript => "TorchScript model",
-            // What chooses in its place.
+            // The selection method that replaces the model.
             Self::None => "log replay",
         }
     }
 }
 
-/// What a calibration model is made of, which decides how many members it has and which keys of a study it uses.
+/// The family of a calibration model, which decides how many ensemble members it has and which keys of a study
+/// it uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModelFamily {
-    /// Tables of neighbours: an ensemble of blocks, searched in the states or a representation of them.
+    /// Tables of neighbours: an ensemble over blocks of the log, searched in the states or a representation of
+    /// them.
     Neighbors,
     /// One network, to which `[dynamics]` applies.
     Network,
-    /// Nothing: there is no model.
+    /// No model.
     None,
 }

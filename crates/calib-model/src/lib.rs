@@ -1,14 +1,14 @@
-//! Calibration models: where they start, how they are rolled out, and what is known of their walks.
+//! Calibration models: their start states, their rollouts, and statistics of these.
 //!
-//! - [`CalibrationModel`]: what every kind of model does, whatever it is made of; [`NeighborModel`] recombines recorded
-//!   transitions, [`NetworkModel`] predicts. [`Trajectory`]: what it is rolled out to, from a [`ModelStart`].
-//! - [`ModelKind`], [`ModelFamily`]: which kinds there are, and what they are made of.
-//! - [`StartSource`], [`start_states`], [`start_states_of_all`], [`Start`], [`RequestedStart`]: where rollouts start: random, listed rows, recent rows, a
-//!   month of the year, or the nearest recorded states to those of another period.
+//! - [`CalibrationModel`]: the interface of every kind of model. [`NeighborModel`] recombines recorded transitions,
+//!   [`NetworkModel`] predicts. [`Trajectory`]: the result of a rollout from a [`ModelStart`].
+//! - [`ModelKind`], [`ModelFamily`]: the kinds of models and their families.
+//! - [`StartSource`], [`start_states`], [`start_states_of_all`], [`Start`], [`RequestedStart`]: where rollouts start:
+//!   random, listed rows, recent rows, a month of the year, or the nearest recorded states to those of another period.
 //! - [`start_rows`]: the same for parametric models, which may start anywhere in their data.
 //! - [`rollout`], [`rollouts`], [`Rollout`]: trajectories as lists of recorded rows.
-//! - [`JumpStatistics`]: how much a rollout jumps, and how much it merely replays.
-//! - [`WalkStatistics`]: how far walks get, and whether they are trapped.
+//! - [`JumpStatistics`]: how often a rollout jumps, and how much it merely replays.
+//! - [`WalkStatistics`]: how far rollouts get, and whether they are trapped.
 //! - [`RolloutConfig`]: the `[rollout]` section of a study.
 //!
 //! Every rollout is a pure function of model, member, start and seed.

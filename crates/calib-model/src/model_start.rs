@@ -14,7 +14,8 @@ pub enum ModelStart {
 }
 
 impl ModelStart {
-    /// What was asked for, and the distance from it to what stands for it, if something does.
+    /// Returns the requested start state, and the distance to its replacement, if there is
+    /// one.
     pub fn given(&self) -> (RequestedStart, Option<f32>) {
         match self {
             Self::State(start) => (start.wanted, start.replaced),

@@ -1,6 +1,6 @@
 use calib_core::Timestamp;
 
-/// The month of a timestamp in the proleptic Gregorian calendar, 1 to 12.
+/// Returns the month of a timestamp in the proleptic Gregorian calendar, 1 to 12.
 ///
 /// The day count is turned into a date by the arithmetic of Hinnant, "chrono-compatible low-level date
 /// algorithms" (2013): years begin in March, so that the leap day comes last.
@@ -8,7 +8,7 @@ pub fn month_of(timestamp: Timestamp) -> u8 {
     year_and_month(timestamp).1
 }
 
-/// The year of a timestamp in the proleptic Gregorian calendar.
+/// Returns the year of a timestamp in the proleptic Gregorian calendar.
 pub fn year_of(timestamp: Timestamp) -> i64 {
     year_and_month(timestamp).0
 }

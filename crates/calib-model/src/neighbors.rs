@@ -16,18 +16,19 @@ pub struct NeighborModel {
 }
 
 impl NeighborModel {
-    /// The tables `knn` over what was recorded, which are the states that `knn` compares or what these represent.
+    /// Returns the model of the tables `knn` over the recorded states. `knn` compares these states or a
+    /// representation of them.
     pub fn new(knn: KnnModel, recorded: States) -> Self {
         Self { knn, recorded }
     }
 
-    /// The tables.
+    /// Returns the tables.
     pub fn knn(&self) -> &KnnModel {
         &self.knn
     }
 }
 
-/// The start, if it is one of a model of neighbours.
+/// Returns the start state, if it belongs to a neighbour model.
 fn searched(start: &ModelStart) -> Result<&StartState, ModelError> {
     match start {
         ModelStart::State(start) => Ok(start),
@@ -111,7 +112,7 @@ impl CalibrationModel for NeighborModel {
 
     fn left_out_rows(&self, member: usize) -> Option<Range<usize>> {
         let block = self.knn.blocks().own(member);
-        // A member with all of the log leaves nothing out.
+        // A member with the whole log leaves nothing out.
         if block.is_empty() || self.knn.members() == 1 {
             return None;
         }

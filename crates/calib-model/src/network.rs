@@ -11,7 +11,7 @@ use crate::{
     Unseen, rollout_seed, start_rows,
 };
 
-/// One network: an ensemble of one, whose rollouts are predictions that may look like nothing that was recorded.
+/// One network: an ensemble of one. Its rollouts are predictions, which may differ from all recorded states.
 #[derive(Debug)]
 pub struct NetworkModel {
     dynamics: Box<dyn Dynamics>,
@@ -22,10 +22,10 @@ pub struct NetworkModel {
 }
 
 impl NetworkModel {
-    /// `dynamics` rolled out from rows of `frames`.
+    /// Returns a model that makes rollouts of `dynamics` from rows of `frames`.
     ///
     /// # Errors
-    /// If it is a model of states with another number of columns.
+    /// If `dynamics` is for states with another number of columns.
     pub fn new(dynamics: Box<dyn Dynamics>, frames: &Frames) -> Result<Self, ModelError> {
         let (columns, states) = (dynamics.columns(), frames.states().columns());
         if columns != states {
@@ -37,7 +37,7 @@ impl NetworkModel {
         Ok(Self { dynamics, states, segments, noise: Noise::None, residuals: None })
     }
 
-    /// The same model, whose rollouts add these residuals to each prediction.
+    /// Returns the same model, whose rollouts add these residuals to each prediction.
     #[must_use]
     pub fn with_noise(mut self, noise: Noise, residuals: Residuals) -> Self {
         (self.noise, self.residuals) = (noise, Some(residuals));
@@ -55,7 +55,7 @@ impl NetworkModel {
     }
 }
 
-/// The rows of starts, if they are those of a network.
+/// Returns the rows of start states, if these belong to a network.
 fn rows_of(starts: &[ModelStart]) -> Result<Vec<StartRow>, ModelError> {
     starts
         .iter()
@@ -66,7 +66,7 @@ fn rows_of(starts: &[ModelStart]) -> Result<Vec<StartRow>, ModelError> {
         .collect()
 }
 
-/// The starts of rollouts that are numbered from `first` on.
+/// Returns the seeded start states of rollouts that are numbered from `first` on.
 fn seeded(starts: &[StartRow], first: usize, seed: Seed) -> Vec<Start> {
     starts
         .iter()

@@ -1,4 +1,4 @@
-//! The states that rollouts are to start from: chosen once, for every member and every model.
+//! The requested start states of rollouts: chosen once, for every member and every model.
 
 use calib_core::{RowIndex, Seed, States, Timestamp, TransitionIndex, Transitions};
 use schemars::JsonSchema;
@@ -19,23 +19,23 @@ pub enum RequestedStart {
     Deployment(RowIndex),
 }
 
-/// Unless it is said otherwise, recent rows are the last of so many parts of all (our choice): rows beside each other are nearly the same
-/// state, and rollouts from them one and the same start.
+/// By default, recent rows are the last tenth of all rows (our choice). Adjacent rows are nearly the same state, so
+/// rollouts from them have practically the same start state.
 const RECENT: usize = 10;
 
-/// Place `number` of those that spread more and more evenly over `window` places, from the first: 0, 1/2, 1/4, 3/4, 1/8, … of the
-/// window (van der Corput's sequence).
+/// Returns place `number` of a sequence that spreads more and more evenly over `window` places, from the first: 0, 1/2,
+/// 1/4, 3/4, 1/8, … of the window (van der Corput's sequence).
 fn spread(number: usize, window: usize) -> usize {
     let share = (number as u64).reverse_bits();
     (u128::from(share) * window as u128 / (1 << 64)) as usize
 }
 
-/// The draw of start `number`, uniform below a limit.
+/// Draws start state `number`, uniform below a limit.
 pub(crate) fn draw(seed: Seed, number: usize, below: usize) -> usize {
     seed.child("start").number(number as u64).rng().below(below)
 }
 
-/// Rows of the deployment period, drawn uniformly; start `r` depends on `seed` and `r` only.
+/// Draws rows of the deployment period uniformly. Start state `r` depends only on `seed` and `r`.
 pub(crate) fn deployment_rows(
     states: &States,
     count: usize,
@@ -47,8 +47,8 @@ pub(crate) fn deployment_rows(
     Ok((0..count).map(|r| RowIndex::new(draw(seed, r, states.rows()))).collect())
 }
 
-/// Rows of the model's data that `source` names, whoever has them: `None` for sources that are no rows of it, or
-/// are drawn from what a member has.
+/// Returns the rows of the model's data that `source` names, for any member. `None` for sources that are not rows of
+/// the data, or that are drawn from a member's own rows.
 pub(crate) fn recorded_rows(
     source: StartSource<'_>,
     transitions: &Transitions,
@@ -95,12 +95,12 @@ pub(crate) fn recorded_rows(
     Ok(Some(chosen))
 }
 
-/// Whether a time lies in the month, in a calendar year before that of the deployment's start.
+/// Whether a time is in the month, in a calendar year before that of the deployment's start.
 fn is_in_earlier_year(time: Timestamp, month: u8, before: Option<Timestamp>) -> bool {
     month_of(time) == month && before.is_none_or(|before| year_of(time) < year_of(before))
 }
 
-/// The rows that transitions end in.
+/// Iterates over the rows in which transitions end.
 fn ends(transitions: &Transitions) -> impl Iterator<Item = RowIndex> {
     (0..transitions.len()).map(|position| transitions.next(TransitionIndex::new(position)))
 }
@@ -118,7 +118,7 @@ mod tests {
 
     use super::*;
 
-    /// The beginning of a day, counted from 1970-01-01.
+    /// Returns the beginning of a day, counted from 1970-01-01.
     fn day(number: i64) -> Timestamp {
         Timestamp::from_micros(number * 86_400_000_000)
     }
@@ -159,7 +159,7 @@ mod tests {
             let rows = recorded_rows(source, &transitions, 7, 3, Seed::new(0));
             rows.map(|rows| rows.expect("rows").iter().map(|row| row.0).collect::<Vec<u32>>())
         };
-        // A tenth of five rows is one; a window is no longer than there are rows.
+        // A tenth of five rows, rounded up, is one; a window is no longer than there are rows.
         assert_eq!(rows(None, None).expect("rows"), [6, 6, 6]);
         assert_eq!(rows(None, Some(4)).expect("rows"), [6, 3, 5]);
         assert_eq!(rows(None, Some(99)).expect("rows"), [6, 3, 5]);

@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 use crate::{RolloutError, Start, StartState};
 
-/// Steps between two looks at the monitor.
+/// Steps between two checks of the monitor.
 const BATCH: usize = 1 << 14;
 
 /// A trajectory of the model: recorded rows, in the order in which the model visits them.
 ///
 /// From transition `i` a step draws `j` among its neighbours, emits `s'_j` and continues from `j` (the paper).
-/// So `rows[0]` is the start state, `rows[t + 1]` is the next row of `transitions[t]`, and a rollout of
-/// `steps` steps has `steps + 1` states. It cannot leave the data: it is a list of rows.
+/// So `rows[0]` is the start state, `rows[t + 1]` is the next row of `transitions[t]`, and a rollout of `steps`
+/// steps has `steps + 1` states. It cannot leave the data: it is a list of rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
     rows: Vec<RowIndex>,
@@ -20,29 +20,29 @@ pub struct Rollout {
 }
 
 impl Rollout {
-    /// The rows of the trajectory; one more than there are steps.
+    /// Returns the rows of the trajectory, one more than there are steps.
     pub fn rows(&self) -> &[RowIndex] {
         &self.rows
     }
 
-    /// The transition drawn in each step.
+    /// Returns the transition drawn in each step.
     pub fn transitions(&self) -> &[TransitionIndex] {
         &self.transitions
     }
 
-    /// Number of steps.
+    /// Returns the number of steps.
     pub fn steps(&self) -> usize {
         self.transitions.len()
     }
 
-    /// Where it started.
+    /// Returns the start state.
     pub fn start(&self) -> &StartState {
         &self.start
     }
 
-    /// The trajectory as a stream for an agent, in one unbroken piece.
+    /// Returns the trajectory as a stream for an agent, in one unbroken piece.
     ///
-    /// `states` are the normalised states of the data; they need not be what distances were measured in.
+    /// `states` are the normalised states of the data. Distances may have been measured in others.
     ///
     /// # Panics
     /// If `states` lacks a row of the trajectory.
@@ -51,7 +51,7 @@ impl Rollout {
     }
 }
 
-/// Roll `member` out for `steps` steps: a pure function of its arguments.
+/// Makes a rollout of `member` for `steps` steps: a pure function of its arguments.
 ///
 /// Weights other than [`Weights::Softmax`] use exactly rounded arithmetic only, so the trajectory is the same on
 /// every machine.
@@ -70,17 +70,17 @@ pub fn rollout(
     walk.rollout
 }
 
-/// The seed of rollout `number` of member `member`, wherever it is rolled out.
+/// Returns the seed of rollout `number` of member `member`, on any machine or thread.
 pub fn rollout_seed(seed: Seed, member: usize, number: usize) -> Seed {
     seed.child("member").number(member as u64).child("rollout").number(number as u64)
 }
 
-/// One rollout from each start, in parallel; rollout `r` is seeded by [`rollout_seed`].
+/// Makes one rollout from each start state, in parallel; rollout `r` is seeded by [`rollout_seed`].
 ///
 /// Progress counts steps.
 ///
 /// # Errors
-/// [`RolloutError::Cancelled`] if the monitor says so.
+/// [`RolloutError::Cancelled`] if the monitor interrupts.
 pub fn rollouts(
     member: &Member<'_>,
     starts: &[StartState],

@@ -36,26 +36,26 @@ pub struct StartState {
     pub replaced: Option<f32>,
 }
 
-/// Where start states come from.
+/// The source of start states.
 #[derive(Clone, Copy, Debug)]
 pub enum StartSource<'a> {
     /// Uniform over the transitions of the ensemble member.
     Random,
-    /// Listed rows; start `r` takes row `r` modulo their number.
+    /// Listed rows; start state `r` takes row `r` modulo their number.
     Rows {
         /// The rows.
         rows: &'a [RowIndex],
-        /// What happens to a row that the member lacks.
+        /// The treatment of a row that the member lacks.
         absent: Absent,
     },
-    /// The latest rows before the deployment, spread over a window that ends with the last: start `r` is the row that lies 0, 1/2, 1/4, 3/4,
-    /// 1/8, … of the window before it.
+    /// The latest rows before the deployment, spread over a window that ends with the last: start state `r` is the row
+    /// that is 0, 1/2, 1/4, 3/4, 1/8, … of the window before it.
     Recent {
         /// Time of each row of the data.
         timestamps: &'a [Timestamp],
-        /// Begin of the deployment: only rows before it are used; all, if there is none.
+        /// Begin of the deployment: only earlier rows are used. `None` uses all rows.
         before: Option<Timestamp>,
-        /// Rows of the window; without it the last tenth of the rows.
+        /// Number of rows of the window. `None` is the last tenth of the rows.
         window: Option<usize>,
     },
     /// Uniform over the rows in one month of the year, in years before the deployment.
@@ -64,10 +64,10 @@ pub enum StartSource<'a> {
         timestamps: &'a [Timestamp],
         /// The month, 1 to 12.
         month: u8,
-        /// Begin of the deployment: only rows of calendar years before its own are used; all, if there is none.
+        /// Begin of the deployment: only rows of earlier calendar years are used. `None` uses all rows.
         before: Option<Timestamp>,
     },
-    /// Rows of the deployment period, drawn uniformly, replaced by their nearest sources in the member.
+    /// Rows of the deployment period, drawn uniformly, then replaced by their nearest sources in the member.
     Nearest {
         /// States of the deployment period in the metric of the model.
         states: &'a States,
@@ -75,7 +75,8 @@ pub enum StartSource<'a> {
 }
 
 impl StartSource<'_> {
-    /// The seed of member `member`'s start states: members have random ones of their own, and share all others.
+    /// Returns the seed of member `member`'s start states. Each member has its own random start states; all others are
+    /// shared.
     pub fn seed_of(&self, seed: Seed, member: usize) -> Seed {
         match self {
             Self::Random => seed.child("member").number(member as u64),
@@ -84,16 +85,16 @@ impl StartSource<'_> {
     }
 }
 
-/// Where a search for nearest states has its large arrays, and who watches it.
+/// The place of the large arrays of a search for nearest states, and its monitor.
 type Search<'a> = (&'a ScratchPlace, &'a dyn Monitor);
 
-/// `count` start states for rollouts of `member`: a pure function of its arguments. Searches in memory.
+/// Returns `count` start states for rollouts of `member`: a pure function of its arguments. It searches in memory.
 ///
-/// Start `r` depends on `seed` and `r` only, so asking for more starts keeps the first ones. All sources but
-/// [`Random`](StartSource::Random), which draws from what the member has, choose states without regard to the
-/// member: with one `seed` these are the same for every member, and for every model of the same data. What a member
-/// lacks (it lies in the block that is left out) is replaced by its nearest state there, in the metric of the model;
-/// listed rows are so with [`Absent::Replace`] only.
+/// Start state `r` depends only on `seed` and `r`, so asking for more start states keeps the first ones. All sources
+/// but [`Random`](StartSource::Random), which draws from the member's own rows, choose states without regard to the
+/// member: with one `seed` these are the same for every member, and for every model of the same data. A state that a
+/// member lacks (it is in the block that is left out) is replaced by its nearest state there, in the metric of the
+/// model. Listed rows are replaced only with [`Absent::Replace`].
 ///
 /// # Errors
 /// If the source has no rows, names rows that do not exist, or finds nothing in the member.
@@ -118,10 +119,11 @@ pub fn start_states(
     recorded(member, source, count, seed, search)
 }
 
-/// `count` start states for rollouts of each member, as [`start_states`] with [`StartSource::seed_of`] the member.
+/// Returns `count` start states for rollouts of each member, as [`start_states`] with [`StartSource::seed_of`] the
+/// member.
 ///
-/// States of a deployment are searched for once for all members; recorded rows in each member that lacks them, which are
-/// others in each. The large arrays of searches are in `place`.
+/// States of a deployment are searched for once for all members. Recorded rows are searched for in each member that
+/// lacks them, because each lacks others. The large arrays of searches are in `place`.
 ///
 /// # Errors
 /// As [`start_states`]; if there is no place for the arrays, or the monitor interrupts a search.
@@ -154,12 +156,12 @@ pub fn start_states_of_all(
         .collect()
 }
 
-/// A member without transitions has no states to start from.
+/// Checks that every member has transitions, and so states to start from.
 fn check_members<'a>(mut members: impl Iterator<Item = Member<'a>>) -> Result<(), RolloutError> {
     if members.any(|member| member.is_empty()) { Err(RolloutError::NoTransitions) } else { Ok(()) }
 }
 
-/// Drawn rows of the deployment period, and their states.
+/// Draws rows of the deployment period, and returns them with their states.
 fn drawn(
     states: &States,
     count: usize,
@@ -172,7 +174,7 @@ fn drawn(
     Ok((rows, drawn))
 }
 
-/// Starts from sources within the data of the model.
+/// Returns start states from sources within the data of the model.
 fn recorded(
     member: &Member<'_>,
     source: StartSource<'_>,
@@ -192,19 +194,19 @@ fn recorded(
     Ok((0..count).map(|r| at(member, member.nth(draw(seed, r, member.len())))).collect())
 }
 
-/// The start at a transition of the member.
+/// Returns the start state at a transition of the member.
 fn at(member: &Member<'_>, transition: TransitionIndex) -> StartState {
     let wanted = RequestedStart::Recorded(member.model().transitions().next(transition));
     StartState { start: Start::At(transition), wanted, replaced: None }
 }
 
-/// The transition of the member that ends in `row`.
+/// Returns the transition of the member that ends in `row`.
 fn ending_in(member: &Member<'_>, row: RowIndex) -> Option<TransitionIndex> {
     let transition = member.model().transitions().ending_in(row)?;
     member.contains(transition).then_some(transition)
 }
 
-/// Starts at these rows.
+/// Returns the start states at these rows.
 fn at_rows(
     member: &Member<'_>,
     rows: &[RowIndex],
@@ -231,7 +233,7 @@ fn at_rows(
         .collect())
 }
 
-/// Starts at the source states of the first of these neighbours, for what was wanted.
+/// Returns start states at the source states of the first of these neighbours, as replacements for the requested ones.
 fn replaced_by(
     member: &Member<'_>,
     nearest: &[Vec<Neighbor>],
@@ -250,7 +252,7 @@ fn replaced_by(
     Ok(starts)
 }
 
-/// Starts at rows that the member lacks.
+/// Returns start states for rows that the member lacks.
 fn external(
     member: &Member<'_>,
     rows: &[RowIndex],
@@ -265,7 +267,7 @@ fn external(
     Ok(starts.collect())
 }
 
-/// The nearest sources of each row; at least one.
+/// Returns the nearest sources of each row, at least one.
 fn found(
     member: &Member<'_>,
     rows: &[RowIndex],

@@ -19,11 +19,11 @@ pub struct StartRow {
     pub replaced: Option<f32>,
 }
 
-/// `count` rows to start rollouts of a parametric model from, which may start anywhere in its data: as
+/// Returns `count` start rows for rollouts of a parametric model, which may start anywhere in its data: as
 /// [`start_states`](crate::start_states) of a member that lacks nothing.
 ///
-/// Start `r` depends on `seed` and `r` only. `states` are those of the data; nearest ones are found among them by
-/// comparing with each, ties going to the first.
+/// Start state `r` depends only on `seed` and `r`. `states` are those of the data. Nearest ones are found by a
+/// comparison with each of them; ties go to the first.
 ///
 /// # Errors
 /// If the source has no rows, names rows that do not exist, or finds nothing.
@@ -49,12 +49,12 @@ pub fn start_rows(
     Ok(drawn.map(|transition| recorded(transitions.next(transition))).collect())
 }
 
-/// The row itself, which was asked for.
+/// Returns the requested row itself.
 fn recorded(row: RowIndex) -> StartRow {
     StartRow { row, wanted: RequestedStart::Recorded(row), replaced: None }
 }
 
-/// The recorded row nearest to one of the deployment.
+/// Returns the recorded row nearest to one of the deployment.
 fn nearest(states: &States, deployment: &States, wanted: RowIndex) -> StartRow {
     let sought = deployment.row(wanted.get());
     let (row, square) = (0..states.rows())

@@ -2,16 +2,17 @@ use calib_core::RowIndex;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Rows from the continuation of the record within which a jump does not depart from it (our choice).
+/// Maximum distance, in rows, from the continuation of the record at which a jump is not yet a departure (our choice).
 const VICINITY: u32 = 10;
 
-/// A run with fewer departures counts as a near-verbatim replay of the log (our choice): it shows an agent few moments.
+/// A run with fewer departures counts as a near-verbatim replay of the log (our choice): an agent sees few different
+/// situations in it.
 ///
-/// The rate per step says little by itself. Nearest neighbours in a smooth representation depart once in so many hours,
-/// whatever the spacing of the states (docs/jump-rates.md).
+/// The rate per step is not informative by itself. Nearest neighbours in a smooth representation depart once in some
+/// hours, whatever the sampling interval of the states (docs/jump-rates.md).
 const FEWEST_DEPARTURES: f64 = 3.0;
 
-/// Rollouts that visit less than this share of the rows that they could are circling (our choice).
+/// Rollouts that visit less than this share of their reachable rows are circling (our choice).
 const CIRCLING: f64 = 0.1;
 
 /// How much rollouts jump, and how much they merely replay.
@@ -44,7 +45,7 @@ pub struct JumpStatistics {
 }
 
 impl JumpStatistics {
-    /// The statistics of trajectories taken together; each is the rows of one rollout.
+    /// Returns the joint statistics of trajectories, each given as the rows of one rollout.
     pub fn of<'a>(trajectories: impl IntoIterator<Item = &'a [RowIndex]>) -> Self {
         let mut rows = Vec::new();
         let mut steps = 0;
@@ -80,22 +81,22 @@ impl JumpStatistics {
         }
     }
 
-    /// Whether runs of so many steps mostly replay the log: fewer than three departures are expected in one. Worth a
-    /// warning, with the advice to make runs longer, or to take states that are further apart.
+    /// Whether runs of `run` steps mostly replay the log: fewer than three departures are expected per run. This
+    /// deserves a warning, with the advice to make runs longer, or to increase the sampling interval.
     pub fn near_verbatim(&self, run: usize) -> bool {
         self.steps > 0 && self.departure_rate * (run as f64) < FEWEST_DEPARTURES
     }
 
-    /// Whether the rollouts circle within few rows: they visit less than a tenth of the rows that they could,
-    /// given the member's number of transitions (our choice). It happens where a row's neighbours are its own
-    /// neighbours in time, so that with `exclude_self` or a `theiler` window a step leads back as often as on.
+    /// Whether the rollouts circle within few rows: they visit less than a tenth of the rows that they could, given the
+    /// member's number of transitions (our choice). It happens where a row's neighbours are adjacent to it in time, so
+    /// that with `exclude_self` or a `theiler` window a step leads back as often as forward.
     pub fn circling(&self, transitions: usize) -> bool {
         self.steps > 0
             && (self.distinct_rows as f64) < CIRCLING * self.steps.min(transitions) as f64
     }
 }
 
-/// `a / b`; 0 if nothing is counted.
+/// Returns `a / b`, or 0 if `b` is 0.
 fn ratio(a: usize, b: usize) -> f64 {
     if b == 0 { 0.0 } else { a as f64 / b as f64 }
 }
@@ -127,13 +128,13 @@ mod tests {
         let statistics = JumpStatistics::of([&replay[..]]);
         assert_eq!((statistics.jumps, statistics.longest_run), (0, 500));
         assert!(statistics.near_verbatim(1_000_000));
-        // Shuffling along the record is no better, though every second step jumps.
+        // Moving back and forth along the record is no better, though every second step jumps.
         let shuffle: Vec<RowIndex> = (0..500).map(|t| RowIndex(t + t % 4 / 2 * 3)).collect();
         let statistics = JumpStatistics::of([&shuffle[..]]);
         assert!(statistics.jump_rate > 0.4 && statistics.near_verbatim(500));
         let away: Vec<RowIndex> = (0..500).map(|t| RowIndex(t % 50 * 11)).collect();
         assert!(!JumpStatistics::of([&away[..]]).near_verbatim(500));
-        // One departure in 250 steps: a short run sees two moments of the log, and a long one many.
+        // One departure in 250 steps: a short run sees two situations of the log, and a long one many.
         let seldom: Vec<RowIndex> = (0..500).map(|t| RowIndex(t + t / 250 * 10_000)).collect();
         let seldom = JumpStatistics::of([&seldom[..]]);
         assert!(seldom.near_verbatim(500) && !seldom.near_verbatim(5_000));

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{RequestedStart, Rollout, StartRow};
 
-/// What a model was rolled out to.
+/// The result of a rollout.
 #[derive(Clone, Debug)]
 pub enum Trajectory {
     /// Recorded rows.
@@ -16,7 +16,7 @@ pub enum Trajectory {
     Predicted {
         /// The states.
         prediction: Arc<Prediction>,
-        /// Where it starts.
+        /// The start state.
         start: StartRow,
     },
 }
@@ -31,7 +31,7 @@ pub struct NotFinite {
 }
 
 impl Trajectory {
-    /// What it was to start from, and how far from that it starts, if another state stands for it.
+    /// Returns the requested start state, and the distance to its replacement, if there is one.
     pub fn start(&self) -> (RequestedStart, Option<f32>) {
         match self {
             Self::Recorded(rollout) => (rollout.start().wanted, rollout.start().replaced),
@@ -39,7 +39,7 @@ impl Trajectory {
         }
     }
 
-    /// The recorded row that it starts at.
+    /// Returns the recorded row at which it starts.
     pub fn start_row(&self) -> RowIndex {
         match self {
             Self::Recorded(rollout) => rollout.rows()[0],
@@ -47,7 +47,7 @@ impl Trajectory {
         }
     }
 
-    /// Steps taken; one fewer than states.
+    /// Returns the number of steps, one fewer than states.
     pub fn steps(&self) -> usize {
         match self {
             Self::Recorded(rollout) => rollout.steps(),
@@ -55,7 +55,7 @@ impl Trajectory {
         }
     }
 
-    /// The recorded rows that it visits, if it visits any but its start.
+    /// Returns the visited recorded rows, or `None` if only the start state is recorded.
     pub fn rows(&self) -> Option<&[RowIndex]> {
         match self {
             Self::Recorded(rollout) => Some(rollout.rows()),
@@ -63,7 +63,8 @@ impl Trajectory {
         }
     }
 
-    /// The recorded row after `step` steps. Predictions are none, but for their start.
+    /// Returns the recorded row after `step` steps. Predictions have a recorded row only at their
+    /// start.
     pub fn row(&self, step: usize) -> Option<RowIndex> {
         match self {
             Self::Recorded(rollout) => Some(rollout.rows()[step]),
@@ -71,7 +72,7 @@ impl Trajectory {
         }
     }
 
-    /// One column of the first `count` states, normalised; `states` are those of the data.
+    /// Returns one column of the first `count` states, normalised. `states` are those of the data.
     pub fn values(&self, states: &States, column: usize, count: usize) -> Vec<f32> {
         match self {
             Self::Recorded(rollout) => {
@@ -82,7 +83,7 @@ impl Trajectory {
         }
     }
 
-    /// Where its states would have left the finite numbers, if they would.
+    /// Returns where its states would have become non-finite, if they would.
     pub fn left_finite(&self) -> Option<NotFinite> {
         match self {
             Self::Recorded(_) => None,
@@ -93,7 +94,7 @@ impl Trajectory {
         }
     }
 
-    /// Its states for an agent; `states` are those of the data.
+    /// Returns its states for an agent. `states` are those of the data.
     pub fn stream(&self, states: &States) -> Box<dyn Stream> {
         match self {
             Self::Recorded(rollout) => Box::new(rollout.stream(states)),

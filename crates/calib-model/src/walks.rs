@@ -3,24 +3,24 @@ use calib_knn::{Ends, Member, Weights};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Walks of a member.
+/// Number of walks per member.
 const WALKS: usize = 32;
-/// Steps of each: those of the paper's rollouts on one week of data.
+/// Steps per walk: those of the paper's rollouts on one week of data.
 const STEPS: usize = 30_000;
 /// A walk that visits fewer rows than this in its last third is trapped (our choice).
 const TRAPPED: usize = 100;
-/// Parts of the member, equally long in time order, between which walks mix.
+/// Number of parts of the member, equally long in time order, between which mixing is measured.
 const PARTS: usize = 10;
-/// Parts with less of the walks than this are left out where mixing is judged: hardly any walk starts there.
+/// Parts with a smaller share of the steps are ignored when mixing is judged: hardly any walk starts there.
 const RARE: f64 = 0.01;
-/// Walks have mixed when they are as near as this to where they are on average, in total variation (Levin & Peres, Markov Chains and
-/// Mixing Times, 2017, §4.5).
+/// Walks have mixed when their distribution is within this total-variation distance of the stationary one (Levin &
+/// Peres, Markov Chains and Mixing Times, 2017, §4.5).
 const MIXED: f64 = 0.25;
-/// Most steps that are counted.
+/// Longest lag at which moves are counted directly.
 const LONGEST_LAG: usize = 1 << 10;
-/// The logarithm of the most steps that are judged.
+/// Binary logarithm of the longest lag that is judged.
 const MOST_POWER: u32 = 20;
-/// The logarithm of how many times as many steps are the long run.
+/// Binary logarithm of the multiple of the lag that counts as the long run.
 const LONG_RUN: u32 = 30;
 
 /// How far walks of a member get: 32 walks of 30,000 steps, from transitions drawn uniformly.
@@ -48,7 +48,7 @@ pub struct WalkStatistics {
 }
 
 impl WalkStatistics {
-    /// The statistics of `member`, whose walks end in `ends`.
+    /// Returns the statistics of `member`, whose walks end in `ends`.
     pub fn of(member: &Member<'_>, ends: &Ends, weights: Weights, seed: Seed) -> Self {
         let walks = Walks::new(member, weights, seed, STEPS);
         let mut each: Vec<usize> = walks.all().map(distinct).collect();
@@ -64,7 +64,7 @@ impl WalkStatistics {
     }
 }
 
-/// How many different rows there are.
+/// Returns the number of different rows.
 fn distinct(rows: &[u32]) -> usize {
     let mut rows = rows.to_vec();
     rows.sort_unstable();
@@ -72,9 +72,9 @@ fn distinct(rows: &[u32]) -> usize {
     rows.len()
 }
 
-/// Transitions that walks draw.
+/// The transitions that walks draw.
 struct Walks {
-    /// `[walk, step]`, the first is where it starts.
+    /// Transitions `[walk, step]`; the first is the start.
     transitions: Vec<u32>,
     steps: usize,
 }
@@ -87,7 +87,7 @@ impl Walks {
         for (walk, rng) in rngs.iter_mut().enumerate() {
             transitions[walk * steps] = member.nth(rng.below(member.len())).0;
         }
-        // Side by side, so that the processor waits for the rows of all of them at once.
+        // Side by side, so that the processor waits for the rows of all walks at once.
         for step in 1..steps {
             for (walk, rng) in rngs.iter_mut().enumerate() {
                 let from = TransitionIndex(transitions[walk * steps + step - 1]);
@@ -101,7 +101,7 @@ impl Walks {
         self.transitions.chunks_exact(self.steps)
     }
 
-    /// The second halves.
+    /// Iterates over the second halves of the walks.
     fn settled(&self) -> impl Iterator<Item = &[u32]> {
         self.all().map(|walk| &walk[self.steps / 2..])
     }
@@ -112,7 +112,8 @@ impl Walks {
             .flat_map(|(number, walk)| walk.iter().map(move |&row| (row, number as u32)))
             .collect();
         drawn.sort_unstable();
-        // Pairs of steps of different walks, and those of them that are at the same transition; each pair in both orders.
+        // Pairs of steps of different walks, and the number of pairs at the same transition. Each pair counts in both
+        // orders.
         let all = drawn.len();
         let own = drawn.len() / WALKS;
         let pairs = all * all - WALKS * own * own;
@@ -152,10 +153,11 @@ impl Walks {
     }
 }
 
-/// Where a walk in each part is after some steps, one row a part.
+/// Transition probabilities between parts after some steps, one row per starting part.
 type Moves = [[f64; PARTS]; PARTS];
 
-/// Steps after which walks, of which the parts are given step by step, are anywhere, whichever part they were in.
+/// Returns the number of steps after which the position of a walk no longer depends on its starting part. `walks` holds
+/// the part at each step.
 fn mixing_steps(walks: &[Vec<usize>]) -> Option<usize> {
     let steps: usize = walks.iter().map(Vec::len).sum();
     let mut share = [0.0; PARTS];
@@ -167,7 +169,7 @@ fn mixing_steps(walks: &[Vec<usize>]) -> Option<usize> {
         if lag <= LONGEST_LAG {
             moves = after(walks, lag);
         } else {
-            // As if the next steps did not depend on how a part was entered.
+            // Assumes that the next steps do not depend on how a part was entered.
             moves = product(&moves, &moves);
         }
         let mean = stationary(&moves, &share);
@@ -182,7 +184,7 @@ fn mixing_steps(walks: &[Vec<usize>]) -> Option<usize> {
     None
 }
 
-/// Where walks are after `lag` steps.
+/// Returns the transition probabilities between parts after `lag` steps.
 fn after(walks: &[Vec<usize>], lag: usize) -> Moves {
     let mut moves = [[0.0; PARTS]; PARTS];
     for walk in walks {
@@ -211,7 +213,7 @@ fn product(a: &Moves, b: &Moves) -> Moves {
     product
 }
 
-/// Where walks are in the long run, from where they were: after many times as many steps.
+/// Returns the long-run distribution over parts from the initial `share`, after many times as many steps.
 fn stationary(moves: &Moves, share: &[f64; PARTS]) -> [f64; PARTS] {
     let mut long = *moves;
     for _ in 0..LONG_RUN {
@@ -222,7 +224,7 @@ fn stationary(moves: &Moves, share: &[f64; PARTS]) -> [f64; PARTS] {
     })
 }
 
-/// Half of the sum of differences.
+/// Returns the total-variation distance: half of the sum of differences.
 fn variation(a: &[f64; PARTS], b: &[f64; PARTS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>() / 2.0
 }

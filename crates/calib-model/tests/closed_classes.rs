@@ -1,4 +1,5 @@
-//! Models without traps and how far their walks get, as `NumPy` and `SciPy` have them: `scripts/golden/closed_classes.py`.
+//! Checks the removal of traps, and the statistics of walks, against `NumPy` and `SciPy`:
+//! `scripts/golden/closed_classes.py`.
 
 use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_knn::{KnnModel, ModelConfig, WeightsKind, Workplace};
@@ -23,10 +24,10 @@ struct Expected {
     after: Vec<usize>,
     left_out: Vec<u32>,
     lost: usize,
-    /// Of the member's transitions, in order.
+    /// Neighbours of the member's transitions, in order.
     neighbors: Vec<Vec<u32>>,
     steps_to_end: f64,
-    /// Standard deviation of the steps of one walk.
+    /// Standard deviation over the steps of one walk.
     deviation: f64,
     effective_rows: f64,
 }
@@ -77,7 +78,7 @@ fn closed_classes_and_tables_are_those_of_scipy() {
 
 #[test]
 fn statistics_of_walks_estimate_what_linear_algebra_says() {
-    // Many times 32 walks, so that what remains is the error of the estimate.
+    // Many times 32 walks, so that the remaining deviation is the error of the estimate.
     const TIMES: u64 = 16;
     for case in Case::all() {
         let weights = case.config().weights().expect("valid");
@@ -99,7 +100,7 @@ fn statistics_of_walks_estimate_what_linear_algebra_says() {
             let far = (steps - expected.steps_to_end).abs();
             let error = expected.deviation / f64::from(32 * TIMES as u32).sqrt();
             assert!(far <= 4.0 * error, "{name}: {steps} steps, a standard error of {error}");
-            // Two classes that do not meet are visited as the starts of 32 walks fall.
+            // Two separate classes are visited according to the start states of the 32 walks.
             if expected.after.len() == 1 {
                 let rows = mean(&|walks| walks.effective_rows);
                 assert!((rows / expected.effective_rows - 1.0).abs() < 0.02, "{name}: {rows} rows");

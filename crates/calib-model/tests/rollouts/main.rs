@@ -1,4 +1,4 @@
-//! Rollouts as their users see them.
+//! Tests of rollouts through the public interface.
 
 use std::collections::BTreeSet;
 
@@ -137,7 +137,8 @@ fn rollouts_are_pure_functions_of_their_arguments() {
     assert_eq!(few, many[..2]);
 }
 
-/// How three rollouts of a model jump.
+/// Returns the jump statistics of three rollouts of
+/// a model.
 fn jumps_of(config: &ModelConfig) -> JumpStatistics {
     let model = model(config);
     let member = model.member(0);

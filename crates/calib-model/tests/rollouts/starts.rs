@@ -1,4 +1,4 @@
-//! Start states as their users see them.
+//! Tests of start states through the public interface.
 
 use std::collections::BTreeSet;
 
@@ -33,7 +33,7 @@ fn recent_starts_are_spread_over_the_latest_rows_or_are_the_nearest_to_them() {
     let rows = first.iter().map(|start| (start.wanted, start.replaced));
     let last = [440, 420, 430].map(|row| (RequestedStart::Recorded(RowIndex(row)), None));
     assert_eq!(rows.collect::<Vec<_>>(), last);
-    // The member that leaves the last block out has none of them.
+    // The member that leaves the last block out has no rows of it.
     for (start, wanted) in starts(4, None).iter().zip(last) {
         assert_eq!(start.wanted, wanted.0);
         assert!(start.replaced.expect("it is replaced") > 0.0);
@@ -68,7 +68,7 @@ fn rows_that_the_member_lacks_are_searched_or_replaced() {
         assert!(neighbors.iter().any(|near| near.transition == walk.transitions()[0]));
         assert!(walk.rows()[1..].iter().all(|row| rows_of_member(&model, 2).contains(row)));
     }
-    // Row 0 is its own nearest source, so the replacement stays there; the excluded row moves into the member.
+    // Row 0 is its own nearest source, so the replacement stays there. The excluded row moves into the member.
     let replaced = starts(Absent::Replace);
     assert_eq!(replaced[0].replaced, None);
     assert_eq!(replaced[1].replaced, Some(0.0));
@@ -104,7 +104,7 @@ fn nearest_starts_are_recorded_states_near_the_deployment() {
     assert_eq!(seen.len(), 2);
 }
 
-/// Whether a row is in July, of 1970 or 1971, if there is one every two days from 1970-01-01.
+/// Whether a row is in July of 1970 or 1971, with one row every two days from 1970-01-01.
 fn is_in_july(row: u32) -> bool {
     (91..106).contains(&row) || (273..289).contains(&row)
 }
@@ -113,7 +113,7 @@ fn is_in_july(row: u32) -> bool {
 fn calendar_months_choose_rows_before_the_deployment() {
     let model = model(&ModelConfig::default());
     let member = model.member(0);
-    // A row every two days from 1970-01-01: row 0..16 in January, 441 rows reach into 1972.
+    // One row every two days from 1970-01-01: rows 0..16 are in January, and 441 rows reach into 1972.
     let timestamps: Vec<Timestamp> =
         (0..441).map(|row| Timestamp::from_micros(row * 2 * 86_400_000_000)).collect();
     let source =
@@ -126,14 +126,14 @@ fn calendar_months_choose_rows_before_the_deployment() {
             .map(|s| rollout(&member, s, 0, Weights::Linear, Seed::new(0)).rows()[0].0)
             .collect()
     };
-    // Of July 1970 and July 1971; block 0 ends before row 90.
+    // July 1970 and July 1971; block 0 ends before row 90.
     let both = rows(7, None);
     assert!(both.iter().all(|&row| is_in_july(row)), "{both:?}");
     assert!(both.iter().any(|&row| row < 106) && both.iter().any(|&row| row >= 273));
-    // Row 300 is in August 1971: July of that year is not of an earlier one.
+    // Row 300 is in August 1971, so July of that year is not in an earlier year.
     let first = rows(7, Some(timestamps[300]));
     assert!(first.iter().all(|&row| is_in_july(row) && row < 106));
-    // January 1970 lies in the block that member 0 leaves out: it is replaced, not refused.
+    // January 1970 is in the block that member 0 leaves out: it is replaced, not refused.
     let january = start_states(&member, source(1, Some(timestamps[200])), 20, Seed::new(1));
     for start in january.expect("starts") {
         let RequestedStart::Recorded(row) = start.wanted else { panic!("{start:?}") };
@@ -146,7 +146,7 @@ fn calendar_months_choose_rows_before_the_deployment() {
     assert!(matches!(bad, Err(RolloutError::Month { got: 13 })));
 }
 
-/// Notes what is searched for.
+/// A monitor that records the sizes of searches.
 #[derive(Default)]
 struct Searches(std::sync::Mutex<Vec<u64>>);
 
@@ -208,7 +208,7 @@ fn a_search_for_starts_ends_when_the_user_asks() {
     }
 }
 
-/// A user who asked to stop before anything began.
+/// A monitor of a user who asked to stop before anything began.
 struct LongStopped;
 
 impl Monitor for LongStopped {
