@@ -1,4 +1,4 @@
-//! Is the more accurate model the one that chooses better?
+//! Whether the more accurate model chooses better.
 
 use calib_stats::{Interval, StatsError, pooled_spearman};
 use schemars::JsonSchema;
@@ -69,7 +69,7 @@ impl Badness {
     }
 }
 
-/// All predictors against all outcomes.
+/// Returns the correlations of all predictors with all outcomes.
 pub(crate) fn accuracies(
     pairs: &[Pair],
     regrets: &[Vec<f64>],
@@ -103,7 +103,7 @@ pub(crate) fn accuracies(
                 pairs: known.len(),
                 models: known.iter().map(|&pair| groups[pair].0.len()).sum(),
                 correlation: correlation(&known)?,
-                // What was NaN was refused above.
+                // NaN was refused above.
                 interval: correlations(
                     plants.interval(has, |pairs| correlation(pairs).ok().flatten()),
                 ),

@@ -1,36 +1,37 @@
-//! What each method chooses in every pair.
+//! The choices of each selection method in every pair.
 
 use calib_stats::{StatsError, mean};
 
 use crate::{Method, ModelPair, Pair, defaults::best_default, pair::capped};
 
-/// Pairs with the regrets of all values, and the models and rules that they have.
+/// Pairs with the regrets of all values, and their models and rules.
 pub(crate) struct JudgedPairs<'a> {
     pub(crate) pairs: &'a [Pair],
-    /// `[pairs, values]`.
+    /// Regrets `[pairs, values]`.
     pub(crate) regrets: &'a [Vec<f64>],
     pub(crate) models: &'a [String],
     pub(crate) rules: &'a [String],
 }
 
-/// The choices of a method, one for each pair, and their regrets; `None` where it has none.
+/// The choices of a method, one for each pair, and their regrets; `None` where the method has no choice.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Choices {
     pub(crate) method: Method,
-    /// The value; none for a mean over values.
+    /// The chosen value; `None` for a mean over values.
     pub(crate) values: Vec<Option<usize>>,
     pub(crate) regrets: Vec<Option<f64>>,
 }
 
 impl Choices {
-    /// The regret in a pair as it counts.
+    /// Returns the capped regret in a pair.
     pub(crate) fn counted(&self, pair: usize) -> Option<f64> {
         self.regrets[pair].map(capped)
     }
 }
 
 impl JudgedPairs<'_> {
-    /// All methods: models first, then what one would do without calib, then floors. What no pair has is no method here.
+    /// Returns all methods: models first, then choices without calib, then floors. A method without a choice in any
+    /// pair is excluded.
     pub(crate) fn methods(&self) -> Result<Vec<Choices>, StatsError> {
         let models = self.models.iter().map(|name| {
             self.chosen(Method::Model(name.clone()), |pair| Some(pair.model(name)?.chosen))
@@ -54,7 +55,8 @@ impl JudgedPairs<'_> {
         Ok(all)
     }
 
-    /// One value for several pairs. Those of optimisers say nothing of their own where all agents have the same.
+    /// Returns the choices of one value for several pairs. The best values per optimiser are excluded if all agents
+    /// have the same one.
     fn defaults(&self) -> Vec<Choices> {
         let best_where =
             |counts: &dyn Fn(&Pair) -> bool| best_default(self.pairs, self.regrets, counts);
@@ -90,7 +92,7 @@ impl JudgedPairs<'_> {
         ]
     }
 
-    /// What each rule chooses in `model`.
+    /// Returns the choices of each rule in `model`.
     pub(crate) fn rules_in(&self, model: &str) -> Vec<Choices> {
         self.rules
             .iter()
@@ -102,7 +104,7 @@ impl JudgedPairs<'_> {
             .collect()
     }
 
-    /// What each rule chooses in every model: one entry a model and pair, model by model.
+    /// Returns the choices of each rule in every model: one entry per model and pair, model by model.
     pub(crate) fn rules_in_all_models(&self) -> Vec<Choices> {
         self.rules
             .iter()
@@ -143,7 +145,7 @@ fn share_optimiser(pair: &Pair, other: &Pair) -> bool {
     other.optimiser == pair.optimiser
 }
 
-/// The choice of the model with the least of something, if at least two models have it; the first of equals.
+/// Returns the choice of the model with the smallest measure, if at least two models have it. Ties go to the first.
 fn least(pair: &Pair, measure: impl Fn(&ModelPair) -> Option<f64>) -> Option<usize> {
     let known = pair.models.iter().filter_map(|model| Some((measure(model)?, model)));
     let known: Vec<(f64, &ModelPair)> = known.collect();

@@ -1,4 +1,4 @@
-//! What was to be shown, named before anything was run.
+//! Claims that were stated before the study was run.
 
 use calib_stats::Interval;
 use schemars::JsonSchema;
@@ -49,8 +49,9 @@ pub struct Test {
     pub outcome: Outcome,
 }
 
-/// All claims of every model, as far as there is something to compare with: a small mean regret; less error than the alternatives, of
-/// which `networks` are some for models that are none; no more error than log replay.
+/// Returns all claims of every model for which there is a comparison: a small mean regret; less error than the
+/// alternatives; no more error than log replay. For models other than `networks`, the networks are among the
+/// alternatives.
 pub(crate) fn all(
     summaries: &[MethodSummary],
     comparisons: &[Comparison],
@@ -98,7 +99,7 @@ pub(crate) fn all(
 }
 
 impl Claim {
-    /// What the value has to stay below.
+    /// Returns the upper limit of the value for the claim.
     pub const fn limit(self) -> f64 {
         match self {
             Self::SmallRegret => GOOD,
@@ -140,7 +141,8 @@ mod tests {
         assert_eq!(outcome(None, 1.0), Outcome::Open);
     }
 
-    /// Of a mean regret with this upper bound, where the interval of the typical one begins at `low`.
+    /// Returns the outcome for a mean regret with this upper bound, where the interval of the typical regret begins at
+    /// `low`.
     fn outcome_of_bounds(upper: Option<f64>, low: f64) -> Outcome {
         outcome_of_mean(&MethodSummary {
             method: Method::LogReplay,

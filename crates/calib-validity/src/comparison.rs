@@ -1,4 +1,4 @@
-//! Two methods on the same pairs.
+//! Comparison of two methods on the same pairs.
 
 use calib_stats::{Interval, StatsError, mean};
 use schemars::JsonSchema;
@@ -10,7 +10,7 @@ use crate::{
     over_plants::{OverPlants, mean_of},
 };
 
-/// How much more error still counts as no worse: 1 %.
+/// Relative excess error that still counts as no worse: 1 %.
 pub const MARGIN: f64 = 0.01;
 
 /// What the interval of a quotient of errors says.
@@ -28,7 +28,7 @@ pub enum Finding {
 }
 
 impl Finding {
-    /// Of the interval of a quotient.
+    /// Returns the finding for the interval of a ratio.
     pub(crate) fn of(interval: Option<Interval>) -> Self {
         match interval {
             Some(Interval { high, .. }) if high < 1.0 => Self::Better,
@@ -69,7 +69,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// `None` if no pair has both.
+    /// Compares two methods; `None` if no pair has both.
     pub(crate) fn of(
         method: &Choices,
         against: &Choices,
@@ -109,12 +109,13 @@ impl Comparison {
     }
 }
 
-/// ln of the quotient of two errors from their regrets, which are relative to the same best one: ln((1 + a) / (1 + b)).
+/// Returns ln of the ratio of two errors from their regrets, which are relative to the same best error:
+/// ln((1 + a) / (1 + b)).
 pub(crate) fn quotient(a: f64, b: f64) -> f64 {
     a.ln_1p() - b.ln_1p()
 }
 
-/// The interval of a quotient from that of its logarithm.
+/// Returns the interval of a ratio from that of its logarithm.
 pub(crate) fn quotient_interval(interval: Option<Interval>) -> Option<Interval> {
     interval.map(|interval| Interval { low: interval.low.exp(), high: interval.high.exp() })
 }

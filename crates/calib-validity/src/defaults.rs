@@ -1,4 +1,4 @@
-//! The one value that is best for several pairs.
+//! The single value that is best for several pairs.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -14,8 +14,8 @@ pub struct OptimiserDefault {
     pub value: usize,
 }
 
-/// The value with the smallest typical regret over the pairs that `counts` says count: the smallest mean of ln(1 + regret), in which
-/// regrets are capped. The first of equals; none if no pair counts.
+/// Returns the value with the smallest typical regret over the pairs for which `counts` is true: the smallest mean of
+/// ln(1 + regret), with capped regrets. Ties go to the first. `None` if no pair counts.
 pub(crate) fn best_default(
     pairs: &[Pair],
     regrets: &[Vec<f64>],
@@ -29,7 +29,7 @@ pub(crate) fn best_default(
     (0..sums.len()).min_by(|&a, &b| sums[a].total_cmp(&sums[b]))
 }
 
-/// The best default for each optimiser, in alphabetical order.
+/// Returns the best default for each optimiser, in alphabetical order.
 pub(crate) fn of_optimisers(pairs: &[Pair], regrets: &[Vec<f64>]) -> Vec<OptimiserDefault> {
     let mut optimisers: Vec<&String> = pairs.iter().map(|pair| &pair.optimiser).collect();
     optimisers.sort();
@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn what_diverged_counts_as_the_cap() {
         let pairs = [pair("a", "s", [0.0; 3]), pair("b", "s", [0.0; 3])];
-        // (11 · 1)^½ = 3.3 against (4 · 4)^½ = 4: divergence is bad, and not the end.
+        // (11 · 1)^½ = 3.3 against (4 · 4)^½ = 4: divergence is bad, but does not decide alone.
         let regrets = [vec![f64::INFINITY, 3.0], vec![0.0, 3.0]];
         assert_eq!(best_default(&pairs, &regrets, |_| true), Some(0));
     }

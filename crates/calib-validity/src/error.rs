@@ -3,7 +3,7 @@ use calib_stats::StatsError;
 /// Results that cannot be judged together.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ValidityError {
-    /// There is nothing to judge.
+    /// There is no pair to judge.
     #[error(
         "there is no plant and sensor to judge; expected at least one study with held-out data in which some setting did not diverge"
     )]
@@ -19,10 +19,10 @@ pub enum ValidityError {
         sensor: String,
         /// Values of the grid.
         expected: usize,
-        /// Values found.
+        /// Actual number of values.
         got: usize,
     },
-    /// A regret that is none.
+    /// A regret is invalid.
     #[error(
         "{sensor} of {plant} has a regret of {got}; expected a number of at least 0, or infinity for a setting that diverged"
     )]
@@ -31,17 +31,17 @@ pub enum ValidityError {
         plant: String,
         /// The sensor.
         sensor: String,
-        /// What was found.
+        /// The invalid regret.
         got: f64,
     },
-    /// A choice that is not one of the values.
+    /// A choice is not one of the values.
     #[error("{sensor} of {plant}: the choice of {whose} is setting {got}, but there are {values}")]
     Choice {
         /// The plant.
         plant: String,
         /// The sensor.
         sensor: String,
-        /// Who chose.
+        /// The model or method that made the choice.
         whose: String,
         /// The choice.
         got: usize,

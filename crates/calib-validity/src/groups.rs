@@ -1,4 +1,4 @@
-//! Does choosing well depend on the task?
+//! Whether the quality of choices depends on the task.
 
 use calib_stats::{Interval, StatsError, mean, median};
 use schemars::JsonSchema;
@@ -11,7 +11,7 @@ use crate::{
     over_plants::{OverPlants, mean_of},
 };
 
-/// Numbers with more different values than this are parted in halves.
+/// Numeric features with more different values than this are split into halves.
 const FEW_VALUES: usize = 4;
 
 /// A method over the pairs whose tasks are alike in one feature.
@@ -37,15 +37,15 @@ pub struct GroupSummary {
     pub against_default_interval: Option<Interval>,
 }
 
-/// Pairs with a feature in common.
+/// Pairs with the same value of a feature.
 struct PairGroup {
     feature: String,
     name: String,
-    /// Places of the pairs in the list of all.
+    /// Positions of the pairs in the list of all pairs.
     pairs: Vec<usize>,
 }
 
-/// Each of `methods` over each group of each feature.
+/// Summarises each of `methods` over each group of each feature.
 pub(crate) fn groups(
     pairs: &[Pair],
     methods: &[Choices],
@@ -101,7 +101,7 @@ fn summary(
     }))
 }
 
-/// The groups of every feature in which pairs differ.
+/// Returns the groups of every feature in which pairs differ.
 fn all_groups(pairs: &[Pair]) -> Result<Vec<PairGroup>, StatsError> {
     let mut all =
         groups_of("optimiser", pairs, |pair: &Pair| Some(TaskValue::Name(pair.optimiser.clone())))?;
@@ -120,7 +120,8 @@ fn all_groups(pairs: &[Pair]) -> Result<Vec<PairGroup>, StatsError> {
     Ok(all)
 }
 
-/// One group for each name or number, or two halves where there are many numbers; none where all pairs are alike.
+/// Returns one group for each name or number, or two halves if there are many numbers. Empty if all pairs have
+/// the same value.
 fn groups_of(
     feature: &str,
     pairs: &[Pair],
@@ -150,7 +151,7 @@ fn groups_of(
     Ok(if groups.len() > 1 { groups } else { Vec::new() })
 }
 
-/// What a value's group is called, where `numbers` are all different ones and `middle` is their median.
+/// Returns the name of a value's group. `numbers` are all different values, and `middle` is their median.
 fn group_name(value: &TaskValue, numbers: &[f64], middle: f64) -> String {
     match value {
         TaskValue::Name(name) => name.clone(),

@@ -1,9 +1,12 @@
-//! Does calib choose well? Regret of its choices over plants and sensors, beside what one would do without it.
+//! Measures how well calib chooses: the regret of its choices over plants and sensors, beside alternatives without it.
 //!
-//! - [`Pair`]: a sensor of a plant whose truth is known, with the task of its agent, what each model chose, and how well it predicts.
-//! - [`Method`]: a way to choose a value: a model, a rule, log replay, a default, chance; and those that see held-out data: the best constant value, which nobody can beat, and another window.
-//! - [`judge`]: all pairs → [`Validity`]: summaries with intervals over plants, [`Comparison`]s two by two with their [`Power`], the
-//!   [`Test`]s of what was to be shown, rules against rules, groups of tasks, and whether the more accurate model chooses better.
+//! - [`Pair`]: a sensor of a plant with known held-out data, the task of its agent, the choice of each model, and its
+//!   prediction errors.
+//! - [`Method`]: a way to choose a value: a model, a rule, log replay, a default or chance. Two methods see held-out
+//!   data: the best constant value, which is a lower bound on regret, and another window.
+//! - [`judge`]: all pairs → [`Validity`]: summaries with intervals over plants, pairwise [`Comparison`]s with their
+//!   [`Power`], the [`Test`]s of the claims, comparisons of rules, groups of tasks, and whether the more accurate model
+//!   chooses better.
 //!
 //! Sensors of one plant are not independent, so the plant is the unit of every interval.
 //!

@@ -1,42 +1,42 @@
-//! Ways to choose a value, by name.
+//! Selection methods, by name.
 
 use std::{borrow::Cow, fmt};
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Serialize, Serializer};
 
-/// A way to choose a value.
+/// A selection method: a way to choose a value.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Method {
-    /// What calib chooses in a model by the rule of the study.
+    /// calib's choice in a model by the rule of the study.
     Model(String),
-    /// What a rule chooses from the evidence of a model.
+    /// The choice of a rule from the evidence of a model.
     RuleOf(String, String),
-    /// What a rule chooses from the evidence of each model, all models together.
+    /// The choices of a rule from the evidence of each model, all models together.
     Rule(String),
     /// On each sensor the choice of the model with the smallest one-step error there.
     MostAccurate,
-    /// On each sensor the choice of the model whose rollouts warp least.
+    /// On each sensor the choice of the model whose rollouts have the smallest warping distance.
     LeastWarped,
     /// The value that is best on the replayed log.
     LogReplay,
     /// The value that is best on the latest window of the replayed log.
     LatestWindow,
-    /// The value that the study gives as its default.
+    /// The default value of the study.
     Default,
-    /// The one value with the smallest typical regret over all pairs: nobody knows it beforehand.
+    /// The single value with the smallest typical regret over all pairs. It is known only afterwards.
     BestDefault,
-    /// The same for each optimiser by itself.
+    /// The best single value for each optimiser, known only afterwards.
     BestDefaultOfOptimiser,
-    /// The one value with the smallest typical regret over the pairs of all other plants: what experience would say.
+    /// The single value with the smallest typical regret over the pairs of all other plants: a choice by experience.
     OtherPlants,
     /// The same over the other plants whose agents have the same optimiser.
     OtherPlantsWithOptimiser,
-    /// Any value of the grid, evenly: the mean of their regrets.
+    /// A uniformly random value of the grid: the mean of all regrets.
     Random,
-    /// The best constant value over the held-out windows of the pair itself: nobody can do better.
+    /// The best constant value over the held-out windows of the pair itself, a lower bound on regret.
     Hindsight,
-    /// The best value of one held-out window, judged on the others: what sees the deployment itself, at another time.
+    /// The best value of one held-out window, judged on the others. It sees the deployment itself, at another time.
     AnotherWindow,
 }
 
@@ -82,7 +82,7 @@ impl JsonSchema for Method {
 }
 
 impl Method {
-    /// The name in files: `model:NAME`, `model:NAME:RULE`, `rule:RULE`, or words.
+    /// Returns the name in files: `model:NAME`, `model:NAME:RULE`, `rule:RULE`, or words.
     pub fn name(&self) -> String {
         match self {
             Self::Model(model) => return format!("model:{model}"),
@@ -104,12 +104,12 @@ impl Method {
         .to_owned()
     }
 
-    /// Whether it is what a model chooses by the rule of the study.
+    /// Whether it is the choice of a model by the rule of the study.
     pub fn is_model(&self) -> bool {
         matches!(self, Self::Model(_))
     }
 
-    /// Whether it sees held-out data, and is no way to choose.
+    /// Whether it sees held-out data, and so is a reference rather than a usable method.
     pub fn is_floor(&self) -> bool {
         matches!(self, Self::Hindsight | Self::AnotherWindow)
     }

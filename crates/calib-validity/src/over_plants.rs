@@ -2,7 +2,7 @@
 
 use calib_stats::{Interval, cantelli_bound, jackknife, jackknife_error};
 
-/// Fewer plants say too little of how plants differ: there are no intervals over them.
+/// Minimum number of plants for an interval. Fewer plants tell too little about how plants differ.
 pub const FEWEST_PLANTS: usize = 8;
 
 /// The pairs of each plant.
@@ -13,7 +13,7 @@ pub(crate) struct OverPlants {
 }
 
 impl OverPlants {
-    /// `plants` is the plant of each pair.
+    /// Groups pairs by plant; `plants` gives the plant of each pair.
     pub(crate) fn new<'a>(plants: impl Iterator<Item = &'a str>) -> Self {
         let mut names: Vec<&str> = Vec::new();
         let mut pairs: Vec<Vec<usize>> = Vec::new();
@@ -28,7 +28,7 @@ impl OverPlants {
         Self { pairs }
     }
 
-    /// The pairs of each plant for which `has` holds, without plants that have none.
+    /// Returns the pairs of each plant for which `has` is true, without plants that have no such pair.
     pub(crate) fn each(&self, has: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
         self.pairs
             .iter()
@@ -39,10 +39,10 @@ impl OverPlants {
             .collect()
     }
 
-    /// 95 % t-interval of `statistic`, which is given numbers of pairs, by the jackknife over plants.
+    /// Returns the 95 % t-interval of `statistic`, a function of pair numbers, by the jackknife over plants.
     ///
-    /// None for fewer than eight plants that have something to say, and where the statistic is not defined without one of them.
-    /// Statistics should be symmetrically distributed: logarithms of quotients, not quotients.
+    /// `None` for fewer than eight plants with such pairs, and where the statistic is not defined without one of them.
+    /// Statistics should be symmetrically distributed: logarithms of ratios, not ratios.
     pub(crate) fn interval(
         &self,
         has: impl Fn(usize) -> bool,
@@ -52,8 +52,9 @@ impl OverPlants {
         jackknife(statistic(&plants.concat())?, &without_each(&plants, statistic)?)
     }
 
-    /// 95 % interval of the typical regret exp(mean) − 1 from the `logarithm` of 1 + regret in each pair: its lower end is that of Student's t,
-    /// its upper end [`Self::upper_bound`], because the logarithms of small regrets are as skewed as they are.
+    /// Returns the 95 % interval of the typical regret exp(mean) − 1 from the `logarithm` of 1 + regret in each pair.
+    /// Its lower end is that of Student's t. Its upper end is [`Self::upper_bound`], because the logarithms of small
+    /// regrets are as skewed as the regrets.
     pub(crate) fn typical_interval(
         &self,
         has: impl Fn(usize) -> bool + Copy,
@@ -65,7 +66,7 @@ impl OverPlants {
         Some(Interval { low: low.max(0.0).exp_m1(), high: high.exp_m1() })
     }
 
-    /// 95 % upper bound of a mean that is skewed; none as for [`Self::interval`], and where plants do not differ.
+    /// Returns the 95 % upper bound of a skewed mean. `None` as for [`Self::interval`], and where plants do not differ.
     pub(crate) fn upper_bound(
         &self,
         has: impl Fn(usize) -> bool,
@@ -76,7 +77,7 @@ impl OverPlants {
     }
 }
 
-/// The statistic of all plants but each.
+/// Returns the statistic of all plants without each one in turn.
 fn without_each(
     plants: &[Vec<usize>],
     statistic: impl Fn(&[usize]) -> Option<f64>,
@@ -92,7 +93,7 @@ fn without_each(
         .collect()
 }
 
-/// The mean of `value` over `pairs`; `None` for none.
+/// Returns the mean of `value` over `pairs`, or `None` without pairs.
 pub(crate) fn mean_of(pairs: &[usize], value: impl Fn(usize) -> f64) -> Option<f64> {
     let sum: f64 = pairs.iter().map(|&pair| value(pair)).sum();
     (!pairs.is_empty()).then(|| sum / pairs.len() as f64)

@@ -1,11 +1,12 @@
-//! What is known of one sensor of one plant.
+//! The data on one sensor of one plant.
 
 use serde::Serialize;
 
 use crate::ValidityError;
 
-/// Larger regrets, and those of choices that diverged, count as this much in every mean, quotient and choice of a default: 1,000 %.
-/// Without it one diverged choice would make every mean infinite, and one that nearly diverged would decide it.
+/// Cap for regrets, 1,000 %. Larger regrets, and those of diverged choices, count as this much in every mean, ratio and
+/// choice of a default. Without it one diverged choice would make every mean infinite, and one that nearly diverged
+/// would decide it.
 pub const CAP: f64 = 10.0;
 
 /// A sensor of a plant whose held-out data was replayed Online, by one score.
@@ -17,24 +18,25 @@ pub struct Pair {
     pub sensor: String,
     /// The optimiser of the agent: a default may depend on it.
     pub optimiser: String,
-    /// What else the agent is like, and how long it learns: what pairs are grouped by.
+    /// Other properties of the agent, and how long it learns. Pairs are grouped by them.
     pub task: Vec<(String, TaskValue)>,
-    /// Mean error Online of each value of the grid, `[values]`; infinite if a run diverged. Shown, not judged by.
+    /// Mean error Online of each value of the grid, `[values]`; infinite if a run diverged. It is displayed, but not
+    /// judged.
     pub online: Vec<f64>,
-    /// Skill of the best value: 1 − RMSE / σ of the returns. None if it diverged.
+    /// Skill of the best value: 1 − RMSE / σ of the returns. `None` if it diverged.
     pub skill: Option<f64>,
-    /// Regret of each value, `[values]`: exp(mean over held-out windows of ln(error / best error of the window)) − 1; infinite for
-    /// values that diverged. None if every value did.
+    /// Regret of each value, `[values]`: exp(mean over held-out windows of ln(error / best error of the window)) − 1;
+    /// infinite for values that diverged. `None` if every value did.
     pub regrets: Option<Vec<f64>>,
-    /// The value that one would use without calib, if the grid has it.
+    /// The default value without calib, if the grid has it.
     pub default: Option<usize>,
     /// The value that is best on the replayed log.
     pub log_replay: Option<usize>,
     /// The value that is best on the latest window of the replayed log.
     pub latest_window: Option<usize>,
-    /// Regret of choosing by another held-out window; none where there is only one.
+    /// Regret of choosing by another held-out window; `None` where there is only one.
     pub another_window: Option<f64>,
-    /// What each model chose.
+    /// The choices of each model.
     pub models: Vec<ModelPair>,
 }
 
@@ -48,33 +50,33 @@ pub enum TaskValue {
     Name(String),
 }
 
-/// A calibration model, and what is known of it, on one sensor of one plant.
+/// A calibration model, with its choices and errors on one sensor of one plant.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ModelPair {
     /// Its name.
     pub model: String,
     /// The value that it chooses by the rule of the study.
     pub chosen: usize,
-    /// Share of resamples of the evidence from which the rule chooses the same; none without resamples.
+    /// Share of resamples of the evidence from which the rule chooses the same value; `None` without resamples.
     pub stability: Option<f64>,
     /// The value that it chooses by each rule.
     pub rules: Vec<RuleChoice>,
-    /// Share of the updates in its members and on the log that a race by halving would not have made; what it would have chosen then is
-    /// the rule `halved`. None if that is not known.
+    /// Share of the updates on its members and the log that successive halving would have saved. The rule `halved` has
+    /// the choice with halving. `None` if it is not known.
     pub saved_by_halving: Option<f64>,
     /// Spearman's correlation of its ranking with the regrets Online.
     pub spearman: Option<f64>,
     /// RMSE of one-step predictions of the sensor on held-out data, normalised units.
     pub one_step: Option<f64>,
-    /// The same divided by that of predicting no change.
+    /// `one_step` divided by the error of predicting no change.
     pub one_step_relative: Option<f64>,
     /// RMSE of one-step predictions of all columns.
     pub one_step_all: Option<f64>,
-    /// Mean normalised warping distance of its rollouts from what was recorded.
+    /// Mean normalised warping distance between its rollouts and the record.
     pub dtw: Option<f64>,
 }
 
-/// What a rule chooses from the evidence of a model.
+/// The choice of a rule from the evidence of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RuleChoice {
     /// The rule.
@@ -84,7 +86,8 @@ pub struct RuleChoice {
 }
 
 impl Pair {
-    /// That every choice is one of `values` values, that each has a regret, and that no regret is NaN or negative.
+    /// Checks that every choice is one of `values` values, that each has a regret, and that no regret is NaN or
+    /// negative.
     pub(crate) fn check(&self, values: usize) -> Result<(), ValidityError> {
         let plant = self.plant.clone();
         let sensor = self.sensor.clone();
@@ -123,13 +126,13 @@ impl Pair {
 }
 
 impl ModelPair {
-    /// What `rule` chooses.
+    /// Returns the choice of `rule`.
     pub(crate) fn by(&self, rule: &str) -> Option<usize> {
         self.rules.iter().find(|choice| choice.rule == rule).map(|choice| choice.chosen)
     }
 }
 
-/// A regret as it counts.
+/// Returns a regret, limited to [`CAP`].
 pub(crate) fn capped(regret: f64) -> f64 {
     regret.min(CAP)
 }

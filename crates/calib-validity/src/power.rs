@@ -1,4 +1,4 @@
-//! What so many plants can tell.
+//! The statistical power of a number of plants.
 
 use calib_stats::{StatsError, observations_needed, sample_std, smallest_difference};
 use schemars::JsonSchema;
@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::{Comparison, Method};
 
-/// Differences of errors for which the plants that are needed are told: 1, 2 and 5 %.
+/// Error differences for which the required number of plants is reported: 1, 2 and 5 %.
 pub const DIFFERENCES: [f64; 3] = [0.01, 0.02, 0.05];
 
 /// What a comparison can see, with 80 % power at 5 % two-sided, in the logarithm of the quotient of errors and with the plant as the

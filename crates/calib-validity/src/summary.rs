@@ -1,4 +1,4 @@
-//! Each method over all pairs.
+//! Summary of each method over all pairs.
 
 use calib_stats::{Interval, StatsError, mean, median};
 use schemars::JsonSchema;
@@ -10,7 +10,7 @@ use crate::{
     over_plants::{OverPlants, mean_of},
 };
 
-/// A regret up to this counts as good, and so does a mean regret.
+/// Largest regret, and largest mean regret, that counts as good.
 pub const GOOD: f64 = 0.05;
 
 /// Regret of a method over all pairs in which it has a choice. Regrets above [`CAP`] count as that.
@@ -81,13 +81,13 @@ impl MethodSummary {
     }
 }
 
-/// An interval of what lies between −1 and 1.
+/// Limits an interval to the range from −1 to 1.
 pub(crate) fn correlations(interval: Option<Interval>) -> Option<Interval> {
     interval.map(|interval| Interval { low: interval.low.max(-1.0), high: interval.high.min(1.0) })
 }
 
 impl RankAgreement {
-    /// `None` if no pair has a correlation.
+    /// Summarises a model; `None` if no pair has a correlation.
     pub(crate) fn of(
         model: &str,
         pairs: &[Pair],

@@ -1,4 +1,4 @@
-//! All pairs together.
+//! The joint judgement of all pairs.
 
 use calib_stats::StatsError;
 use schemars::JsonSchema;
@@ -59,23 +59,24 @@ pub struct Validity {
     pub judged: Vec<Pair>,
 }
 
-/// One method in one pair.
+/// The regret of one method in one pair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PairRegret {
     /// Position of the pair in [`Validity::judged`].
     pub pair: usize,
     /// The method.
     pub method: Method,
-    /// What it chose; none for what is no value.
+    /// The chosen value; `None` if the method does not choose a single value.
     pub value: Option<usize>,
-    /// Regret, as it is: infinite if the choice diverged.
+    /// Regret without cap: infinite if the choice diverged.
     pub regret: f64,
 }
 
-/// Judge `pairs`, whose values are called `values`. Models that are none of the `networks` are claimed to choose better than these.
+/// Judges `pairs`, whose values are named `values`. The claims say that models other than the `networks` choose better
+/// than these.
 ///
 /// # Errors
-/// If there is no pair that can be judged, pairs do not have those values, or a number is NaN.
+/// If there is no pair that can be judged, pairs have other values, or a number is NaN.
 pub fn judge(
     values: Vec<String>,
     pairs: Vec<Pair>,
@@ -145,7 +146,7 @@ fn summaries(all: &[Choices], plants: &OverPlants) -> Result<Vec<MethodSummary>,
     known.map(|chosen| MethodSummary::of(chosen, plants)).collect()
 }
 
-/// Each method that `is_own` holds for against all others, each two of them once.
+/// Compares each method for which `is_own` is true with all others, each two methods once.
 fn comparisons(
     methods: &[Choices],
     is_own: impl Fn(&Choices) -> bool,
@@ -161,18 +162,18 @@ fn comparisons(
     Ok(all)
 }
 
-/// Names of the models, in the order in which they come.
+/// Returns the names of the models, in order of appearance.
 fn models(pairs: &[Pair]) -> Vec<String> {
     names(pairs.iter().flat_map(|pair| &pair.models).map(|model| &model.model))
 }
 
-/// Names of the rules, in the order in which they come.
+/// Returns the names of the rules, in order of appearance.
 fn rules(pairs: &[Pair]) -> Vec<String> {
     let models = pairs.iter().flat_map(|pair| &pair.models);
     names(models.flat_map(|model| &model.rules).map(|choice| &choice.rule))
 }
 
-/// Different ones, in the order in which they come.
+/// Returns the distinct names, in order of appearance.
 fn names<'a>(all: impl Iterator<Item = &'a String>) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for name in all {

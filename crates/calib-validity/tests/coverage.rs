@@ -1,4 +1,4 @@
-//! How often bounds and intervals over plants hold the truth, in simulations.
+//! The coverage of bounds and intervals over plants in simulations.
 
 use calib_core::{Rng, Seed};
 use calib_validity::{
@@ -13,17 +13,18 @@ fn normal(rng: &mut Rng) -> f64 {
     radius * (std::f64::consts::TAU * angle).cos()
 }
 
-/// How plants differ: log-normal regrets of three sensors, which have most of it in common.
+/// A distribution of plants: log-normal regrets of three sensors, which share most of their
+/// variation.
 #[derive(Clone, Copy)]
 struct Plants {
     /// Standard deviation of the logarithm of regrets.
     spread: f64,
-    /// How much more error the model's choice has than log replay's, typically.
+    /// Typical ratio of the error of the model's choice to that of log replay's.
     quotient: f64,
 }
 
 impl Plants {
-    /// Regrets of log replay's choice and of the model's.
+    /// Returns the regrets of log replay's choice and of the model's.
     fn plant(self, rng: &mut Rng) -> Vec<[f64; 2]> {
         let own = normal(rng);
         let differs = normal(rng);
@@ -47,7 +48,8 @@ impl Plants {
         judge(["x", "y", "z"].map(str::to_owned).to_vec(), pairs, &[]).expect("valid")
     }
 
-    /// The truth: mean and typical regret of log replay, and the model's quotient, over many plants.
+    /// Returns the true values over many plants: mean and typical regret of log replay, and the
+    /// model's ratio.
     fn truth(self) -> [f64; 3] {
         const MANY: usize = 100_000;
         let mut rng = Seed::new(99).rng();

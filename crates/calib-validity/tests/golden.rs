@@ -1,4 +1,4 @@
-//! Reference values from NumPy and `SciPy`; made by `scripts/golden/validity.py`.
+//! Reference values from NumPy and `SciPy`, made by `scripts/golden/validity.py`.
 
 use std::collections::BTreeMap;
 
@@ -64,7 +64,7 @@ struct Comparison {
     error_ratio_interval: Option<[f64; 2]>,
 }
 
-/// JSON has no infinities, so they are written as text.
+/// Reads numbers. JSON has no infinities, so they are written as text.
 fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged)]
@@ -128,7 +128,7 @@ fn near(ours: Option<f64>, theirs: Option<f64>, what: &str) {
     assert!(alike, "{what}: {ours:?} instead of {theirs:?}");
 }
 
-/// Ends of intervals: quantiles of t agree to eight digits.
+/// Compares ends of intervals: quantiles of t agree to eight digits.
 fn near_ends(ours: Option<Interval>, theirs: Option<[f64; 2]>, what: &str) {
     let ours = ours.map(|interval| [interval.low, interval.high]);
     let alike = match (ours, theirs) {
@@ -170,7 +170,7 @@ fn quotients_and_power_are_those_of_numpy_and_scipy() {
         let names = (comparison.method.name(), comparison.against.name());
         let theirs = golden.comparisons.iter();
         let mut theirs = theirs.filter(|it| (&it.method, &it.against) == (&names.0, &names.1));
-        // The other models are compared by calib alone.
+        // Only calib compares the other models.
         let Some(theirs) = theirs.next() else {
             assert!(comparison.against.is_model(), "{names:?}");
             continue;

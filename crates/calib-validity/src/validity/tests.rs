@@ -39,7 +39,7 @@ fn with_models(pair: Pair) -> Pair {
     Pair { models: vec![model("a", 1, 1.0, 1.0), model("b", 2, 2.0, 0.5)], ..pair }
 }
 
-/// Two plants; in each pair model "a" chooses value 1 and "b" value 2.
+/// Returns pairs of two plants. In each pair model "a" chooses value 1 and "b" value 2.
 fn pairs() -> Vec<Pair> {
     vec![
         with_models(pair("north", "p", [1.0, 0.0, 2.0])),
@@ -83,11 +83,12 @@ fn regrets_of_all_methods_by_hand() {
     near(mean("log_replay"), 1.0);
     near(mean("default"), 2.5 / 3.0);
     near(mean("random"), (1.0 + 0.25 + 1.0) / 3.0);
-    // For the north the south says z (2 and 0.5); for the south the north says y (products 2, 1.25, 4.5): regret 1.
+    // For the north, the south has z as its best value (2 and 0.5). For the south, the north has y (products 2, 1.25,
+    // 4.5): regret 1.
     near(mean("best_default_of_other_plants"), 3.5 / 3.0);
     near(mean("hindsight"), 0.0);
     near(mean("another_window"), 0.5);
-    // One-step errors prefer a everywhere; there are no warping distances, and no latest windows.
+    // One-step errors prefer a everywhere. There are no warping distances, and no latest windows.
     near(mean("most_accurate_model"), 1.25 / 3.0);
     let absent = [Method::LeastWarped, Method::LatestWindow, Method::BestDefaultOfOptimiser];
     assert!(validity.methods.iter().all(|method| !absent.contains(&method.method)));
@@ -112,7 +113,8 @@ fn a_default_may_depend_on_the_optimiser() {
         own.map(|default| (default.optimiser.as_str(), default.value)).collect();
     assert_eq!(own, [("adam", 1), ("sgd", 2)]);
     near(summary(&validity, "best_default_of_optimiser").mean, (0.0 + 0.25 + 0.0 + 1.0) / 4.0);
-    // The north has no other plant with Adam; the west says x (regret 2) for the south, the south z (regret 1) for the west.
+    // The north has no other plant with Adam. The west's best value is x (regret 2 in the south), the south's is z
+    // (regret 1 in the west).
     let others = summary(&validity, "best_default_of_other_plants_with_optimiser");
     assert_eq!(others.pairs, 2);
     near(others.mean, 1.5);
@@ -134,7 +136,7 @@ fn two_by_two() {
         (None, Finding::Untold),
         "two plants"
     );
-    // Two models are compared once.
+    // Two models are compared only once.
     assert_eq!(compared("model:a", "model:b").wins, 2);
     assert!(
         validity
@@ -145,7 +147,7 @@ fn two_by_two() {
     );
 }
 
-/// So many plants with one sensor each, in which the model chooses value 1.
+/// Judges `count` plants with one sensor each, in which the model chooses value 1.
 fn plants(count: usize, regrets: impl Fn(usize) -> [f64; 3]) -> Validity {
     judged(
         (0..count)
@@ -157,7 +159,7 @@ fn plants(count: usize, regrets: impl Fn(usize) -> [f64; 3]) -> Validity {
     )
 }
 
-/// Quotients e and 1 in turn, against log replay, whose regret is 0 everywhere.
+/// Returns regrets for error ratios e and 1 in turn, against log replay, whose regret is 0 everywhere.
 fn regrets_in_turn(plant: usize) -> [f64; 3] {
     [0.0, if plant.is_multiple_of(2) { 1_f64.exp_m1() } else { 0.0 }, 1.0]
 }
