@@ -1,8 +1,8 @@
-//! The steps that make models of a log: representations of its states, calibration models, and rollouts beside what was
-//! recorded.
+//! The steps that make models of a log: representations of its states, calibration models, and rollouts that are
+//! compared with the record.
 //!
-//! Each has a function `run` that takes a job and a context of `calib-base`, and returns what it made or found. `calib-pipeline` calls
-//! them for each part of a study.
+//! Each step has a function `run` that takes a job and a context of `calib-base`, and returns its product.
+//! `calib-pipeline` calls the steps for each part of a study.
 
 pub mod model;
 mod render;

@@ -1,4 +1,4 @@
-//! How far the tables of a model are what they should be.
+//! Checks the accuracy of a model's tables.
 
 use calib_base::{
     StepError, bail,
@@ -12,10 +12,10 @@ use calib_study::{Job, StepKind, Study};
 
 use crate::model::model_files;
 
-/// Rows of each member by which the recall of approximate tables is judged.
+/// Rows of each ensemble member on which the recall of approximate tables is measured.
 const RECALL_ROWS: usize = 100;
 
-/// How good approximate tables are; nothing for exact ones.
+/// Returns the recall of approximate tables, or `None` for exact ones.
 pub(crate) fn recall_of(
     study: &Study,
     knn: &KnnModel,
@@ -26,7 +26,7 @@ pub(crate) fn recall_of(
     approximate.then(|| recall(knn, RECALL_ROWS, seed, monitor)).transpose()
 }
 
-/// The recall in words.
+/// Returns the recall as text.
 pub(crate) fn recall_line(recall: &Recall, k: usize) -> String {
     let [low, high] = recall.interval;
     let copies = match recall.copies_missed {
@@ -45,7 +45,8 @@ pub(crate) fn recall_line(recall: &Recall, k: usize) -> String {
     )
 }
 
-/// Search some rows of each member again, and say whether the tables have what is found.
+/// Searches some rows of each member by brute force, and reports whether the tables
+/// agree.
 pub(crate) fn check_against_brute_force(
     job: &Job,
     sample: usize,

@@ -41,55 +41,55 @@ use crate::{
     represent::{self, Representation},
 };
 
-/// Where a build keeps what it has found until the tables are written, below the model's directory.
+/// The subfolder of the model's directory that holds finished parts until the tables are written.
 const PARTIAL: &str = "partial";
-/// Steps of the rollout that shows how often each member jumps.
+/// Steps of the rollout that measures how often each member jumps.
 const PROBE_STEPS: usize = 10_000;
 
 /// The calibration model of a study.
 #[derive(Debug)]
 pub struct BuiltModel {
-    /// What is told of it.
+    /// Its manifest.
     pub manifest: ModelManifest,
     pub(crate) directory: PathBuf,
     pub(crate) freshness: Freshness,
     pub(crate) took: Duration,
-    /// What came of comparing it with brute force, if that was asked for.
+    /// The outcome of the comparison with brute force, if it was requested.
     pub(crate) verified: Outcome,
 }
 
 impl BuiltModel {
-    /// Rows of the states that it was built from.
+    /// Returns the number of rows of its states.
     pub fn rows(&self) -> usize {
         self.manifest.rows
     }
 
-    /// Transitions of each of its members.
+    /// Returns the number of transitions of each member.
     pub fn transitions(&self) -> Vec<usize> {
         self.manifest.members.iter().map(|member| member.transitions).collect()
     }
 
-    /// Whether it was there already.
+    /// Returns whether it existed already.
     pub fn freshness(&self) -> Freshness {
         self.freshness
     }
 
-    /// Where it is.
+    /// Returns the directory of the model.
     pub fn directory(&self) -> &Path {
         &self.directory
     }
 
-    /// What whoever uses it should know: how far walks of its members get.
+    /// Returns warnings for users of the model: how far rollouts of its members get.
     pub fn warnings(&self) -> Vec<String> {
         warnings(&self.manifest)
     }
 }
 
-/// Build the model of a study.
+/// Builds the model of a study.
 ///
 /// # Errors
-/// If the study has no model or asks for what its kind cannot do, the log cannot be read, memory or disk do not suffice, or the
-/// observer asks to stop.
+/// If the study has no model or asks for something that its kind does not support, the log cannot be read, memory or
+/// disk do not suffice, or the observer asks to stop.
 pub fn run(
     job: &Job,
     options: &BuildOptions,
@@ -131,7 +131,7 @@ pub fn run(
     if study.model.period.is_some() && pretrain.is_none() {
         context.say(&format!("the model is built from {} alone", span(&dataset.train)?));
     }
-    // Taken apart here: states that nobody holds any more can be mapped from files.
+    // `parts` is destructured here, because only states without another owner can be mapped from files.
     if let Some(part) = pretrain {
         context.say(&format!(
             "the model is built from {}; {} is for pre-training",
@@ -164,7 +164,7 @@ pub fn run(
     Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))
 }
 
-/// Say what would be built.
+/// Reports what would be built.
 fn planned(
     plan: BuildPlan,
     directory: &Path,
@@ -174,8 +174,8 @@ fn planned(
     StepResult::Planned(Some(plan))
 }
 
-/// Remove the parts that are left of a build that was killed at its very end, and say whether the model is still
-/// there: another calib may have begun another one, whose parts they then are.
+/// Removes the remaining parts of a build that was killed at its very end, and returns whether the model still exists.
+/// Another calib may have begun another build, and the parts then belong to that one.
 fn is_still_there(directory: &Path, key: &str) -> Result<bool, StepError> {
     let parts = directory.join(PARTIAL);
     if !parts.exists() {
@@ -189,9 +189,9 @@ fn is_still_there(directory: &Path, key: &str) -> Result<bool, StepError> {
     Ok(is_there)
 }
 
-/// How a model is built; nothing but the key tells of its tables.
+/// How a model is built. Only the key affects its tables.
 struct BuildMethod {
-    /// Fingerprint of all that the tables follow from.
+    /// Fingerprint of all inputs of the tables.
     key: String,
     /// The settings, with the search structure of the command line.
     config: ModelConfig,
@@ -222,11 +222,11 @@ fn build(
 ) -> Result<ModelManifest, StepError> {
     let transitions = Transitions::new(dataset.train.segments().clone());
     if let Some(representation) = representation {
-        // The plan could not always know how many coordinates ψ has. Nothing is given up for what cannot be built.
+        // The plan could not always know the number of coordinates of ψ. Check it before an existing model is given up.
         KnnModel::check(Some(representation.psi.columns()), &transitions, &how.config)?;
     }
     let claim = DirectoryLock::begun(directory)?;
-    // Not needed any more, and a part of the memory.
+    // It is not needed any more, and takes memory.
     dataset.held_out = None;
     let read = clock.elapsed();
     model_files::write_states(directory, &dataset.train, how.states.as_deref())?;
@@ -272,12 +272,12 @@ fn build(
     )?;
     let files = file_names(knn.members(), &copied.unwrap_or_default());
     let manifest = claim.finish(facts, files.iter().map(String::as_str))?;
-    // Until now a build that was killed could go on from them; the directory is still claimed.
+    // Until now a killed build could resume from the parts. The directory is still claimed.
     parts.remove()?;
     Ok(manifest)
 }
 
-/// A model that is up to date, under a study that may differ in what does not change its tables.
+/// Returns a model that is up to date, for a study that may differ in keys that do not change its tables.
 fn refresh(
     mut manifest: ModelManifest,
     study: &Study,
@@ -314,13 +314,13 @@ fn refresh(
     model_files::rewrite(manifest, study, dataset, directory)
 }
 
-/// What distances are measured in: the states, or their representation.
+/// Returns the states in which distances are measured: the states themselves, or their representation.
 fn metric(dataset: &Dataset, representation: Option<&Representation>) -> States {
     representation
         .map_or_else(|| dataset.train.states().clone(), |representation| representation.psi.clone())
 }
 
-/// Wall times: the only file of a model that differs from one build to the next.
+/// Wall times: the only file of a model that differs between builds.
 #[derive(Serialize)]
 #[expect(clippy::struct_field_names, reason = "every number carries its unit")]
 struct Timings {
@@ -347,7 +347,7 @@ fn summary(
     Ok(MemberSummary { transitions: tables.len(), jumps, recurrence: Some(recurrence) })
 }
 
-/// A model's files: those of every kind, the tables of its members, and `further` ones.
+/// Returns the names of a model's files: those of every kind, the tables of its members, and `further` ones.
 pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
     let own = ["states.npy", "rows.parquet", "profile.json"];
     let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
@@ -359,7 +359,7 @@ pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
     names
 }
 
-/// What the reader of anything that follows from a model should know: how far walks of its members get.
+/// Returns warnings for users of results of the model: how far rollouts of its members get.
 pub fn warnings(manifest: &ModelFacts) -> Vec<String> {
     let ModelFacts { members, study, .. } = manifest;
     let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));

@@ -1,4 +1,4 @@
-//! `build-model` where the model is a network.
+//! `build-model` for a model that is a network.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ use crate::model::{
     train_model,
 };
 
-/// Train the network of a study.
+/// Trains the network of a study.
 pub(crate) fn run(
     job: &Job,
     options: &BuildOptions,
@@ -35,7 +35,8 @@ pub(crate) fn run(
     let clock = Stopwatch::start();
     let study = job.study();
     let directory = job.layout().model();
-    // What another calib has trained can be used by one that cannot train it.
+    // A calib that cannot train the network can still use one that another
+    // calib has trained.
     let may_be_there = options.device.is_none()
         && !job.policy().redoes()
         && artefact::read::<ModelManifest>(&directory)
@@ -63,7 +64,7 @@ pub(crate) fn run(
         {
             manifest
         }
-        // The study may differ in what the weights do not follow from.
+        // The study may differ in keys that do not affect the weights.
         (Some(manifest), _) => model_files::rewrite(manifest, study, &dataset, &directory)?,
         (None, Some(reason)) => return Err(reason),
         (None, None) => build(job, options, &dataset, states.as_deref(), key, clock, context)?,

@@ -1,4 +1,4 @@
-//! What building a model will take, and whether there is as much.
+//! Estimates the memory and disk space of building a model, and checks that they are available.
 
 use std::{ops::Range, path::Path};
 
@@ -19,12 +19,12 @@ use serde::Serialize;
 
 use crate::represent::{self, Width};
 
-/// The training states of a log, as far as a plan asks for them.
+/// The training states of a log, as far as a plan needs them.
 pub(crate) struct Training {
     pub(crate) timestamps: Vec<Timestamp>,
     segments: Segments,
     pub(crate) columns: usize,
-    /// Memory that making them takes, in bytes.
+    /// Memory for making the states, in bytes.
     making_bytes: u64,
 }
 
@@ -61,7 +61,8 @@ pub(crate) enum Spilled {
 }
 
 impl Spilled {
-    /// What is mapped if this was asked for: with [`Spill::Auto`] as little as `fits`, or else everything.
+    /// Returns the arrays to map for this option: with [`Spill::Auto`] as few as `fits` permits, or otherwise
+    /// everything.
     fn chosen(asked: Spill, fits: impl Fn(Self) -> bool) -> Self {
         match asked {
             Spill::Auto if fits(Self::Nothing) => Self::Nothing,
@@ -93,10 +94,11 @@ pub struct BuildPlan {
 }
 
 impl BuildPlan {
-    /// The plan for a model that is built from `part` of the training states. `width` is that of what is searched.
+    /// Returns the plan for a model that is built from `part` of the training states. `width` is that of the searched
+    /// states.
     ///
     /// # Errors
-    /// If no such model can be built of so many columns and these segments, or there is too little memory.
+    /// If a model with so many columns and these segments cannot be built, or there is too little memory.
     pub(crate) fn new(
         data: &Training,
         part: Range<usize>,
@@ -106,7 +108,7 @@ impl BuildPlan {
     ) -> Result<Self, StepError> {
         let rows = part.len();
         let columns = data.columns;
-        // Before any state is read, and anything of an older model given up.
+        // Before any state is read, and before an older model is given up.
         let segments = segments_of(&data.segments, &part);
         let transitions = Transitions::new(Segments::from_lengths(segments.iter().copied())?);
         let (known, psi) = match width {
@@ -116,14 +118,14 @@ impl BuildPlan {
         };
         KnnModel::check(known, &transitions, model)?;
         drop(transitions);
-        // What is searched is ψ where there is one: mapped from its file, so that only its copy takes more, of the disk.
+        // If there is a ψ, it is searched. It is mapped from its file, so that only its copy takes further disk space.
         let threads = rayon::current_num_threads();
         let mut need = MemoryNeed::predict(rows, psi.unwrap_or(columns), model, threads);
         need.states = 4 * (rows * columns) as u64;
         let taken = |spill: Spilled| {
             data.making_bytes.max(match spill {
                 Spilled::Nothing => need.peak(),
-                // Some of the states should stay in memory, or each is read from the disk again and again.
+                // A share of the states should stay in memory. Otherwise each is read from the disk again and again.
                 Spilled::States => need.working.saturating_add(need.states / 3),
                 Spilled::Everything => need.least,
             })
@@ -133,7 +135,7 @@ impl BuildPlan {
         let spill = Spilled::chosen(options.spill, |spilled| fits(taken(spilled)));
         let memory_bytes = taken(spill);
         if let (false, Some(available)) = (fits(memory_bytes), available) {
-            // Tables have as many numbers a row as there are neighbours in all members.
+            // The number of table entries per row is the number of neighbours in all members.
             let tables = model.neighbors.saturating_mul(model.members) > columns;
             bail!(
                 "building this model of {} states of {} columns takes {} of memory, and {} is there; \
@@ -167,10 +169,10 @@ impl BuildPlan {
         })
     }
 
-    /// Refuse a model that the disk has no room for. States that have a file already are linked.
+    /// Refuses a model that does not fit on the disk. States that have a file already are linked.
     ///
     /// # Errors
-    /// If there is clearly less room.
+    /// If there is clearly less space.
     pub(crate) fn require_room(
         &self,
         states: Option<&Path>,
@@ -185,7 +187,7 @@ impl BuildPlan {
         )
     }
 
-    /// The plan in a sentence.
+    /// Returns the plan in a sentence.
     pub(crate) fn sentence(&self) -> String {
         let available = self
             .available_bytes
@@ -208,7 +210,8 @@ impl BuildPlan {
     }
 }
 
-/// Bytes that building the model of a study still takes on the disk, beside the states, which have a file already. A network takes little.
+/// Returns the bytes that building the model of a study still takes on the disk, without the states, which have a file
+/// already. A network takes little.
 pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
     let study = job.study();
     if study.model.kind.family() != ModelFamily::Neighbors {
@@ -223,21 +226,22 @@ pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
     disk_room::left(needed, &job.layout().model())
 }
 
-/// What ψ of so many coordinates and the tables take on disk, and the parts of tables until these are written.
+/// Returns the disk space of ψ with so many coordinates and of the tables, and of the parts of tables until these are
+/// written.
 fn beside_states(rows: usize, coordinates: usize, model: &ModelConfig) -> u64 {
     let psi = 4 * (rows * coordinates) as u64;
     let tables = bytes_of_tables(rows, model);
     psi.saturating_add(tables).saturating_add(tables)
 }
 
-/// What the tables of all members take; the most that can be said where they take more.
+/// Returns the bytes of the tables of all members, limited to the largest `u64`.
 fn bytes_of_tables(rows: usize, model: &ModelConfig) -> u64 {
-    // The check lets through nearly as many neighbours as rows in half as many members as rows.
+    // The check permits nearly as many neighbours as rows, in half as many members as rows.
     let factors = [rows, model.neighbors, model.members];
     factors.into_iter().fold(8, |bytes, factor| bytes.saturating_mul(factor as u64))
 }
 
-/// Rows of each segment, as far as they are in `part`.
+/// Returns the number of rows of each segment that are in `part`.
 fn segments_of(segments: &Segments, part: &Range<usize>) -> Vec<usize> {
     let rows = segments.iter().map(Segment::rows);
     let inside = rows.map(|rows| rows.start.max(part.start)..rows.end.min(part.end));
@@ -255,7 +259,7 @@ mod tests {
     #[test]
     fn tables_beyond_all_numbers_are_not_small() {
         assert_eq!(table_bytes(1000, 3, 5), 120_000);
-        // 3.2e19, which is 1.4e19 more than a u64 can say.
+        // 3.2e19, which exceeds the largest `u64` by 1.4e19.
         assert_eq!(table_bytes(4_000_000, 1_000_000, 1_000_000), u64::MAX);
     }
 
@@ -266,7 +270,7 @@ mod tests {
         assert_eq!(beside_states(1000, 6, &model), 2 * 120_000 + 24_000);
     }
 
-    /// What is spilled of a model that takes 100 bytes, 60 without its states and 20 at least.
+    /// Returns the mapped arrays of a model that takes 100 bytes, 60 without its states, and 20 at least.
     fn chosen(asked: Spill, available: u64) -> Spilled {
         Spilled::chosen(asked, |spilled| {
             let taken = match spilled {
@@ -283,7 +287,7 @@ mod tests {
         assert_eq!(chosen(Spill::Auto, 100), Spilled::Nothing);
         assert_eq!(chosen(Spill::Auto, 99), Spilled::States);
         assert_eq!(chosen(Spill::Auto, 59), Spilled::Everything);
-        // The plan refuses what does not fit even so.
+        // The plan refuses a model that does not fit even so.
         assert_eq!(chosen(Spill::Auto, 19), Spilled::Everything);
         assert_eq!(chosen(Spill::Never, 0), Spilled::Nothing);
         assert_eq!(chosen(Spill::Always, 1000), Spilled::Everything);

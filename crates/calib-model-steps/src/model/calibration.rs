@@ -1,4 +1,4 @@
-//! A model of neighbours as others than the steps use it: looked at, asked and walked through.
+//! A neighbour model for callers other than the steps: for inspection, queries and rollouts.
 
 use std::{
     fmt,
@@ -12,7 +12,7 @@ use calib_study::{Job, Study};
 
 use crate::model::model_files::{self, OpenModel};
 
-/// A calibration model of neighbours that `build-model` wrote; its states and tables are mapped.
+/// A neighbour model that `build-model` wrote. Its states and tables are mapped.
 pub struct Calibration {
     directory: PathBuf,
     opened: OpenModel,
@@ -26,18 +26,18 @@ impl fmt::Debug for Calibration {
 }
 
 impl Calibration {
-    /// The model of a study.
+    /// Opens the model of a study.
     ///
     /// # Errors
-    /// If it was not built, was built of another study, is damaged, or is a network, which has no neighbours.
+    /// If it was not built, was built from another study, is damaged, or is a network, which has no neighbours.
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
         Self::new(&job.layout().model(), model_files::open(job)?)
     }
 
-    /// The model in a folder, whatever study it is of.
+    /// Opens the model in a folder, whatever its study.
     ///
     /// # Errors
-    /// If there is none, it is damaged, or it is a network.
+    /// If there is no model, it is damaged, or it is a network.
     pub fn in_directory(directory: &Path) -> Result<Self, StepError> {
         Self::new(directory, model_files::open_directory(directory)?)
     }
@@ -53,43 +53,44 @@ impl Calibration {
         Ok(Self { directory: directory.to_owned(), opened, weights })
     }
 
-    /// The folder that it lies in.
+    /// Returns the folder of the model.
     pub fn directory(&self) -> &Path {
         &self.directory
     }
 
-    /// The study that it was built of, as it was resolved.
+    /// Returns the resolved study that it was built from.
     pub fn study(&self) -> &Study {
         &self.opened.manifest.study
     }
 
-    /// Its rows: times, segments and normalised states.
+    /// Returns its rows: times, segments and normalised states.
     pub fn frames(&self) -> &Frames {
         &self.opened.frames
     }
 
-    /// The ensemble. The states of it are what distances are measured in.
+    /// Returns the ensemble. Its states are those in which distances are measured.
     pub fn knn(&self) -> &KnnModel {
         let neighbors = self.opened.model.tables();
         neighbors.unwrap_or_else(|| unreachable!("others are refused when they are opened"))
     }
 
-    /// The columns of the states, with the maps to the units of the sensors.
+    /// Returns the columns of the states, with the maps to the units of the sensors.
     pub fn normaliser(&self) -> &Normaliser {
         &self.opened.manifest.normaliser
     }
 
-    /// Time from one row to the next.
+    /// Returns the sampling interval.
     pub fn period(&self) -> Period {
         self.opened.manifest.period
     }
 
-    /// How a step draws its neighbour.
+    /// Returns the weights by which a step draws its neighbour.
     pub fn weights(&self) -> Weights {
         self.weights
     }
 
-    /// Normalised states from elsewhere as distances to them are measured: themselves, or their representation.
+    /// Returns normalised states from elsewhere in the metric of the model: themselves, or their
+    /// representation.
     ///
     /// # Errors
     /// If neighbours are searched in a representation that was imported without an encoder.

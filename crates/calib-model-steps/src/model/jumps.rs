@@ -1,4 +1,4 @@
-//! Jump statistics in words.
+//! Jump statistics as text.
 
 use calib_base::output::{count, percent};
 use calib_knn::ModelConfig;
@@ -6,7 +6,7 @@ use calib_model::JumpStatistics;
 
 use crate::model::recurrence::named;
 
-/// How a member's rollouts move through the log.
+/// Returns a line about how an ensemble member's rollouts move through the log.
 pub fn line(jumps: &JumpStatistics) -> String {
     format!(
         "{} of steps jump, {} to another time of the log; mean run {:.1} steps, {} distinct rows",
@@ -17,9 +17,9 @@ pub fn line(jumps: &JumpStatistics) -> String {
     )
 }
 
-/// What is wrong with a member's rollouts for runs of so many steps, if anything is.
+/// Returns the problem of a member's rollouts for runs of `run` steps, if there is one.
 pub fn note(jumps: &JumpStatistics, transitions: usize, run: usize) -> Option<&'static str> {
-    // A rollout that circles departs from nowhere, so it would pass for a replay as well.
+    // A rollout that circles has no departures, so it would also count as a replay.
     if jumps.circling(transitions) {
         Some("circles within few rows")
     } else if jumps.near_verbatim(run) {
@@ -29,7 +29,8 @@ pub fn note(jumps: &JumpStatistics, transitions: usize, run: usize) -> Option<&'
     }
 }
 
-/// What to know of members whose rollouts are no good for runs of so many steps, with what to try.
+/// Returns warnings about members whose rollouts are unsuitable for runs of `run` steps, with
+/// remedies.
 pub(crate) fn warnings<'a>(
     members: impl Iterator<Item = (Option<&'a JumpStatistics>, usize)>,
     model: &ModelConfig,

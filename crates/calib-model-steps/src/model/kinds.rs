@@ -1,4 +1,4 @@
-//! The calibration model of a study, of whatever kind: only here, and where it is built, it matters which.
+//! The calibration model of a study, of any kind. Only this module and the build steps distinguish kinds.
 
 use std::{ops::Deref, path::Path};
 
@@ -11,7 +11,7 @@ use calib_study::Study;
 
 use crate::model::train_model;
 
-/// A model that was opened, by what it is made of. It is used as any [`CalibrationModel`].
+/// An opened model, by family. It is used as any [`CalibrationModel`].
 pub enum OpenedModel {
     /// Tables of neighbours.
     Neighbors(NeighborModel),
@@ -20,7 +20,7 @@ pub enum OpenedModel {
 }
 
 impl OpenedModel {
-    /// The tables, where it has some.
+    /// Returns the tables, if it has any.
     pub(crate) fn tables(&self) -> Option<&KnnModel> {
         match self {
             Self::Neighbors(model) => Some(model.knn()),
@@ -40,11 +40,11 @@ impl Deref for OpenedModel {
     }
 }
 
-/// Open the model in `directory` of what `frames` recorded. Neighbours are those of `metric`; of these `members` are opened,
-/// or all.
+/// Opens the model in `directory` of the recorded `frames`. Neighbours are searched in `metric`; only `members` are
+/// opened, or all.
 ///
 /// # Errors
-/// If a file is not there or damaged, or does not fit the states.
+/// If a file does not exist or is damaged, or does not fit the states.
 pub fn open(
     directory: &Path,
     study: &Study,
@@ -73,7 +73,8 @@ pub fn open(
     Ok(OpenedModel::Neighbors(NeighborModel::new(knn?, recorded)))
 }
 
-/// Where a search for start states has its large arrays: in memory if they fit, else in files in `directory`.
+/// Returns the place of the large arrays of a search for start states: memory if they fit, otherwise files in
+/// `directory`.
 pub fn search_place(model: &dyn CalibrationModel, directory: &Path) -> ScratchPlace {
     let needed = model.search_bytes(rayon::current_num_threads());
     let fits = needed == 0 || memory::available().is_none_or(|available| needed <= available);

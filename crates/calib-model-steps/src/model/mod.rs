@@ -1,4 +1,5 @@
-//! Calibration models: neighbours and networks, built, kept, opened, rolled out alike.
+//! Calibration models: neighbours and networks, built, stored, opened and rolled out
+//! through one interface.
 
 pub(crate) mod build_check;
 pub mod build_model;

@@ -1,4 +1,4 @@
-//! The model directory: what `build-model` writes and the later commands read.
+//! The model directory: the files that `build-model` writes and the later commands read.
 
 use std::path::Path;
 
@@ -29,7 +29,7 @@ use crate::{
     represent::{self, Representation},
 };
 
-/// The states of a model, in its directory.
+/// The file of the states of a model.
 const STATES: &str = "states.npy";
 
 /// `manifest.json` of a model directory.
@@ -70,7 +70,7 @@ pub struct ModelFacts {
 }
 
 impl ModelFacts {
-    /// What is told of any model that was built from the training states of `dataset`.
+    /// Returns the facts of a model of any kind that was built from the training states of `dataset`.
     pub(crate) fn of(
         key: String,
         study: &Study,
@@ -96,7 +96,7 @@ impl ModelFacts {
     }
 }
 
-/// Times of the first and the last row.
+/// Returns the times of the first and the last row.
 pub fn first_and_last(frames: &Frames) -> Option<[Timestamp; 2]> {
     let times = frames.timestamps();
     Some([*times.first()?, *times.last()?])
@@ -116,7 +116,7 @@ pub struct MemberSummary {
 }
 
 impl Facts for ModelFacts {
-    /// 2: models leave out what walks would be trapped in. 3: manifests carry fingerprints of themselves.
+    /// 2: models leave out transitions that would trap rollouts. 3: manifests carry fingerprints of themselves.
     const FORMAT: u32 = 3;
     const STEP: StepKind = StepKind::BuildModel;
 
@@ -129,22 +129,22 @@ impl Facts for ModelFacts {
     }
 }
 
-/// Fingerprint of all that later results follow from: of the inputs and of what was written, weights and tables to the
-/// last bit.
+/// Returns the fingerprint of everything that later results depend on: the inputs, and the written weights and tables
+/// to the last bit.
 ///
 /// # Errors
 /// If they cannot be written as JSON.
 pub fn content(model: &ModelManifest) -> Result<String, StepError> {
-    // The profile tells of the held-out range too, which nothing that follows from the model does.
+    // The profile also covers the held-out range, which no result of the model depends on.
     artefact::key(&(&model.key, model.lasting_files()))
 }
 
-/// Whether the profile beside a model is what was written.
+/// Whether the profile beside a model is as it was written.
 pub fn has_profile(model: &ModelManifest, directory: &Path) -> bool {
     profile_file::is_whole(directory, model.files.get(PROFILE))
 }
 
-/// Fingerprint of what a model of neighbours follows from.
+/// Returns the fingerprint of all inputs of a neighbour model.
 pub(crate) fn model_key(
     data: &Fingerprint,
     model: &ModelConfig,
@@ -153,14 +153,16 @@ pub(crate) fn model_key(
     key_of(SEARCH_VERSION, data, model, representation)
 }
 
-/// As [`model_key`], of tables that this version of the search found. Every version finds the same exact ones.
+/// Returns the [`model_key`] of tables that version `search` of the search found. Exact tables are the same in every
+/// version.
 fn key_of(
     search: u32,
     data: &Fingerprint,
     model: &ModelConfig,
     representation: Option<&Representation>,
 ) -> Result<String, StepError> {
-    // The search structure does not change the tables. Weights change what is drawn from them, and so also what walks are trapped in.
+    // The search structure does not change the tables. Weights change what is drawn from the tables, and so also the
+    // traps.
     let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
     let softmax = model.weights == WeightsKind::Softmax;
     let drawn = model.remove_traps.then(|| (model.weights, softmax.then_some(model.temperature)));
@@ -179,19 +181,19 @@ fn key_of(
 
 /// A model that was opened from its directory.
 pub struct OpenModel {
-    /// What is told of it.
+    /// Its manifest.
     pub manifest: ModelManifest,
-    /// What it was built from.
+    /// The frames that it was built from.
     pub frames: Frames,
     /// The model itself.
     pub model: OpenedModel,
-    /// What computes the representation that neighbours are searched in, where there is one and it can.
+    /// The encoder of the representation in which neighbours are searched, if there is one.
     encoder: Option<Mlp>,
 }
 
 impl OpenModel {
-    /// States that were not recorded with the model's, as they are compared with them: ψ of them where neighbours
-    /// are searched in a representation.
+    /// Returns states from elsewhere in the metric of the model: their ψ if neighbours are searched in a
+    /// representation.
     pub(crate) fn in_metric(&self, states: &States) -> Result<States, StepError> {
         match &self.encoder {
             Some(encoder) => Ok(encode(encoder, states)?),
@@ -205,7 +207,7 @@ impl OpenModel {
     }
 }
 
-/// Write the states, or give those that are in the file `prepared` a second name.
+/// Writes the states, or links those in the file `prepared`.
 pub(crate) fn write_states(
     directory: &Path,
     frames: &Frames,
@@ -218,14 +220,14 @@ pub(crate) fn write_states(
     }
 }
 
-/// The same frames over the states that were written.
+/// Returns the same frames over the written states.
 pub(crate) fn map_states(directory: &Path, frames: &Frames) -> Result<Frames, StepError> {
     let states = frames::map_states(&directory.join(STATES))?;
     Ok(Frames::new(frames.timestamps().to_vec(), frames.segments().clone(), states)?)
 }
 
-/// Write rows, profile and, for neighbours, the members; states come before, and the manifest is the caller's to
-/// write last.
+/// Writes rows, profile and, for neighbours, the members. States must be written before, and the manifest last, by the
+/// caller.
 pub(crate) fn write(
     directory: &Path,
     dataset: &Dataset,
@@ -237,9 +239,8 @@ pub(crate) fn write(
     Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
 }
 
-/// Write the manifest and the profile again: the study may differ in what tables and weights do not follow from, such as
-/// the held-out range. The fingerprints of all other files stay, so that what was damaged since is still told from what
-/// was written.
+/// Rewrites the manifest and the profile: the study may differ in keys that do not affect tables and weights, such as
+/// the held-out range. The fingerprints of all other files are kept, so that later damage can still be detected.
 pub(crate) fn rewrite(
     mut manifest: ModelManifest,
     study: &Study,
@@ -254,7 +255,7 @@ pub(crate) fn rewrite(
     Ok(manifest)
 }
 
-/// Row → timestamp, segment and, for neighbours, block.
+/// Returns the table of rows: row → timestamp, segment and, for neighbours, block.
 fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
     let table = frames::rows_table(frames);
     let Some(knn) = knn else { return table };
@@ -272,7 +273,7 @@ fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
     )
 }
 
-/// Refuse what is about the model of a study, where it has none.
+/// Refuses a request about the model of a study that has none.
 pub(crate) fn require_model(job: &Job) -> Result<(), StepError> {
     ensure!(
         job.study().has_model(),
@@ -282,7 +283,7 @@ pub(crate) fn require_model(job: &Job) -> Result<(), StepError> {
     Ok(())
 }
 
-/// What all results of the model follow from, if the study has one and it is there.
+/// Returns the fingerprint that all results of the model depend on, if the study has a model and it exists.
 ///
 /// # Errors
 /// As [`content`].
@@ -293,15 +294,15 @@ pub fn content_of(job: &Job) -> Result<Option<String>, StepError> {
     artefact::read::<ModelManifest>(&job.layout().model()).map(|model| content(&model)).transpose()
 }
 
-/// Open the model of a job, if its study has one.
+/// Opens the model of a job, if its study has one.
 ///
 /// # Errors
-/// If it is not there, damaged, or made of another study ([`StepError::Stale`]).
+/// If it does not exist, is damaged, or was made from another study ([`StepError::Stale`]).
 pub fn open_if_any(job: &Job) -> Result<Option<OpenModel>, StepError> {
     if job.study().has_model() { open(job).map(Some) } else { Ok(None) }
 }
 
-/// Open the model of a job; tables and states are mapped, and checked.
+/// Opens the model of a job. Tables and states are mapped, and checked.
 pub(crate) fn open(job: &Job) -> Result<OpenModel, StepError> {
     require_model(job)?;
     let directory = &job.layout().model();
@@ -311,7 +312,7 @@ pub(crate) fn open(job: &Job) -> Result<OpenModel, StepError> {
     opened(directory, manifest, &build)
 }
 
-/// Open the model in a folder, whatever study it is of.
+/// Opens the model in a folder, whatever its study.
 pub(crate) fn open_directory(directory: &Path) -> Result<OpenModel, StepError> {
     let build = "calib build-model STUDY";
     ensure!(
@@ -322,7 +323,7 @@ pub(crate) fn open_directory(directory: &Path) -> Result<OpenModel, StepError> {
     opened(directory, artefact::require(directory, build)?, build)
 }
 
-/// What the folder of this manifest holds, checked; `build` makes it again.
+/// Opens and checks the files in the folder of this manifest, which the command `build` makes again.
 fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> Result<OpenModel, StepError> {
     artefact::check_files(directory, &manifest.files, build)?;
     let again =
@@ -337,7 +338,7 @@ fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> Result<Open
     Ok(OpenModel { manifest, frames, model, encoder })
 }
 
-/// Check that the model was built from `dataset`.
+/// Checks that the model was built from `dataset`.
 ///
 /// # Errors
 /// If it was built from other data.
@@ -354,7 +355,7 @@ pub fn check_data(job: &Job, manifest: &ModelManifest, dataset: &Dataset) -> Res
     Ok(())
 }
 
-/// The profile of the data that the model was built from.
+/// Reads the profile of the data that the model was built from.
 ///
 /// # Errors
 /// As [`profile_file::read`].
@@ -362,7 +363,7 @@ pub fn read_profile(directory: &Path) -> Result<Profile, StepError> {
     profile_file::read(directory, "calib build-model STUDY")
 }
 
-/// The sensors to predict, each with its column of the states.
+/// Returns the sensors to predict, each with its column of the states.
 ///
 /// # Errors
 /// If a sensor is no column of the states, with the reason.
@@ -382,7 +383,7 @@ pub fn sensor_columns(
         .collect()
 }
 
-/// The column of a sensor in the states, or why it has none.
+/// Returns the column of a sensor in the states, or the reason why it has none.
 fn sensor_column(
     sensor: &str,
     normaliser: &Normaliser,

@@ -1,4 +1,4 @@
-//! Whether walks of a member return to where they were: what is said of it, and where.
+//! Whether rollouts of a member return to rows that they have visited: statistics and their text.
 
 use std::ops::Range;
 
@@ -13,18 +13,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::model_files::{MemberSummary, ModelManifest};
 
-/// Stretches of time that are told.
+/// Maximum number of time spans that are listed.
 const TOLD: usize = 10;
-/// Stretches that are no further apart than so many transitions are one.
+/// Time spans that are at most this many transitions apart are merged.
 const APART: u32 = 10;
-/// A larger share of candidates that are lost is worth a warning (our choice).
+/// A larger share of removed candidates deserves a warning (our choice).
 const MUCH: f64 = 0.05;
-/// Closed classes that hold less than this share of a member's transitions are worth one (our choice).
+/// Closed classes with a smaller share of a member's transitions deserve a warning (our choice).
 const MOST: f64 = 0.5;
-/// Walks that are spread over less than this share of them are, too (our choice; members of the studies in `configs/` have 0.03 to 0.5).
+/// Rollouts that are spread over a smaller share of the rows deserve one, too (our choice; members of the studies in
+/// `configs/` have 0.03 to 0.5).
 const LITTLE: f64 = 0.02;
 
-/// Members of fewer transitions have few to walk among anyway.
+/// Members with fewer transitions offer few rows for rollouts anyway.
 const MANY: usize = 1000;
 
 /// What is known of the walks of a member; in the manifest of its model.
@@ -52,7 +53,7 @@ pub(crate) struct Stretch {
 }
 
 impl MemberRecurrence {
-    /// What is known of `member`, whose walks end in `ends`.
+    /// Computes the recurrence of `member`, whose rollouts end in `ends`.
     pub(crate) fn new(
         knn: &KnnModel,
         member: usize,
@@ -70,7 +71,7 @@ impl MemberRecurrence {
         let left_out = knn.left_out(member);
         let mut walks = WalkStatistics::of(&knn.member(member), ends, weights, seed);
         if classes.after.count > 1 {
-            // Parts that do not meet do not mix, wherever they lie.
+            // Separate parts do not mix, wherever they are.
             walks.mixing_steps = None;
         }
         Self {
@@ -87,13 +88,13 @@ impl MemberRecurrence {
         }
     }
 
-    /// The share of the member's rows that walks are effectively spread over.
+    /// Returns the effective share of the member's rows over which rollouts are spread.
     fn covered(&self, transitions: usize) -> Option<f64> {
         self.walks.effective_rows.map(|rows| (rows / transitions as f64).min(1.0))
     }
 }
 
-/// The longest of these runs, where near ones are one, with how many each had; in order.
+/// Returns the longest of these runs, with the number of candidates in each, in order. Adjacent runs are merged first.
 fn longest(runs: impl Iterator<Item = Range<u32>>) -> Vec<(Range<u32>, usize)> {
     let mut joined: Vec<(Range<u32>, usize)> = Vec::new();
     for run in runs {
@@ -111,19 +112,19 @@ fn longest(runs: impl Iterator<Item = Range<u32>>) -> Vec<(Range<u32>, usize)> {
     joined
 }
 
-/// What was done so that walks are not trapped, and how far they get.
+/// Returns lines about the removal of traps, and about how far rollouts get.
 pub(crate) fn lines(member: &MemberRecurrence, transitions: usize) -> [String; 2] {
     let MemberRecurrence { classes, walks, .. } = member;
     let spread = match member.covered(transitions) {
         None => "an unknown share of the rows".to_owned(),
-        // How many of the walks end in which class is chance: twice as many, or half of them, are as likely.
+        // How many rollouts end in which class is random: twice or half as many are as likely.
         Some(share) if classes.after.count > 1 => {
             format!("roughly {} of the rows", percent(rounded(share, 1)))
         }
         Some(share) => format!("{} of the rows", percent(share)),
     };
     let mix = match walks.mixing_steps {
-        // Walks of a trap are soon anywhere in it.
+        // Rollouts in a trap soon reach any row of it.
         _ if classes.after.traps > 0 => String::new(),
         Some(steps) => format!(", and forget their start after about {} steps", count(steps)),
         None => ", and do not forget their start in a million steps".to_owned(),
@@ -132,7 +133,7 @@ pub(crate) fn lines(member: &MemberRecurrence, transitions: usize) -> [String; 2
         Some(steps) if classes.after.traps > 0 => {
             format!(", are trapped after about {} steps", about(steps))
         }
-        // Nearly every start lies there.
+        // Nearly every start state is in it.
         Some(steps) if steps < 1.0 => String::new(),
         Some(steps) => {
             format!(", and settle there after about {} steps", about(steps))
@@ -180,10 +181,10 @@ fn done(member: &MemberRecurrence) -> String {
     )
 }
 
-/// Whether a warning concerns a member, of so many transitions.
+/// Whether a warning applies to a member with this number of transitions.
 type Concerns = dyn Fn(&MemberRecurrence, usize) -> bool;
 
-/// What to know of members that walks cannot get far in.
+/// Returns warnings about members in which rollouts cannot get far.
 pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<String> {
     let warnings: [(&Concerns, String); 7] = [
         (
@@ -242,7 +243,7 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
         .collect()
 }
 
-/// The members that a warning concerns, by name; none of none.
+/// Returns the names of the members to which a warning applies, or `None` if it applies to no member.
 fn concerned(members: &[MemberSummary], which: &Concerns) -> Option<String> {
     let all = members.iter().enumerate().filter(|(_, member)| {
         let recurrence = member.recurrence.as_ref();
@@ -251,14 +252,14 @@ fn concerned(members: &[MemberSummary], which: &Concerns) -> Option<String> {
     named(all.map(|(number, _)| number))
 }
 
-/// "ensemble member 2", "ensemble members 0, 3"; none of none.
+/// Formats "ensemble member 2", "ensemble members 0, 3"; `None` without members.
 pub(crate) fn named(members: impl Iterator<Item = usize>) -> Option<String> {
     let numbers: Vec<String> = members.map(|number| number.to_string()).collect();
     let noun = if numbers.len() == 1 { "ensemble member" } else { "ensemble members" };
     (!numbers.is_empty()).then(|| format!("{noun} {}", numbers.join(", ")))
 }
 
-/// What the report says of the walks of a model; nothing of networks.
+/// Returns the report's table about the rollouts of a model, or `None` for networks.
 pub fn report_table(model: &ModelManifest) -> Option<Table> {
     let rows: Vec<Vec<Cell>> = model
         .members
@@ -309,7 +310,7 @@ pub fn report_table(model: &ModelManifest) -> Option<Table> {
     })
 }
 
-/// How many closed classes there are, and the sizes of the largest five.
+/// Returns the number of closed classes, and the sizes of the largest five.
 fn sizes_cell(classes: &ClosedClasses) -> Cell {
     let sizes: Vec<String> = classes.largest.iter().take(5).map(|&size| count(size)).collect();
     let more = if classes.count > 5 { ", …" } else { "" };
@@ -327,7 +328,7 @@ mod tests {
         assert_eq!(named([].into_iter()), None);
     }
 
-    /// What is said of the rows that walks of a member with so many closed classes are spread over.
+    /// Returns the note about the rows over which rollouts of a member with `classes` closed classes are spread.
     fn spread_line(classes: usize) -> String {
         let after = ClosedClasses { count: classes, ..ClosedClasses::default() };
         let member = MemberRecurrence {

@@ -1,4 +1,4 @@
-//! Start states as a study asks for them.
+//! Start states as requested in a study.
 
 use calib_base::{Context as _, StepError, bail, output::significant};
 use calib_core::{Frames, RowIndex, Seed, States, Timestamp};
@@ -12,42 +12,43 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::model_files::OpenModel;
 
-/// What start states follow from, beside the model and `[rollout]`. Streams are shared by deployments in which it is
-/// the same.
+/// The inputs of start states, besides the model and `[rollout]`. Deployments with the same inputs share streams.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
-    /// A month, of calendar years before this one.
+    /// A month, in calendar years before `before`.
     Month {
         /// From 1, January.
         month: u8,
         /// The year of the deployment, if there is one.
         before: Option<i64>,
     },
-    /// So many rows of the model's data, which are those before the deployment.
+    /// Number of rows of the model's data before the deployment.
     Rows(usize),
     /// The states of a deployment.
     States(Option<Fingerprint>),
 }
 
-/// Where the rollouts of a study start.
+/// The start states of the rollouts of a study.
 pub struct Starts<'a> {
     config: &'a RolloutConfig,
     model: &'a OpenModel,
     seed: Seed,
-    /// When the deployment begins.
+    /// Begin of the deployment.
     deployed: Option<Timestamp>,
     /// Rows that the study lists.
     listed: Vec<RowIndex>,
-    /// States of the deployment, as the model compares them.
+    /// States of the deployment, in the metric of the model.
     metric: Option<States>,
 }
 
 impl<'a> Starts<'a> {
-    /// As `config` asks for, on the clock of `data`, for the deployment `held_out`.
+    /// Returns the start states that `config` requests, for the deployment `held_out`. Times of listed rows are read on the
+    /// clock of `data`.
     ///
     /// # Errors
-    /// If a row that the study lists is not in the data, or states of the deployment cannot be compared with the model's.
+    /// If a row that the study lists is not in the data, or states of the deployment cannot be compared with the
+    /// model's.
     pub fn new(
         config: &'a RolloutConfig,
         data: &DataConfig,
@@ -67,10 +68,11 @@ impl<'a> Starts<'a> {
         Ok(Self { config, model, seed, deployed, listed, metric: metric.transpose()? })
     }
 
-    /// `count` start states for each member.
+    /// Returns `count` start states for each member.
     ///
     /// # Errors
-    /// If there are too few, the study asks for those of a deployment and has none, or the monitor of the `search` asks to stop.
+    /// If there are too few, the study asks for those of a deployment and has none, or the monitor of the `search` asks
+    /// to stop.
     pub fn of_members(
         &self,
         count: usize,
@@ -79,10 +81,11 @@ impl<'a> Starts<'a> {
         self.model.model.starts(self.source()?, count, self.seed, search).context("[rollout]")
     }
 
-    /// What starts follow from, with the fingerprint of the deployment's states; none if they do from the model alone.
+    /// Returns the inputs of the start states, given the fingerprint of the deployment's states. `None` if they depend
+    /// on the model alone.
     ///
     /// # Errors
-    /// If the study asks for a calendar month, and neither names one nor holds anything out.
+    /// If the study asks for a calendar month, and neither names one nor has a held-out period.
     pub fn origin(&self, deployment: Option<&Fingerprint>) -> Result<Option<Origin>, StepError> {
         Ok(match self.config.start {
             StartKind::Random | StartKind::Rows => None,
@@ -146,8 +149,8 @@ pub struct StartSummary {
     pub largest_distance: Option<f64>,
 }
 
-/// Summaries of all members, from what was asked for and, where another state stands for it, how far that is. States of
-/// a deployment are in no member: one lacks their nearest where another member has a nearer one.
+/// Returns summaries of all members, from the requested start states and, where they were replaced, the distance of the
+/// replacement. States of a deployment are in no member. A member lacks one if another member has a nearer replacement.
 pub fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSummary> {
     members
         .iter()
@@ -172,14 +175,14 @@ pub fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSum
         .collect()
 }
 
-/// The smallest distance from start `number` to what stands for it in any member.
+/// Returns the smallest distance from start state `number` to its replacement in any member.
 fn nearest(members: &[Vec<(RequestedStart, Option<f32>)>], number: usize) -> f32 {
     let distances = members.iter().filter_map(|starts| starts.get(number)?.1);
     distances.fold(f32::INFINITY, f32::min)
 }
 
 impl StartSummary {
-    /// What people read; nothing where all start states were there.
+    /// Returns a text for people, or `None` if no start state was replaced.
     pub fn text(&self) -> Option<String> {
         let Self { starts, replaced, mean_distance, largest_distance } = self;
         let (mean, largest) = mean_distance.zip(*largest_distance)?;
@@ -196,7 +199,7 @@ impl StartSummary {
     }
 }
 
-/// The rows that the study lists, by number or by time.
+/// Returns the rows that the study lists, by number or by time.
 fn listed_rows(
     config: &RolloutConfig,
     data: &DataConfig,
@@ -211,7 +214,7 @@ fn listed_rows(
     Ok(rows)
 }
 
-/// The row that is nearest in time, if it lies within two seconds or two rows.
+/// Returns the row that is nearest in time, if it is within two seconds or two rows.
 fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> Result<RowIndex, StepError> {
     let timestamps = frames.timestamps();
     let after = timestamps.partition_point(|&time| time < instant);
@@ -262,7 +265,7 @@ mod tests {
             first.text().expect("replaced").starts_with("1 of 2 start states lie in the block")
         );
         assert_eq!(all[1].text(), None);
-        // States of the deployment are nobody's: what counts is who has the nearest.
+        // States of the deployment are in no member, so the nearest replacement in any member counts.
         let all =
             summaries(&[vec![deployed(0.5), deployed(0.25)], vec![deployed(0.5), deployed(1.0)]]);
         assert_eq!(told(&all[0]), (0, Some(0.375), Some(0.5)));

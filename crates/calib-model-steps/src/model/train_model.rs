@@ -34,18 +34,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::model_files::ModelManifest;
 
-/// The weights that are kept.
+/// The file of the weights.
 const WEIGHTS: &str = "weights.safetensors";
-/// The user's own network.
+/// The file of the user's own network.
 const SCRIPT: &str = "model.pt";
-/// What its predictions leave unexplained.
+/// The file of the residuals of its predictions.
 const RESIDUALS: &str = "residuals.safetensors";
-/// Losses of every epoch.
+/// The file of the losses of every epoch.
 const TRAINING: &str = "training.json";
-/// Where interrupted training goes on; gone when it is complete.
+/// The file from which interrupted training resumes. It is removed when training is complete.
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
-/// Arithmetic of this program's own.
+/// The name of this program's own arithmetic.
 const NATIVE: &str = "native arithmetic";
 
 /// How a network was trained, in the manifest of its model.
@@ -78,7 +78,7 @@ impl fmt::Display for TrainingSummary {
     }
 }
 
-/// Files of the model directory that only networks of this kind have.
+/// Returns the files of the model directory that only networks of this kind have.
 pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {
     match kind {
         ModelKind::Knn | ModelKind::None => &[],
@@ -87,7 +87,7 @@ pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {
     }
 }
 
-/// Check that this program can train such models on such a device, before anything is done.
+/// Checks that this program can train such models on such a device, before any work.
 pub(crate) fn check_available(study: &Study, device: Option<Device>) -> Result<(), StepError> {
     match study.model.kind {
         ModelKind::Torchscript => {
@@ -102,7 +102,7 @@ pub(crate) fn check_available(study: &Study, device: Option<Device>) -> Result<(
     }
 }
 
-/// Fingerprint of what a network follows from: what its kind does not use is left out.
+/// Returns the fingerprint of all inputs of a network. Keys that its kind does not use are excluded.
 pub(crate) fn key(data: &Fingerprint, job: &Job) -> Result<String, StepError> {
     let study = job.study();
     let kind = study.model.kind;
@@ -119,13 +119,13 @@ pub(crate) fn key(data: &Fingerprint, job: &Job) -> Result<String, StepError> {
     artefact::key(&(ModelManifest::FORMAT, data, kind, used, study.seed, RESIDUALS))
 }
 
-/// Where the study's `TorchScript` file is; relative paths start from the study file.
+/// Returns the path of the study's `TorchScript` file. Relative paths start from the study file.
 fn script_path(job: &Job) -> Result<PathBuf, StepError> {
     let path = job.study().dynamics.path.as_ref().context("dynamics.path is not set")?;
     Ok(job.beside(path))
 }
 
-/// Copy the study's `TorchScript` file to the model, once it is known to fit the states.
+/// Copies the study's `TorchScript` file to the model, after checking that it fits the states.
 pub(crate) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> Result<(), StepError> {
     let path = script_path(job)?;
     torch::open_script(&path, dataset.train.states().columns())?;
@@ -137,7 +137,7 @@ pub(crate) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> Result<(
     write_residuals(directory, ModelKind::Torchscript, &data)
 }
 
-/// Write what a network that was just written leaves unexplained.
+/// Writes the residuals of a network that was just written.
 fn write_residuals(
     directory: &Path,
     kind: ModelKind,
@@ -147,12 +147,12 @@ fn write_residuals(
     Ok(write_tensors(&directory.join(RESIDUALS), &residuals.to_tensors())?)
 }
 
-/// Open what [`write_residuals`] wrote.
+/// Opens the residuals that [`write_residuals`] wrote.
 pub(crate) fn open_residuals(directory: &Path, columns: usize) -> Result<Residuals, StepError> {
     Ok(Residuals::from_tensors(&read_tensors(&directory.join(RESIDUALS))?, columns)?)
 }
 
-/// Say what is going to be trained.
+/// Reports the training that begins.
 pub(crate) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
     let config = &study.dynamics;
     let columns = dataset.train.states().columns();
@@ -170,7 +170,8 @@ pub(crate) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
     ));
 }
 
-/// What training takes, on the processor: the states twice, copies of the weights, and a mini-batch.
+/// Returns the memory for training on the processor: the states twice, copies of the weights, and a
+/// mini-batch.
 fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
     let config = &study.dynamics;
     let columns = dataset.train.states().columns();
@@ -185,7 +186,7 @@ fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
     states.saturating_add(network)
 }
 
-/// Refuse a training that memory cannot hold. What libtorch takes depends on the device.
+/// Refuses training that does not fit in memory. The memory of libtorch depends on the device.
 fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> Result<(), StepError> {
     let is_native = matches!(study.model.kind, ModelKind::Nn | ModelKind::Gru) && device.is_none();
     if !is_native {
@@ -198,7 +199,8 @@ fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> Res
     )?)
 }
 
-/// Train the network of the study, going on from a checkpoint if there is one, and write its weights.
+/// Trains the network of the study, resuming from a checkpoint if there is one, and writes its
+/// weights.
 pub(crate) fn train(
     study: &Study,
     dataset: &Dataset,
@@ -247,7 +249,7 @@ pub(crate) fn train(
     summary(trainer.record(), &data, backend)
 }
 
-/// All epochs that are left.
+/// Runs all remaining epochs.
 fn run_epochs(
     trainer: &mut dyn Trainer,
     config: &DynamicsConfig,
@@ -261,7 +263,7 @@ fn run_epochs(
     let mut cost = Duration::ZERO;
     while !trainer.record().is_complete(config) {
         trainer.epoch(&progress)?;
-        // Checkpoints take at most a few percent of the time.
+        // Checkpoints take at most a few per cent of the time.
         if since_checkpoint.elapsed() > cost * 30 {
             let clock = Stopwatch::start();
             checkpoint.write(trainer.checkpoint()?)?;
@@ -289,12 +291,12 @@ fn summary(
     })
 }
 
-/// Forget training that was put aside.
+/// Removes the checkpoint of interrupted training.
 pub(crate) fn remove_checkpoint(directory: &Path) -> Result<(), StepError> {
     Ok(remove_file(&directory.join(CHECKPOINT))?)
 }
 
-/// Open the network in a model directory, for states of `columns` values.
+/// Opens the network in a model directory, for states of `columns` values.
 pub(crate) fn open(
     directory: &Path,
     kind: ModelKind,

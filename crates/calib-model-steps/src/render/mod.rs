@@ -1,4 +1,4 @@
-//! Results as whoever asked for them reads them: lines and tables, or JSON.
+//! The presentation of results: lines and tables, or JSON.
 
 mod models;
 mod representations;

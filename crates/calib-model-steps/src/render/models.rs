@@ -41,7 +41,7 @@ impl Told for BuiltModel {
                 show_member(number, member, manifest, printer)?;
             }
             if manifest.study.model.kind.family() == ModelFamily::Neighbors {
-                // Where log replay decides, what a model cannot do concerns its rollouts alone.
+                // If log replay decides, problems of a model affect only its rollouts.
                 let decides = job.study().evaluate.rule != Rule::LogReplay;
                 for warning in self.warnings() {
                     if decides { printer.warn(&warning) } else { printer.detail(&warning) }

@@ -1,4 +1,4 @@
-//! What it takes to train the representations of a study, before it does: some updates of each are made and timed.
+//! Estimates the cost of training the representations of a study beforehand: some updates of each are made and timed.
 
 use std::time::Duration;
 
@@ -12,30 +12,31 @@ use calib_study::{Job, Study};
 
 use super::{Material, seed};
 
-/// How long the updates of a candidate are timed, at least.
+/// Minimum time for the updates of a candidate.
 const TIMED: Duration = Duration::from_millis(50);
-/// How long candidates are timed in all. The first is, however long that takes.
+/// Time limit for timing all candidates. The first is timed however long that takes.
 const ALL_CANDIDATES: Duration = Duration::from_millis(1_200);
-/// Products of weights and states of a batch that a timed update has at most: some tens of milliseconds.
+/// Maximum number of products of weights and states of a batch in a timed update: some tens of milliseconds.
 const MOST_WORK: usize = 200_000_000;
 /// A step size with which no training diverges while it is timed.
 const SMALL_LEARNING_RATE: f64 = 1e-6;
 
-/// What it takes to make a representation that is not there.
+/// The cost of making a representation that does not exist yet.
 #[derive(Clone, Debug)]
 pub struct RepresentationCost {
-    /// Seconds of each training that is left, on one thread.
+    /// Seconds of each remaining training, on one thread.
     pub trainings: Vec<f64>,
-    /// Seconds until all candidates are scored after that, on all threads.
+    /// Seconds for scoring all candidates after training, on all threads.
     pub scoring: f64,
-    /// Bytes of memory, at most.
+    /// Upper bound on memory, bytes.
     pub memory: u64,
     /// Bytes of its files.
     pub disk: u64,
 }
 
 impl RepresentationCost {
-    /// What making the representation of a study takes, of which the trainings of these candidates are left. Nothing is written.
+    /// Returns the cost of making the representation of a study, if these candidates remain to be trained. Nothing is
+    /// written.
     ///
     /// # Errors
     /// If there are no two successive states, no candidate can be trained, or the monitor interrupts.
@@ -60,17 +61,17 @@ impl RepresentationCost {
     }
 }
 
-/// What a candidate takes, in seconds.
+/// The time of a candidate, in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct CandidateCost {
-    /// Its training with its learning curve, on one thread.
+    /// Training with its learning curve, on one thread.
     training: f64,
     /// Encoding and scoring all states, on all threads.
     scoring: f64,
 }
 
 impl CandidateCost {
-    /// The cost of a candidate that computes so many times as much.
+    /// Returns the cost of a candidate that computes `factor` times as much.
     fn times(self, factor: f64) -> Self {
         Self { training: factor * self.training, scoring: factor * self.scoring }
     }
@@ -82,7 +83,7 @@ struct TimedCandidate {
     cost: CandidateCost,
 }
 
-/// What candidates are timed on.
+/// The data on which candidates are timed.
 struct CandidateTiming<'a> {
     material: Material<'a>,
     split: &'a Split,
@@ -90,8 +91,8 @@ struct CandidateTiming<'a> {
 }
 
 impl CandidateTiming<'_> {
-    /// What each candidate takes. Those that differ in nothing that takes time are timed once. When the time is over, the cost of
-    /// another is that of one before it, by their weights.
+    /// Returns the cost of each candidate. Candidates that differ only in settings that do not affect time are timed
+    /// once. After the time limit, costs are scaled from the candidate that was timed last, by the number of weights.
     fn all(
         &self,
         candidates: &[LaplacianConfig],
@@ -128,7 +129,7 @@ impl CandidateTiming<'_> {
         let mut training = Training::new(&timed, states, segments, self.split, self.seed)?;
         let beginning = clock.elapsed().as_secs_f64();
         let update = times * update_secs(&mut training);
-        // As many states as a point of the learning curve is scored on.
+        // As many states as are scored for a point of the learning curve.
         let validation = &self.split.validation;
         let rows = validation.len().min(2 * SCORED_PAIRS);
         let few = states.slice(validation.start..validation.start + rows);
@@ -138,7 +139,7 @@ impl CandidateTiming<'_> {
         let clock = Stopwatch::start();
         score(&few, &psi, &Segments::from_lengths([rows])?, &(0..rows), self.seed);
         let scoring = clock.elapsed().as_secs_f64();
-        // A training encodes on its own thread, and in the end all threads do.
+        // A training encodes on its own thread; at the end all threads encode.
         let point = encoding * rayon::current_num_threads() as f64 + scoring;
         let points = config.steps.min(CURVE_POINTS) as f64;
         let rows = rows as f64;
@@ -149,33 +150,33 @@ impl CandidateTiming<'_> {
     }
 }
 
-/// The candidate that takes as long as this one, whatever both learn.
+/// Returns a candidate that takes as long as this one, whatever both learn.
 fn timed_like(candidate: &LaplacianConfig) -> LaplacianConfig {
     let LaplacianConfig { loss, kappa, .. } = LaplacianConfig::default();
     LaplacianConfig { loss, kappa, learning_rate: SMALL_LEARNING_RATE, ..*candidate }
 }
 
-/// A candidate, as far as some of its updates can be timed.
+/// A reduced candidate, some of whose updates can be timed.
 struct TimeableCandidate {
     config: LaplacianConfig,
-    /// How much longer an update of the whole one takes.
+    /// Ratio of the time of an update of the full candidate to that of the reduced one.
     times: f64,
 }
 
-/// The same candidate with smaller batches, where an update would take longer than anybody waits for.
+/// Returns the same candidate, with smaller batches if an update would take too long.
 fn timeable(config: &LaplacianConfig, columns: usize) -> TimeableCandidate {
-    // A batch has u, v and x; at least two states of each.
+    // A batch has u, v and x, with at least two states each.
     let batch = (MOST_WORK / (3 * parameters(config, columns))).max(2).min(config.batch_size);
     let times = config.batch_size as f64 / batch as f64;
     TimeableCandidate { config: LaplacianConfig { batch_size: batch, ..*config }, times }
 }
 
-/// Weights of the encoder of states with so many columns.
+/// Returns the number of weights of the encoder for states with `columns` columns.
 fn parameters(config: &LaplacianConfig, columns: usize) -> usize {
     config.sizes(columns).windows(2).map(|layer| layer[1] * (layer[0] + 1)).sum()
 }
 
-/// Seconds of an update, by more and more updates until they take a while.
+/// Returns the seconds per update, from more and more updates until they take long enough.
 fn update_secs(training: &mut Training) -> f64 {
     // The first one fills the caches.
     training.step();
@@ -193,7 +194,8 @@ fn update_secs(training: &mut Training) -> f64 {
     }
 }
 
-/// What training takes: the states, the representation of all of them, and the encoders that are trained at a time.
+/// Returns the memory of training: the states, the representation of all of them, and the encoders that are trained at
+/// a time.
 pub(super) fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
     let (rows, columns) = material.shape();
     let candidates = study.representation.candidates();
@@ -208,7 +210,8 @@ pub(super) fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
     states.saturating_add(largest.saturating_mul(at_once))
 }
 
-/// Bytes that the representations of a study still take on the disk; of an imported one it is not known.
+/// Returns the bytes that the representations of a study still take on the disk. For an imported one they are not
+/// known.
 pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
     let representation = &job.study().representation;
     let needed = match representation.kind {
@@ -220,7 +223,7 @@ pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
     disk_room::left(needed, &job.layout().representation())
 }
 
-/// Refuse representations that the disk has no room for.
+/// Refuses representations that do not fit on the disk.
 pub(super) fn require_room(job: &Job, dataset: &Dataset) -> Result<(), StepError> {
     disk_room::require(
         disk_left(job, dataset),
@@ -230,7 +233,8 @@ pub(super) fn require_room(job: &Job, dataset: &Dataset) -> Result<(), StepError
     )
 }
 
-/// Bytes of the encoders of all candidates, and of the chosen one with its representation of all states, at most.
+/// Returns an upper bound on the bytes of the encoders of all candidates, and of the chosen one with its representation
+/// of all states.
 fn disk_bytes(candidates: &[LaplacianConfig], material: Material<'_>) -> u64 {
     let (rows, columns) = material.shape();
     let encoders = || candidates.iter().map(|candidate| parameters(candidate, columns));
@@ -238,7 +242,7 @@ fn disk_bytes(candidates: &[LaplacianConfig], material: Material<'_>) -> u64 {
     4 * (encoders().sum::<usize>() + largest + rows * widest(candidates)) as u64
 }
 
-/// Dimensions of the widest representation.
+/// Returns the dimensions of the widest representation.
 fn widest(candidates: &[LaplacianConfig]) -> usize {
     candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0)
 }
@@ -261,7 +265,7 @@ mod tests {
         assert_eq!((timed.batch_size, times), (2, 128.0));
     }
 
-    /// A grid of two step sizes and two widths, of which the two wider encoders are left.
+    /// A grid of two step sizes and two widths, of which the two wider encoders remain.
     #[test]
     fn candidates_that_take_as_long_are_timed_once() {
         let study = Study {

@@ -15,8 +15,8 @@ use super::{
     TriedCandidates, grid, made, needed_bytes, none_qualifies, read, scored, trained,
 };
 
-/// Fingerprint of what the representation of the states of `material` follows from. What kind of representation a model without actions has does not
-/// matter.
+/// Returns the fingerprint of all inputs of the representation of the states of `material`. The kind of representation
+/// of a model without actions does not matter.
 fn key(job: &Job, material: Material<'_>) -> Result<String, StepError> {
     let study = job.study();
     let candidates = study.representation.candidates();
@@ -24,9 +24,10 @@ fn key(job: &Job, material: Material<'_>) -> Result<String, StepError> {
     artefact::key(&("decisions", format, material.fingerprint, candidates, study.seed))
 }
 
-/// ψ of every state: what is there, or trained as `[representation]` says on pairs along the episodes, and chosen as for prediction.
+/// Returns ψ of every state. It is read, or trained by `[representation]` on pairs along the episodes, and chosen as
+/// for prediction.
 ///
-/// Of the shares of a sweep one writes it. Others that begin meanwhile train the same in memory.
+/// One share of a sweep writes it. Other shares that begin meanwhile train the same in memory.
 ///
 /// # Errors
 /// If none qualifies, it cannot be trained or written, or the observer asks to stop.
@@ -58,7 +59,7 @@ pub fn open_or_train(
     Ok(read(directory, &manifest, &command)?.psi)
 }
 
-/// Train the whole grid without writing anything, and choose one.
+/// Trains the whole grid without writing anything, and chooses one candidate.
 fn trained_in_memory(
     study: &Study,
     material: Material<'_>,
@@ -70,7 +71,7 @@ fn trained_in_memory(
     scored(study, material, &split, &trained)
 }
 
-/// Make what was trained again if it is there and damaged; what is the same is the same to the byte.
+/// Repeats the training if its files exist and are damaged. The new result is the same to the byte.
 ///
 /// # Errors
 /// If it cannot be trained, or written.
@@ -83,10 +84,10 @@ pub fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> Result<(), 
     Ok(())
 }
 
-/// ψ of every state, if it was trained and one qualified.
+/// Reads ψ of every state, if it was trained and a candidate qualified.
 ///
 /// # Errors
-/// If its files are not what was written.
+/// If its files have changed since they were written.
 pub fn kept(job: &Job, material: Material<'_>) -> Result<Option<States>, StepError> {
     let directory = &job.layout().control_representation();
     let Some(manifest) = RepresentationManifest::find(directory, &key(job, material)?) else {
@@ -98,10 +99,12 @@ pub fn kept(job: &Job, material: Material<'_>) -> Result<Option<States>, StepErr
     Ok(Some(read(directory, &manifest, &job.command(StepKind::Control))?.psi))
 }
 
-/// What making the representation takes if it is not there. Some updates are made and timed, and nothing is written.
+/// Returns the cost of making the representation if it does not exist. Some updates are made and timed, and nothing is
+/// written.
 ///
 /// # Errors
-/// If all are there and none qualifies, training does not fit into memory or cannot be done, or the monitor interrupts.
+/// If all candidates exist and none qualifies, training does not fit into memory or is impossible, or the monitor
+/// interrupts.
 pub fn cost(
     job: &Job,
     material: Material<'_>,
@@ -123,7 +126,7 @@ pub fn cost(
     RepresentationCost::measure(study, material, &left, monitor).map(Some)
 }
 
-/// What `calib control` trained, for the report.
+/// Returns the manifest of the representation that `calib control` trained, for the report.
 pub fn manifest(job: &Job) -> Option<RepresentationManifest> {
     artefact::read(&job.layout().control_representation())
 }

@@ -22,13 +22,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{Candidate, ENCODER, Material, seed};
 
-/// Version of the training: greater when the same configuration and seed lead to other weights.
+/// Version of the training: increased when the same configuration and seed lead to other weights.
 const TRAINING: u32 = 1;
 
-/// Where the candidates are, below the directory of the representation.
+/// The subfolder of the candidates, in the directory of the representation.
 const CANDIDATES: &str = "candidates";
 
-/// `training.json` of a candidate: written last.
+/// `training.json` of a candidate, which is written last.
 #[derive(Debug, Serialize, Deserialize)]
 struct TrainingRecord {
     key: String,
@@ -40,12 +40,13 @@ struct TrainingRecord {
 }
 
 const RECORD: &str = "training.json";
-/// Where a training is put aside.
+/// The file of an interrupted training.
 const CHECKPOINT: &str = "checkpoint.safetensors";
-/// Digits of the name of a candidate's directory.
+/// Number of digits in the name of a candidate's directory.
 const KEY_DIGITS: usize = 16;
 
-/// Train what is missing of the grid; every candidate, still without scores, and its encoder unless it diverged.
+/// Trains the missing part of the grid. Returns every candidate, still without scores, and its encoder unless it
+/// diverged.
 pub(super) fn train(
     study: &Study,
     material: Material<'_>,
@@ -59,7 +60,7 @@ pub(super) fn train(
     grid.iter().map(|(key, _)| finished(&place(directory, key), key)).collect()
 }
 
-/// Train what is missing of a share of the grid; how many candidates it has.
+/// Trains the missing part of a share of the grid. Returns the number of candidates of the share.
 pub(super) fn train_share(
     study: &Study,
     material: Material<'_>,
@@ -77,7 +78,8 @@ pub(super) fn train_share(
     Ok(own.len())
 }
 
-/// Train the whole grid without writing anything; every candidate, still without scores, and its encoder unless it diverged.
+/// Trains the whole grid without writing anything. Returns every candidate, still without scores, and its encoder
+/// unless it diverged.
 pub(super) fn train_in_memory(
     study: &Study,
     material: Material<'_>,
@@ -104,12 +106,12 @@ pub(super) fn train_in_memory(
         .collect()
 }
 
-/// What every candidate is trained on.
+/// Returns the data that every candidate is trained on.
 fn task<'a>(study: &Study, material: Material<'a>, split: &'a Split) -> Task<'a> {
     Task { states: material.states, segments: material.segments, split, seed: seed(study) }
 }
 
-/// A candidate, and the fingerprint of what it follows from.
+/// A candidate, and the fingerprint of its inputs.
 type KeyedCandidate = (String, LaplacianConfig);
 
 fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<KeyedCandidate>, StepError> {
@@ -123,7 +125,7 @@ fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<KeyedCandidate>, S
         .collect()
 }
 
-/// The candidates of the grid whose training is not finished in `directory`.
+/// Returns the candidates of the grid whose training is not finished in `directory`.
 pub(super) fn left(
     study: &Study,
     material: Material<'_>,
@@ -134,7 +136,7 @@ pub(super) fn left(
     Ok(left.map(|(_, config)| config).collect())
 }
 
-/// Where a candidate is.
+/// Returns the directory of a candidate.
 fn place(directory: &Path, key: &str) -> PathBuf {
     directory.join(CANDIDATES).join(short(key))
 }
@@ -149,7 +151,7 @@ fn train_missing(
     let at = |key: &str| place(directory, key);
     let (there, missing): (Vec<_>, Vec<_>) =
         grid.iter().partition(|(key, _)| read(&at(key), key).is_some());
-    // Who was killed between the record and the end of a training has left what it would have gone on from.
+    // A process that was killed between the record and the end of a training has left its checkpoint.
     there.iter().try_for_each(|(key, _)| checkpoint(&at(key), key).remove())?;
     let progress = printer.progress();
     progress.begin("training", missing.iter().map(|(_, config)| config.steps as u64).sum());
@@ -173,12 +175,12 @@ fn train_missing(
     })
 }
 
-/// Where the training of a candidate is put aside.
+/// Returns the checkpoint file of the training of a candidate.
 fn checkpoint(directory: &Path, key: &str) -> CheckpointFile {
     CheckpointFile::new(directory.join(CHECKPOINT), key.to_owned())
 }
 
-/// Forget every candidate and every training that was put aside; what else lies beside them stays.
+/// Removes every candidate and every interrupted training. Other files beside them are kept.
 pub(super) fn remove(directory: &Path) -> Result<(), FileError> {
     remove_known(&directory.join(CANDIDATES), &mut is_ours)
 }
@@ -191,13 +193,14 @@ fn is_ours(path: &Path) -> bool {
     is_key && (is_named || is_temporary(path))
 }
 
-/// The directory of a candidate is named after what it follows from, so that a grid that grows keeps what it has.
+/// Shortens a key to the name of a candidate's directory. It depends on the inputs, so that a growing grid keeps its
+/// candidates.
 fn short(key: &str) -> &str {
     &key[..KEY_DIGITS]
 }
 
-/// Whether what was trained of a candidate is what was written, as far as it is there: a representation that was taken
-/// over from another model comes without.
+/// Whether the existing files of a candidate are as they were written. A representation that was taken over from
+/// another model has no such files.
 pub(super) fn is_whole(directory: &Path, candidate: &Candidate) -> bool {
     let Some(name) = &candidate.directory else { return true };
     let own = directory.join(CANDIDATES).join(name);

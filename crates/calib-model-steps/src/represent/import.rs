@@ -1,4 +1,4 @@
-//! Representations that come from elsewhere.
+//! Representations that are imported from files.
 
 use std::{
     collections::HashMap,
@@ -15,31 +15,31 @@ use calib_files::{Fingerprint, read_array, read_json, read_tensors};
 use calib_study::Job;
 use serde::Deserialize;
 
-/// Numbers by row, as they were found.
+/// Imported numbers by row.
 struct ImportedRows {
     values: Vec<f32>,
     rows: usize,
-    /// Their times, where they are to be joined by them.
+    /// Times of the rows, if rows are joined by time.
     timestamps: Option<Vec<Timestamp>>,
-    /// The data that they were made for, if the file says so.
+    /// The data that they were made for, if the file names it.
     data: Option<String>,
 }
 
-/// What may lie beside an imported file: `psi.npy.json` beside `psi.npy`.
+/// The optional description beside an imported file: `psi.npy.json` beside `psi.npy`.
 #[derive(Deserialize)]
 struct Sidecar {
     /// `data` of the manifest of the model whose states were encoded.
     data: Fingerprint,
 }
 
-/// The file that the study names, from the study's folder.
+/// Returns the file that the study names, relative to the study's folder.
 pub(super) fn file(job: &Job) -> Result<PathBuf, StepError> {
     let path = job.study().representation.path.as_deref();
     let path = path.context("[representation]: kind = \"import\" wants `path`, the file")?;
     Ok(job.beside(path))
 }
 
-/// ψ of every training state, checked.
+/// Reads and checks ψ of every training state.
 pub(super) fn read(job: &Job, dataset: &Dataset) -> Result<States, StepError> {
     let path = &file(job)?;
     let config = &job.study().representation;
@@ -118,7 +118,7 @@ fn parquet(
     Ok(ImportedRows { values: interleaved(&table)?, rows: table.rows(), timestamps, data: None })
 }
 
-/// The columns of a table as rows.
+/// Returns the columns of a table as rows.
 fn interleaved(table: &Table) -> Result<Vec<f32>, StepError> {
     let names: Vec<&str> = table.names().collect();
     let mut values = vec![0.0; table.rows() * names.len()];
@@ -134,7 +134,7 @@ fn interleaved(table: &Table) -> Result<Vec<f32>, StepError> {
     Ok(values)
 }
 
-/// Refuse a file that says that it was made for other data.
+/// Refuses a file that was made for other data, by its own description.
 fn check_origin(path: &Path, found: &ImportedRows, dataset: &Dataset) -> Result<(), StepError> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".json");
@@ -150,7 +150,7 @@ fn check_origin(path: &Path, found: &ImportedRows, dataset: &Dataset) -> Result<
     Ok(())
 }
 
-/// One row of ψ for each training state.
+/// Returns one row of ψ for each training state.
 fn join(found: ImportedRows, dataset: &Dataset) -> Result<States, StepError> {
     let ImportedRows { values, rows, timestamps, .. } = found;
     let expected = dataset.train.rows();
@@ -183,7 +183,7 @@ fn join(found: ImportedRows, dataset: &Dataset) -> Result<States, StepError> {
 }
 
 fn checked(values: Vec<f32>, rows: usize, dimension: usize) -> Result<States, StepError> {
-    // Of two states of this size the squared distance, Σ (x - y)², is still a number.
+    // The squared distance Σ (x - y)² of two states of this size is still finite.
     let largest = (f32::MAX / (4.0 * dimension as f32)).sqrt();
     if let Some(place) = values.iter().position(|value| value.is_finite() && value.abs() > largest)
     {

@@ -90,19 +90,19 @@ impl Facts for RepresentationFacts {
     }
 }
 
-/// What representations are trained on.
+/// The data that representations are trained on.
 #[derive(Clone, Copy)]
 pub struct Material<'a> {
     /// One row per state.
     pub states: &'a States,
-    /// Stretches of them without a gap.
+    /// The segments of the states, without gaps.
     pub segments: &'a Segments,
-    /// Of all of it.
+    /// Fingerprint of states and segments.
     pub fingerprint: &'a Fingerprint,
 }
 
 impl<'a> Material<'a> {
-    /// The training range.
+    /// Returns the training range.
     fn of(dataset: &'a Dataset) -> Self {
         let states = dataset.train.states();
         let segments = dataset.train.segments();
@@ -127,21 +127,21 @@ pub struct Representations {
 }
 
 impl Representations {
-    /// Position of the chosen one among those that were tried; none if none qualifies.
+    /// Returns the position of the chosen representation among the candidates, or `None` if none qualifies.
     pub fn chosen(&self) -> Option<usize> {
         self.manifest.chosen
     }
 
-    /// Where they are.
+    /// Returns their directory.
     pub fn directory(&self) -> &Path {
         &self.directory
     }
 }
 
-/// Train or import the representations of a study, and choose one.
+/// Trains or imports the representations of a study, and chooses one.
 ///
 /// # Errors
-/// If the study has no representation, the log or what is imported cannot be read, or the observer asks to stop.
+/// If the study has no representation, the log or the imported file cannot be read, or the observer asks to stop.
 pub fn run(
     job: &Job,
     device: Option<Device>,
@@ -183,8 +183,7 @@ pub fn run(
     Ok(StepResult::Made(Representations { manifest, directory, freshness, took }))
 }
 
-/// Train the share of the grid that this process has. Every candidate is a directory of its own, so that shares have nothing in
-/// common that one could claim.
+/// Trains this process's share of the grid. Every candidate has its own directory, so shares need no common claim.
 fn train_share(
     job: &Job,
     device: Option<Device>,
@@ -213,15 +212,15 @@ fn train_share(
     Ok(())
 }
 
-/// What to do where memory does not suffice.
+/// The remedy if memory does not suffice.
 const LESS: &str =
     "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
 
-/// What to do where no candidate may be used.
+/// The error if no candidate qualifies.
 pub(crate) const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
     try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
 
-/// Fingerprint of what the representations follow from.
+/// Returns the fingerprint of all inputs of the representations.
 fn key(job: &Job, dataset: &Dataset) -> Result<String, StepError> {
     let study = job.study();
     let imported = match study.representation.kind {
@@ -259,11 +258,11 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
     ));
 }
 
-/// Representations, and which of them is used.
+/// Representations, and the chosen one.
 struct TriedCandidates {
     candidates: Vec<Candidate>,
     chosen: Option<usize>,
-    /// Of the chosen one.
+    /// ψ of the chosen candidate.
     psi: Option<States>,
     encoder: Option<Mlp>,
 }
@@ -287,7 +286,7 @@ fn make(
     })
 }
 
-/// Make what is in a directory that this process has claimed anew: what `try_all` tries, on the split that it is given.
+/// Makes the content of a directory that this process has claimed. `try_all` tries the candidates on the given split.
 fn made(
     job: &Job,
     directory: &Path,
@@ -299,7 +298,7 @@ fn made(
     let split = Split::in_time(material.segments)?;
     claim.begin()?;
     if job.policy().redoes() {
-        // Everything is made again from here on, so that an interrupted run goes on without `--force`.
+        // From here on everything is made again, so that an interrupted run resumes without `--force`.
         grid::remove(directory)?;
     }
     let TriedCandidates { candidates, chosen, psi, encoder } = try_all(&split)?;
@@ -324,7 +323,7 @@ fn made(
     claim.finish(facts, files)
 }
 
-/// Where a study's representations begin to draw from.
+/// Returns the root seed of a study's representations.
 fn seed(study: &Study) -> Seed {
     Seed::new(study.seed).child("representation")
 }
@@ -363,7 +362,7 @@ fn trained(
     scored(study, material, split, &trained)
 }
 
-/// Score every candidate by its encoder, which is missing if its training diverged, and choose one.
+/// Scores every candidate by its encoder, which is missing if its training diverged, and chooses one.
 fn scored(
     study: &Study,
     material: Material<'_>,
@@ -374,7 +373,7 @@ fn scored(
     let candidates: Vec<Candidate> = trained
         .iter()
         .map(|(candidate, encoder)| {
-            // ψ of a state that the training did not see may overflow.
+            // ψ of a state outside the training data may overflow.
             let psi = encoder.as_ref().and_then(|encoder| encoded(encoder).ok());
             let scores = psi.as_ref().map(|psi| score_of(study, material, split, psi));
             Candidate { scores, ..candidate.clone() }
@@ -389,15 +388,16 @@ fn scored(
 
 /// The chosen representation of the training states.
 pub(crate) struct Representation {
-    /// Names all that it follows from, and what it is.
+    /// Fingerprint of its inputs and content.
     pub(crate) key: String,
     /// ψ of every state.
     pub(crate) psi: States,
-    /// What computes ψ of other states; an imported representation has none.
+    /// The encoder for other states; `None` for an imported representation.
     pub(crate) encoder: Option<Mlp>,
 }
 
-/// What `calib represent` left for the study; none if neighbours are searched among the states themselves.
+/// Opens the output of `calib represent` for the study, or returns `None` if neighbours are searched among the states
+/// themselves.
 pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation>, StepError> {
     let study = job.study();
     let paths = job.layout();
@@ -418,12 +418,12 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation
     read(&directory, &manifest, &command).map(Some)
 }
 
-/// No candidate may be used, so that `directory` has no representation.
+/// Returns the error that no candidate qualifies, so that `directory` has no representation.
 fn none_qualifies(directory: &Path, command: &str) -> StepError {
     StepError::message(format!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display()))
 }
 
-/// What `command` left in `directory`.
+/// Reads the output of `command` in `directory`.
 fn read(
     directory: &Path,
     manifest: &RepresentationManifest,
@@ -447,18 +447,19 @@ fn read(
     Ok(Representation { key: artefact::key(&(&manifest.key, used))?, psi, encoder })
 }
 
-/// How many coordinates neighbours are searched in, as far as it is known before the representation is opened.
+/// The number of coordinates in which neighbours are searched, as far as it is known before the representation is
+/// opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Width {
-    /// They are the columns of the states.
+    /// The columns of the states.
     OfStates,
-    /// ψ has so many, whichever it will be.
+    /// The dimension of ψ, the same for all candidates.
     Exactly(usize),
-    /// ψ has about so many, unless it is yet to be made, or made again.
+    /// The probable dimension of ψ. It is exact if ψ exists and is not made again.
     Perhaps(usize),
 }
 
-/// The width of what the study searches, whose states have so many columns.
+/// Returns the width of the states that the study searches, given the number of columns of the states.
 pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
     let config = &study.representation;
     let candidates = match config.kind {
@@ -478,7 +479,7 @@ pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
     Width::Perhaps(made.map(|psi| psi.columns()).or(widest).unwrap_or(columns))
 }
 
-/// Put the representation into a model's directory, which then needs nothing else; names of the files.
+/// Copies the representation into a model's directory, which then needs no other files. Returns the names of the files.
 pub(crate) fn copy_to(
     directory: &Path,
     representation: &Representation,
@@ -490,7 +491,7 @@ pub(crate) fn copy_to(
     Ok(vec![PSI, ENCODER])
 }
 
-/// What a model's directory holds of the representation that its neighbours were searched in.
+/// Reads the representation in a model's directory, in which its neighbours were searched.
 pub(crate) fn of_model(
     directory: &Path,
     files: &Files,

@@ -1,4 +1,4 @@
-//! The candidates: as files, on the terminal, and in the report.
+//! Tables of the candidates: as files, on the terminal, and in the report.
 
 use std::path::Path;
 
@@ -29,7 +29,8 @@ const FIELDS: [Field; 11] = [
     ("steps", |config| config.steps as f64),
 ];
 
-/// `candidates.parquet`, one row a candidate, and `curves.parquet`, one row a point of a learning curve.
+/// Writes `candidates.parquet`, one row per candidate, and `curves.parquet`, one row per point of a
+/// learning curve.
 pub(super) fn write(
     directory: &Path,
     candidates: &[Candidate],
@@ -97,7 +98,7 @@ pub(super) fn write(
     artefact::write_table(curves, &directory.join("curves.parquet"))
 }
 
-/// Hyperparameters in which the candidates differ, or else what is most often asked for.
+/// Returns the hyperparameters in which the candidates differ, or otherwise the most interesting ones.
 fn telling(candidates: &[Candidate]) -> Vec<Field> {
     FIELDS
         .into_iter()
@@ -109,7 +110,7 @@ fn telling(candidates: &[Candidate]) -> Vec<Field> {
         .collect()
 }
 
-/// Print all candidates with both scores, and which is chosen.
+/// Prints all candidates with both scores, and the chosen one.
 pub(crate) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Result<(), StepError> {
     let fields = telling(&manifest.candidates);
     let mut header = vec!["candidate"];
@@ -155,7 +156,7 @@ fn verdict(number: usize, candidate: &Candidate, chosen: Option<usize>) -> Strin
     }
 }
 
-/// A hyperparameter as a study has it.
+/// Formats a hyperparameter as in a study.
 fn plain(value: f64) -> String {
     if value == 0.0 || (1e-3..1e7).contains(&value.abs()) {
         value.to_string()
@@ -164,7 +165,7 @@ fn plain(value: f64) -> String {
     }
 }
 
-/// The candidates for the report.
+/// Returns the candidates for the report.
 pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
     let fields = telling(&manifest.candidates);
     let columns = ["candidate"].into_iter().chain(fields.iter().map(|(name, _)| *name));
@@ -206,7 +207,7 @@ pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
              dynamics awareness of those with a uniqueness above {LEAST_UNIQUENESS}. Bold: the largest of a column; \
              scores have no intervals, so small differences may be chance.",
             calib_report::count(manifest.validation_rows as u64),
-            // What an imported one was trained on is not known.
+            // The training data of an imported one are not known.
             if imported { "" } else { ", which they were not trained on" },
         ),
         columns: columns.map(str::to_owned).collect(),

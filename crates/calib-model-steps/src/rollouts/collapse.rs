@@ -1,4 +1,4 @@
-//! Rollouts that run into a fixed point, or out of the numbers.
+//! Rollouts that freeze at a fixed point, or become non-finite.
 
 use calib_base::{
     StepError,
@@ -51,7 +51,7 @@ pub(crate) struct EndedEarly {
     pub(crate) column: String,
 }
 
-/// Look for collapse in every rollout and sensor.
+/// Searches every rollout and sensor for collapse.
 pub(crate) fn of(
     model: &OpenModel,
     record: Record<'_>,
@@ -110,7 +110,7 @@ fn sensor(
     })
 }
 
-/// How a column of the training data is spread.
+/// The spread of a column of the training data.
 struct Spread {
     variance: f64,
     low: f64,
@@ -135,7 +135,7 @@ impl Spread {
     }
 }
 
-/// Say what was found; silent where nothing is wrong.
+/// Prints the findings, or nothing if there are none.
 pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepError> {
     let all = collapse.rollouts;
     for ended in &collapse.ended {
@@ -175,7 +175,7 @@ pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepErr
     Ok(())
 }
 
-/// A table for the report; none where nothing is wrong.
+/// Returns a table for the report, or `None` without findings.
 pub fn report_table(model: &str, collapse: &Collapse) -> Option<Table> {
     if collapse.ended.is_empty()
         && !collapse.sensors.iter().any(|sensor| sensor.collapsed > 0 || sensor.escaped > 0)

@@ -10,7 +10,7 @@ use calib_report::{Figure, RolloutFigure, RolloutGrid, RolloutRow, Trajectory};
 
 use crate::rollouts::trajectory_columns::Columns;
 
-/// Write a figure as `NAME.svg` and `NAME.png`; what the two files are called.
+/// Writes a figure as `NAME.svg` and `NAME.png`, and returns the names of the two files.
 ///
 /// # Errors
 /// If it cannot be drawn or written.
@@ -23,13 +23,13 @@ pub fn write(directory: &Path, name: &str, figure: &Figure) -> Result<[String; 2
     Ok(names)
 }
 
-/// What the files of a figure are called.
+/// Returns the names of the files of a figure.
 pub fn names(name: &str) -> [String; 2] {
     ["svg", "png"].map(|kind| format!("{}.{kind}", file_name(name)))
 }
 
-/// Sensors as parts of the names of files: "T inlet (°C)" is `T-inlet-C`. Those that would then be called alike keep the names that
-/// they have, in which [`file_name`] writes such characters as numbers.
+/// Returns sensor names as parts of file names: "T inlet (°C)" is `T-inlet-C`. If two results would be equal, both
+/// sensors keep their names, in which [`file_name`] writes such characters as numbers.
 pub fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
     let sensors: Vec<&str> = sensors.collect();
     sensors
@@ -43,7 +43,7 @@ pub fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
         .collect()
 }
 
-/// `name` with a hyphen for what is neither a letter nor a digit.
+/// Replaces all characters of `name` that are neither letters nor digits by hyphens.
 fn readable(name: &str) -> String {
     let mut readable = String::new();
     for letter in name.chars() {
@@ -65,11 +65,11 @@ fn readable(name: &str) -> String {
     readable.trim_matches(['-', '.']).to_owned()
 }
 
-/// One figure a sensor: rollouts over the recorded trajectory from the same start, in physical units.
+/// Returns one figure per sensor: rollouts over the recorded trajectory from the same start state, in physical units.
 ///
-/// Rollouts that start elsewhere cannot be laid over the same truth. Shown is the start that most members share (they
-/// start there, or from what stands for it), of these the one whose recorded trajectory is longest, with every
-/// member's first rollout from it.
+/// Rollouts from other start states cannot be drawn over the same record. Shown is the start state that most members
+/// share (they start there, or from its replacement); among equals the one whose recorded trajectory is longest. Every
+/// member's first rollout from it is drawn.
 ///
 /// # Errors
 /// If the table lacks a column.
@@ -83,7 +83,7 @@ pub fn rollouts(
     for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
         let values = trajectories.column::<f64>(&named.physical)?;
         let recorded = trajectories.optional::<f64>(&named.recorded)?;
-        // Of equally long ones the first, so that the figure does not depend on anything else.
+        // The first of equally long ones, so that the figure does not depend on anything else.
         let best = groups.iter().rev().max_by_key(|group| {
             let known = recorded[group.rows.clone()].iter().flatten().count();
             (members_from(&groups, group.wanted), known)
@@ -112,7 +112,7 @@ pub fn rollouts(
     Ok(figures)
 }
 
-/// How many members start from row `wanted`, or from what stands for it.
+/// Returns how many members start from row `wanted`, or from its replacement.
 fn members_from(groups: &[RolloutRows], wanted: u32) -> usize {
     let all = groups.iter().filter(|group| group.wanted == wanted);
     let mut members: Vec<u32> = all.map(|group| group.member).collect();
@@ -120,27 +120,27 @@ fn members_from(groups: &[RolloutRows], wanted: u32) -> usize {
     members.len()
 }
 
-/// Starts that a grid of small plots shows.
+/// Number of start states in a grid of small plots.
 const GRID_STARTS: usize = 4;
 
-/// The first rollout from each start, for one sensor: what was recorded, and what the model did.
+/// The first rollout from each start state, for one sensor, with the record.
 pub struct FirstRollouts {
     /// The sensor.
     pub sensor: String,
-    /// What stands in brackets behind it.
+    /// The text in brackets after the sensor's name.
     pub unit: Option<String>,
     period_secs: f64,
     pairs: Vec<FirstRollout>,
 }
 
 struct FirstRollout {
-    /// When it was recorded: models that learned from other rows number them otherwise.
+    /// Time of the start state. Models that were built from other rows number them differently.
     time: Option<Timestamp>,
     recorded: Vec<f64>,
     values: Vec<f64>,
 }
 
-/// All starts of `trajectories`, sensor by sensor, in the order in which they were rolled out.
+/// Returns all start states of `trajectories`, sensor by sensor, in the order of their rollouts.
 ///
 /// # Errors
 /// If the table lacks a column.
@@ -172,7 +172,7 @@ pub fn starts(
 }
 
 impl FirstRollouts {
-    /// The rollout from the same start.
+    /// Returns the rollout from the same start state.
     fn from(&self, start: &FirstRollout) -> Option<&[f64]> {
         self.pairs
             .iter()
@@ -181,9 +181,9 @@ impl FirstRollouts {
     }
 }
 
-/// Small plots of one sensor: the starts that most models share, of these those with the longest recorded
-/// trajectories, and each model's rollout from there. Models that share no start with the first have figures of their
-/// own, called after them.
+/// Returns small plots of one sensor: the start states that most models share, among equals those with the longest
+/// recorded trajectories, and each model's rollout from there. A model that shares no start state with the first has
+/// its own figure, named after it.
 pub fn grids(models: &[(&str, &FirstRollouts)]) -> Vec<RolloutGrid> {
     let mut grids: Vec<RolloutGrid> = Vec::new();
     let mut left = models.to_vec();
@@ -192,7 +192,7 @@ pub fn grids(models: &[(&str, &FirstRollouts)]) -> Vec<RolloutGrid> {
         let (together, apart): (Vec<_>, Vec<_>) = (left.iter())
             .partition(|(_, starts)| usable().any(|start| starts.from(start).is_some()));
         if together.is_empty() {
-            // Nothing was recorded after any start of this model.
+            // There is no record after any start state of this model.
             left.remove(0);
             continue;
         }
@@ -243,7 +243,7 @@ fn grid(
 /// The rows of one rollout in the table of trajectories.
 struct RolloutRows {
     member: u32,
-    /// The row that was asked for as the start, and its time.
+    /// The row that was requested as the start, and its time.
     wanted: u32,
     time: Option<Timestamp>,
     rows: std::ops::Range<usize>,
@@ -274,7 +274,7 @@ fn groups(trajectories: &Table) -> Result<Vec<RolloutRows>, StepError> {
 mod tests {
     use super::*;
 
-    /// Of a sensor that stands still: starts are told apart by their times alone.
+    /// Returns start states of a constant sensor, which differ only in their times.
     fn starts(times: &[i64]) -> FirstRollouts {
         let pairs = times
             .iter()

@@ -1,4 +1,4 @@
-//! Rollouts, and how far they are from what was recorded.
+//! Rollouts, and their distances from the record.
 
 pub mod collapse;
 pub mod comparison;
@@ -10,14 +10,14 @@ pub(crate) mod truth;
 
 use calib_base::StepError;
 
-/// Every two of these, in their order.
+/// Iterates over every two of these, in their order.
 fn every_two<T>(all: &[T]) -> impl Iterator<Item = (&T, &T)> {
     let each = all.iter().enumerate();
     each.flat_map(move |(place, one)| all[place + 1..].iter().map(move |other| (one, other)))
 }
 
-/// Of what has these numbers the places of the smallest, and of every other that cannot be told apart from it: `is_told`
-/// says whether one place can, from another.
+/// Returns the place of the smallest of these numbers, and the places of all without a clear difference from it.
+/// `is_told` returns whether there is a clear difference between two places.
 fn not_worse(
     numbers: &[(usize, f64)],
     is_told: impl Fn(usize, usize) -> Result<bool, StepError>,

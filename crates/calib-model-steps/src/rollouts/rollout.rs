@@ -1,4 +1,4 @@
-//! The step that rolls a model out, and compares with what was recorded.
+//! The step that makes rollouts of a model, and compares them with the record.
 
 use std::{
     path::{Path, PathBuf},
@@ -83,10 +83,11 @@ impl Facts for RolloutFacts {
     }
 }
 
-/// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment, or there is no model.
+/// Reads the rollouts of `model` if they were made by this study. `None` if they were not made, or are of another
+/// deployment, or there is no model.
 ///
 /// # Errors
-/// If a table is not what was written.
+/// If a table has changed since it was written.
 pub fn finished(job: &Job, model: Option<&str>) -> Result<Option<RolloutManifest>, StepError> {
     let Some(model) = model else { return Ok(None) };
     let paths = job.layout();
@@ -103,7 +104,7 @@ pub fn finished(job: &Job, model: Option<&str>) -> Result<Option<RolloutManifest
 #[derive(Debug)]
 pub struct Rollouts {
     pub(crate) manifest: RolloutManifest,
-    /// How well the model predicts the next state, where something is held out and it can.
+    /// One-step errors of the model, if there is a held-out period and the model can predict.
     pub(crate) one_step: Option<OneStep>,
     pub(crate) directory: PathBuf,
     pub(crate) freshness: Freshness,
@@ -111,31 +112,31 @@ pub struct Rollouts {
 }
 
 impl Rollouts {
-    /// The sensors that trajectories are written of.
+    /// Returns the sensors whose trajectories are written.
     pub fn sensors(&self) -> &[String] {
         &self.manifest.sensors
     }
 
-    /// Members of the model, each of which was rolled out.
+    /// Returns the number of members of the model. Each has rollouts.
     pub fn members(&self) -> usize {
         self.manifest.members.len()
     }
 
-    /// Whether they were there already.
+    /// Returns whether they existed already.
     pub fn freshness(&self) -> Freshness {
         self.freshness
     }
 
-    /// Where they are.
+    /// Returns their directory.
     pub fn directory(&self) -> &Path {
         &self.directory
     }
 }
 
-/// Roll every member out and set the trajectories beside the recorded ones.
+/// Makes rollouts of every member, and compares the trajectories with the record.
 ///
 /// # Errors
-/// If the model is not there or not of this study, the deployment cannot be read, or the observer asks to stop.
+/// If the model does not exist or is not of this study, the deployment cannot be read, or the observer asks to stop.
 pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, StepError> {
     let clock = Stopwatch::start();
     let study = job.study();
@@ -199,7 +200,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
     Ok(StepResult::Made(Rollouts { manifest, one_step, directory, freshness, took }))
 }
 
-/// The sensors of the sweep, or all, with their columns.
+/// Returns the sensors of the sweep, or all, with their columns.
 fn sensors(
     study: &Study,
     model: &OpenModel,
@@ -213,12 +214,12 @@ fn sensors(
     model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
 }
 
-/// Bytes that a row of the trajectories takes beside its state, and for each sensor: the table, its copy that is written,
-/// and its figure. As measured, rounded up.
+/// Bytes of a row of the trajectories, besides its state, and for each sensor: the table, its copy that is written, and
+/// its figure. Measured, rounded up.
 const ROW_BYTES: u64 = 88;
 const SENSOR_BYTES: u64 = 56;
 
-/// Say what is going to be rolled out; bytes that it takes.
+/// Reports the rollouts that begin, and returns the bytes that they take.
 fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) -> u64 {
     let RolloutConfig { steps, rollouts, .. } = study.rollout;
     let members = model.model.members();
@@ -305,7 +306,7 @@ fn jumps_of(rollouts: &[Trajectory]) -> Option<JumpStatistics> {
     rows.map(JumpStatistics::of)
 }
 
-/// Compare the rollouts with what was recorded, and write the tables; nothing for 0 steps.
+/// Compares the rollouts with the record, and writes the tables; nothing for 0 steps.
 fn compare(
     model: &OpenModel,
     record: Record<'_>,
@@ -324,8 +325,8 @@ fn compare(
     Ok(Some(compared.summary))
 }
 
-/// The held-out range, where start states follow from it or one-step errors are wanted. What is recorded before it is
-/// read, and let go.
+/// Returns the held-out range, if start states depend on it or one-step errors are requested. The record before it is
+/// read, and dropped.
 fn held_out(
     job: &Job,
     model: &OpenModel,
@@ -333,7 +334,7 @@ fn held_out(
 ) -> Result<Option<(Frames, Fingerprint)>, StepError> {
     let study = job.study();
     let paths = job.layout();
-    // A model that deployments share was built without what is held out of one of them.
+    // A model that deployments share was built without the held-out period of one of them.
     let is_held_out = study.data.held_out.is_some()
         || model_files::read_profile(&paths.model())?.held_out.is_some();
     let is_in_place = job.reads_the_log_of(&model.manifest.study);
@@ -346,9 +347,9 @@ fn held_out(
     Ok(dataset.held_out.zip(dataset.held_out_fingerprint))
 }
 
-/// One row a step: member, rollout, step, the recorded row and its time, the row that was asked for as the start; per
-/// sensor the value in physical and in normalised units, and the recorded trajectory from the row that was asked for.
-/// Predictions have no row and no time but at their start.
+/// Returns a table with one row per step: member, rollout, step, the recorded row and its time, the row that was
+/// requested as the start. Per sensor it has the value in physical and in normalised units, and the recorded trajectory
+/// from the requested row. Predictions have a row and a time only at their start.
 fn trajectories(
     model: &OpenModel,
     record: Record<'_>,

@@ -1,12 +1,12 @@
-//! What the columns of a sensor are called in `trajectories.parquet`.
+//! The names of a sensor's columns in `trajectories.parquet`.
 
 use std::collections::BTreeSet;
 
-/// Columns that are not of a sensor.
+/// Columns that do not belong to a sensor.
 const OTHERS: [&str; 7] =
     ["member", "rollout", "step", "row", "timestamp", "wanted_row", "wanted_timestamp"];
 
-/// Put before the name of a sensor whose columns would be called like others.
+/// Prefix for a sensor whose columns would have the name of another column.
 const PREFIX: &str = "sensor:";
 
 /// The columns of one sensor.
@@ -14,15 +14,15 @@ const PREFIX: &str = "sensor:";
 pub struct Columns {
     /// Values in physical units.
     pub physical: String,
-    /// The same, normalised.
+    /// Normalised values.
     pub(crate) normalised: String,
-    /// What was recorded, in physical units.
+    /// The record, in physical units.
     pub recorded: String,
 }
 
 impl Columns {
-    /// The columns of each of `sensors`: `NAME`, `NAME.normalised`, `NAME.recorded`. A name that would make one of them
-    /// another's has `sensor:` before it, as often as it takes.
+    /// Returns the columns of each of `sensors`: `NAME`, `NAME.normalised`, `NAME.recorded`. If one of them would have
+    /// the name of another column, the prefix `sensor:` is added, repeatedly if necessary.
     pub fn of<S: AsRef<str>>(sensors: &[S]) -> Vec<Self> {
         let plain: Vec<Self> = sensors.iter().map(|name| Self::called(name.as_ref())).collect();
         let unusual: Vec<bool> = (0..plain.len())
@@ -35,7 +35,7 @@ impl Columns {
             })
             .collect();
         let mut taken: BTreeSet<String> = OTHERS.map(str::to_owned).into();
-        // Whatever keeps its name has it before others are given theirs.
+        // Names that need no prefix are reserved before the others are chosen.
         for (columns, _) in plain.iter().zip(&unusual).filter(|(_, unusual)| !**unusual) {
             taken.extend(columns.names().map(str::to_owned));
         }

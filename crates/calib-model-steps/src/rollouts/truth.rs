@@ -1,28 +1,28 @@
-//! What was recorded after the state that a rollout was to start from.
+//! The record after the requested start state of a rollout.
 
 use std::ops::Range;
 
 use calib_core::{Frames, RowIndex, Timestamp};
 use calib_model::RequestedStart;
 
-/// Where true trajectories are found.
+/// The data in which true trajectories are found.
 #[derive(Clone, Copy)]
 pub(crate) struct Record<'a> {
-    /// What the model was built from.
+    /// The frames that the model was built from.
     pub(crate) model: &'a Frames,
-    /// The deployment, where start states are taken from it.
+    /// The deployment, if start states are taken from it.
     pub(crate) deployment: Option<&'a Frames>,
 }
 
-/// A true trajectory: recorded rows, as far as their segment goes.
+/// A true trajectory: recorded rows, up to the end of their segment.
 pub(crate) struct Truth<'a> {
     frames: &'a Frames,
     rows: Range<usize>,
 }
 
 impl<'a> Record<'a> {
-    /// What was recorded from `wanted` on, for at most `steps` steps; nothing, if it lies in no deployment that is
-    /// there.
+    /// Returns the record from `wanted` on, for at most `steps` steps. It is empty if `wanted` is in a deployment
+    /// that is not available.
     pub(crate) fn after(&self, wanted: RequestedStart, steps: usize) -> Truth<'a> {
         let Some((frames, row)) = self.place(wanted) else {
             return Truth { frames: self.model, rows: 0..0 };
@@ -35,7 +35,7 @@ impl<'a> Record<'a> {
         Truth { frames, rows: row..end.min(row + steps + 1) }
     }
 
-    /// When `wanted` was recorded, by which models of different data know it.
+    /// Returns the time of `wanted`, by which models of different data identify it.
     pub(crate) fn time(&self, wanted: RequestedStart) -> Option<Timestamp> {
         let (frames, row) = self.place(wanted)?;
         Some(frames.timestamps()[row.get()])
@@ -50,18 +50,18 @@ impl<'a> Record<'a> {
 }
 
 impl Truth<'_> {
-    /// States of it: one more than steps.
+    /// Returns its number of states, one more than steps.
     pub(crate) fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// One column, normalised.
+    /// Returns one column, normalised.
     pub(crate) fn values(&self, column: usize) -> impl Iterator<Item = f32> {
         self.rows.clone().map(move |row| self.frames.states().row(row)[column])
     }
 }
 
-/// The row that was asked for, of whichever data.
+/// Returns the requested row, in the data that it belongs to.
 pub(crate) fn row(wanted: RequestedStart) -> RowIndex {
     match wanted {
         RequestedStart::Recorded(row) | RequestedStart::Deployment(row) => row,

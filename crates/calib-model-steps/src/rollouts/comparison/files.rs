@@ -12,16 +12,17 @@ use crate::STEP_PATTERNS;
 const DTW: &str = "dtw.parquet";
 const OTHERS: &str = "measures.parquet";
 
-/// What a comparison writes.
+/// The files of a comparison.
 pub(crate) const FILES: [&str; 2] = [DTW, OTHERS];
 
-/// Write one row a rollout, sensor and step pattern, and one row a rollout and sensor.
+/// Writes one row per rollout, sensor and step pattern, and one row per rollout and
+/// sensor.
 pub(crate) fn write(directory: &Path, pairs: &[Pair]) -> Result<(), StepError> {
     write_table(dtw(pairs), &directory.join(DTW))?;
     write_table(measures(pairs), &directory.join(OTHERS))
 }
 
-/// Remove what an earlier run wrote, where nothing is compared any more.
+/// Removes the files of an earlier run, if nothing is compared any more.
 pub(crate) fn remove(directory: &Path) -> Result<(), StepError> {
     for name in FILES {
         remove_file(&directory.join(name))?;
@@ -29,7 +30,7 @@ pub(crate) fn remove(directory: &Path) -> Result<(), StepError> {
     Ok(())
 }
 
-/// The pairs that were written beside the rollouts of a job.
+/// Reads the pairs that were written beside the rollouts of a job.
 ///
 /// # Errors
 /// If the tables cannot be read, or are not of one comparison.
@@ -47,7 +48,7 @@ fn of_directory(directory: &Path) -> Result<Vec<Pair>, StepError> {
     })
 }
 
-/// The columns that say which pair a row is about; `rows` rows a pair.
+/// Returns the columns that identify the pair of a row, with `rows` rows per pair.
 fn of_pairs(pairs: &[Pair], rows: usize) -> Table {
     fn repeat<T: Clone>(values: impl Iterator<Item = T>, rows: usize) -> Vec<T> {
         values.flat_map(|value| std::iter::repeat_n(value, rows)).collect()
@@ -82,7 +83,7 @@ fn measures(pairs: &[Pair]) -> Table {
     table
 }
 
-/// The pairs of both tables, which have their rows in the same order.
+/// Returns the pairs of both tables, which have their rows in the same order.
 fn from_tables(dtw: &Table, others: &Table) -> Result<Vec<Pair>, StepError> {
     let patterns = STEP_PATTERNS.len();
     ensure!(dtw.rows() == patterns * others.rows(), "there are not {patterns} rows for each");

@@ -1,4 +1,5 @@
-//! Distances of trajectories beside warping, each from the crate that computes it.
+//! Distances of trajectories other than warping, each from the crate that computes
+//! it.
 
 use calib_base::StepError;
 use calib_dtw::TimeWarpEdit;
@@ -6,16 +7,17 @@ use calib_stats::{
     autocorrelation_distance, increments, spectral_distance, usual_lags, usual_segment, wasserstein,
 };
 
-/// A distance of two series, of equal length, on the normalised sensor.
+/// A distance of two series of equal length, on the normalised sensor.
 pub(super) struct Measure {
     /// Its column in `measures.parquet`.
     pub(super) column: &'static str,
-    /// What people read.
+    /// Its label for people.
     pub(super) label: &'static str,
     pub(super) distance: DistanceFunction,
 }
 
-/// Of a rollout and the recorded series; `None` where it is not defined.
+/// The distance of a rollout and the recorded series; `None` where it is not
+/// defined.
 type DistanceFunction = fn(&[f64], &[f64]) -> Result<Option<f64>, StepError>;
 
 pub(super) const MEASURES: [Measure; 5] = [

@@ -1,4 +1,4 @@
-//! How far rollouts are from what was recorded after the same start.
+//! Distances between rollouts and the record after the same start state.
 
 mod files;
 mod measures;
@@ -34,10 +34,10 @@ pub use summary::pool;
 use summary::{Counts, summary};
 pub use tables::report_tables;
 
-/// Fewest recorded steps that a rollout is compared with; with fewer it is left out.
+/// Minimum number of recorded steps for a comparison. A rollout with fewer is left out.
 const FEWEST_STEPS: usize = 20;
 
-/// Everything that decides what is compared, beside the study: part of the fingerprint of rollouts.
+/// Returns all settings of the comparison besides the study. They are a part of the fingerprint of rollouts.
 pub(crate) fn settings() -> impl Serialize {
     let measures = MEASURES.map(|measure| measure.column);
     (STEP_PATTERNS, measures, FEWEST_STEPS)
@@ -122,7 +122,7 @@ struct ComparisonJob<'a> {
     recorded: Truth<'a>,
 }
 
-/// Compare the first `steps` steps of every rollout, or as many as were recorded, sensor by sensor.
+/// Compares the first `steps` steps of every rollout, or as many as were recorded, sensor by sensor.
 pub(crate) fn compare(
     model: &OpenModel,
     record: Record<'_>,
@@ -185,7 +185,7 @@ fn step_patterns() -> Result<Vec<StepPattern>, StepError> {
     STEP_PATTERNS.iter().map(|name| Ok(name.parse()?)).collect()
 }
 
-/// What is compared, and how many rollouts ended too early for that.
+/// Returns the rollouts to compare, and how many of them ended too early for that.
 fn jobs<'a>(
     record: Record<'a>,
     all: &'a [Vec<Trajectory>],
@@ -195,7 +195,7 @@ fn jobs<'a>(
     let mut ended_early = 0;
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
-            // The same stretch for every model, however far its own rollout gets.
+            // Every model is compared with the same stretch, however far its own rollout gets.
             let wanted = rollout.start().0;
             let recorded = record.after(wanted, steps);
             let Some(start) = record.time(wanted) else { continue };

@@ -1,47 +1,47 @@
-//! One rollout and what was recorded after the same start, and how far apart they are.
+//! One rollout with the record after the same start state, and their distances.
 
 use calib_core::Timestamp;
 
 use super::MEASURES;
 use crate::STEP_PATTERNS;
 
-/// A rollout and what was recorded, on one sensor.
+/// A rollout and the record, on one sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     pub(super) member: u32,
     pub(super) rollout: u32,
-    /// The row that the rollout was to start from, and when it was recorded. Rollouts that share it are compared with the
-    /// same stretch, and are one observation.
+    /// The row that was requested as the start of the rollout, and its time. Rollouts that share it are compared with
+    /// the same stretch, and are one observation.
     pub(super) wanted: u32,
     pub(super) start: Timestamp,
     pub(super) sensor: String,
-    /// Steps that are compared.
+    /// Number of compared steps.
     pub(super) steps: u32,
     /// Raw and normalised distance, in the order of [`STEP_PATTERNS`].
     pub(super) warping: Vec<(f64, Option<f64>)>,
-    /// In the order of [`MEASURES`]; `None` where a measure is not defined.
+    /// Measures in the order of [`MEASURES`]; `None` where a measure is not defined.
     pub(super) measures: Vec<Option<f64>>,
 }
 
 /// One of the distances of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Distance {
-    /// Warping with the step pattern in this place.
+    /// Warping with the step pattern at this position.
     Raw(usize),
     /// The same, divided by the length of the path.
     Normalised(usize),
-    /// The measure in this place.
+    /// The measure at this position.
     Measure(usize),
 }
 
 impl Distance {
-    /// One a step pattern, normalised where that is defined, and one a measure.
+    /// Iterates over one distance per step pattern, normalised where that is defined, and one per measure.
     pub(super) fn shown() -> impl Iterator<Item = Self> {
         let warping = (0..STEP_PATTERNS.len()).map(Self::Normalised);
         warping.chain((0..MEASURES.len()).map(Self::Measure))
     }
 
-    /// What people read.
+    /// Returns the label for people.
     pub(super) fn label(self) -> String {
         match self {
             Self::Raw(place) => format!("{} warping, raw", STEP_PATTERNS[place]),
@@ -50,7 +50,7 @@ impl Distance {
         }
     }
 
-    /// Of a pair; `None` where it is not defined.
+    /// Returns the distance of a pair; `None` where it is not defined.
     pub(super) fn of(self, pair: &Pair) -> Option<f64> {
         match self {
             Self::Raw(place) => Some(pair.warping[place].0),
@@ -64,7 +64,7 @@ impl Distance {
 pub(super) mod tests {
     use super::*;
 
-    /// Ten steps from `row` on, a row a second, all of whose distances are `value`.
+    /// Returns ten steps from `row` on, one row per second, all of whose distances are `value`.
     pub(crate) fn pair(member: u32, row: u32, value: f64) -> Pair {
         Pair {
             member,

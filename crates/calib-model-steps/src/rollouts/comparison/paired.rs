@@ -1,4 +1,4 @@
-//! Which of two models has the smaller distances, start state by start state.
+//! Compares the distances of two models, start state by start state.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,14 +16,15 @@ use super::{
 };
 use crate::{STEP_PATTERNS, rollouts::every_two};
 
-/// A start state and how many steps were compared from it on: in two models the same stretch, if both are.
+/// A start state and the number of steps compared from it on. It is the same stretch in two models if both are
+/// equal.
 type Stretch = (Timestamp, u32);
 
-/// A model whose rollouts were compared with what was recorded.
+/// A model whose rollouts were compared with the record.
 pub struct ComparedModel<'a> {
     pub(crate) name: &'a str,
     pub(crate) comparison: &'a Comparison,
-    /// Members of its ensemble.
+    /// Number of ensemble members.
     pub(crate) members: usize,
     pairs: BTreeMap<&'a str, Vec<&'a Pair>>,
 }
@@ -59,7 +60,7 @@ pub(crate) struct PairedMeasure {
 }
 
 impl<'a> ComparedModel<'a> {
-    /// A model that is called `name` and has so many `members`, with its comparison and the pairs that this is of.
+    /// Returns the model `name` with `members` members, its comparison, and the pairs of that comparison.
     pub fn new(
         name: &'a str,
         members: usize,
@@ -73,7 +74,7 @@ impl<'a> ComparedModel<'a> {
         Self { name, comparison, members, pairs: of_sensors }
     }
 
-    /// What a distance is on average.
+    /// Returns the mean of a distance.
     pub(super) fn summary(&self, sensor: &str, distance: Distance) -> Option<&'a ClusterSummary> {
         let own = self.comparison.sensors.iter().find(|compared| compared.sensor == sensor)?;
         match distance {
@@ -83,7 +84,8 @@ impl<'a> ComparedModel<'a> {
         }
     }
 
-    /// Its distance minus that of `other`; `None` where one has none, or they are held to different records.
+    /// Returns its distance minus that of `other`. `None` if one has no distance, or they are compared with
+    /// different records.
     pub(super) fn minus(
         &self,
         other: &Self,
@@ -100,20 +102,20 @@ impl<'a> ComparedModel<'a> {
         difference(&own, &others, members).map(Some)
     }
 
-    /// Whether what both are compared with was recorded in the same place.
+    /// Whether both are compared with a record from the same place.
     pub(super) fn is_held_to_the_record_of(&self, other: &Self) -> bool {
         let are_known = [self, other].iter().all(|model| !model.comparison.sensors.is_empty());
         !are_known || self.comparison.against == other.comparison.against
     }
 
-    /// The pairs of a sensor for which the distance is defined.
+    /// Returns the pairs of a sensor for which the distance is defined.
     fn known(&self, sensor: &str, distance: Distance) -> Vec<(&'a Pair, f64)> {
         let own = self.pairs.get(sensor).into_iter().flatten();
         own.filter_map(|pair| Some((*pair, distance.of(pair)?))).collect()
     }
 }
 
-/// Every two of the models that are held to the same record.
+/// Compares every two of the models that are compared with the same record.
 ///
 /// # Errors
 /// If an interval cannot be computed.
@@ -161,8 +163,9 @@ fn of_sensor(
     })
 }
 
-/// Paired by stretch where half of the start states of one model are also the other's; else the two are samples of
-/// their own, as with random start states of different models, a few of which may coincide.
+/// Returns the difference, paired by stretch if at least half of the start states of one model are also the
+/// other's. Otherwise the two are independent samples, as with random start states of different models, a few of
+/// which may coincide.
 fn difference(
     own: &[(&Pair, f64)],
     others: &[(&Pair, f64)],
@@ -206,17 +209,17 @@ fn stretches(pairs: &[(&Pair, f64)]) -> BTreeSet<Stretch> {
     pairs.iter().map(|(pair, _)| stretch(pair)).collect()
 }
 
-/// The values, and the start state of each.
+/// Returns the values, and the start state of each.
 fn sample(pairs: &[(&Pair, f64)]) -> (Vec<Timestamp>, Vec<f64>) {
     pairs.iter().map(|(pair, value)| (pair.start, *value)).unzip()
 }
 
-/// The value of each rollout, by its stretch, its member and its number.
+/// Returns the value of each rollout, by its stretch, its member and its number.
 fn by_rollout(pairs: &[(&Pair, f64)]) -> BTreeMap<(Stretch, u32, u32), f64> {
     pairs.iter().map(|(pair, value)| ((stretch(pair), pair.member, pair.rollout), *value)).collect()
 }
 
-/// Means over the rollouts of each stretch.
+/// Returns means over the rollouts of each stretch.
 fn means(pairs: &[(&Pair, f64)]) -> Result<BTreeMap<Stretch, f64>, StepError> {
     let (stretches, values): (Vec<Stretch>, Vec<f64>) =
         pairs.iter().map(|(pair, value)| (stretch(pair), *value)).unzip();
@@ -240,7 +243,7 @@ mod tests {
         summary(pairs, counts, against).expect("valid")
     }
 
-    /// The first model's distance minus the second's, each with so many members.
+    /// Returns the first model's distance minus the second's, each given with its number of members.
     fn minus(one: (usize, &[Pair]), other: (usize, &[Pair])) -> Difference {
         let first = comparison(one.1, Against::Model);
         let second = comparison(other.1, Against::Model);
@@ -251,7 +254,7 @@ mod tests {
 
     #[test]
     fn members_are_paired_with_the_same_member() {
-        // Member 1 of the second lacks the second start: member 0 alone counts there.
+        // Member 1 of the second model lacks the second start state, so only member 0 counts there.
         let one = [pair(0, 5, 1.0), pair(1, 5, 5.0), pair(0, 90, 2.0), pair(1, 90, 60.0)];
         let other = [pair(0, 5, 2.0), pair(1, 5, 7.0), pair(0, 90, 6.0)];
         let difference = minus((2, &one), (2, &other));
@@ -259,7 +262,7 @@ mod tests {
             (difference.mean, difference.clusters, difference.smaller),
             (-2.75, [2, 2], Some([2, 0]))
         );
-        // Another number of members leaves out other blocks: means over members are compared.
+        // Models with different numbers of members leave out different blocks, so means over members are compared:
         // (3 - 4.5) and (31 - 6).
         let difference = minus((2, &one), (3, &other));
         assert_eq!((difference.mean, difference.smaller), (11.75, Some([1, 1])));

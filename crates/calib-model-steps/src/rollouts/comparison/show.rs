@@ -9,10 +9,10 @@ use calib_stats::{ClusterSummary, Interval};
 use super::{Against, Comparison, PairedModels, SensorComparison};
 use crate::STEP_PATTERNS;
 
-/// Sensors that the terminal shows.
+/// Maximum number of sensors that the terminal shows.
 const LISTED: usize = 12;
 
-/// Print means over rollouts: warping distances, then the other measures.
+/// Prints means over rollouts: warping distances, then the other measures.
 pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> Result<(), StepError> {
     for (number, why) in left_out(comparison) {
         let all = comparison.rollouts + comparison.left_out + comparison.ended_early;
@@ -50,7 +50,7 @@ pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> Result<(), Ste
     )
 }
 
-/// How many rollouts were left out for each reason there is.
+/// Returns how many rollouts were left out, for each reason that occurs.
 pub(super) fn left_out(comparison: &Comparison) -> impl Iterator<Item = (usize, &'static str)> {
     let reasons = [
         (comparison.left_out, "what was recorded after their start ends too soon"),
@@ -79,7 +79,7 @@ fn list(
     Ok(())
 }
 
-/// What the means are over.
+/// Returns a text on the data over which means are taken.
 pub(super) fn basis(comparison: &Comparison) -> String {
     let Comparison { rollouts, start_states, fewest_steps: fewest, most_steps: most, .. } =
         comparison;
@@ -108,12 +108,12 @@ pub(super) fn basis(comparison: &Comparison) -> String {
     )
 }
 
-/// Half the width of an interval around a mean.
+/// Formats half the width of an interval around a mean.
 pub(super) fn plus_minus(interval: Interval) -> String {
     format!("± {}", significant((interval.high - interval.low) / 2.0))
 }
 
-/// A mean, with half the width of its interval where there is one.
+/// Formats a mean, with half the width of its interval if there is one.
 pub(super) fn mean_and_half(mean: f64, interval: Option<Interval>) -> String {
     let half = interval.map(|interval| format!(" {}", plus_minus(interval)));
     format!("{}{}", significant(mean), half.unwrap_or_default())
@@ -123,7 +123,8 @@ fn summary_text(summary: Option<&ClusterSummary>) -> String {
     summary.map_or_else(|| "–".to_owned(), |told| mean_and_half(told.mean, told.interval))
 }
 
-/// Every two models by their warping distance with the first step pattern, sensor by sensor; nothing where there are no two.
+/// Prints every two models by their warping distance with the first step pattern, sensor by sensor; nothing without two
+/// models.
 ///
 /// # Errors
 /// If they cannot be passed on.

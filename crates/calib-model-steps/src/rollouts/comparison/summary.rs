@@ -12,7 +12,7 @@ use super::{
 };
 use crate::STEP_PATTERNS;
 
-/// Rollouts that were compared, and those that were left out for each reason.
+/// Numbers of compared rollouts, and of those that were left out for each reason.
 #[derive(Clone, Copy)]
 pub(super) struct Counts {
     pub(super) rollouts: usize,
@@ -20,7 +20,7 @@ pub(super) struct Counts {
     pub(super) ended_early: usize,
 }
 
-/// What the pairs of all sensors say together.
+/// Summarises the pairs of all sensors.
 pub(super) fn summary(
     pairs: &[Pair],
     counts: Counts,
@@ -45,7 +45,7 @@ pub(super) fn summary(
     })
 }
 
-/// The sensors of the pairs, in their order.
+/// Returns the sensors of the pairs, in their order.
 fn sensors(pairs: &[Pair]) -> Vec<&str> {
     let mut names: Vec<&str> = Vec::new();
     for pair in pairs {
@@ -56,17 +56,17 @@ fn sensors(pairs: &[Pair]) -> Vec<&str> {
     names
 }
 
-/// The recorded stretch after each start state: its first row and its steps.
+/// Returns the recorded stretch after each start state: its first row and its number of steps.
 fn stretches(pairs: &[Pair]) -> Vec<(u32, u32)> {
     let starts: BTreeMap<Timestamp, (u32, u32)> =
         pairs.iter().map(|pair| (pair.start, (pair.wanted, pair.steps))).collect();
     starts.into_values().collect()
 }
 
-/// How many of these stretches, in order of time, share steps with another.
+/// Returns how many of these stretches, in time order, share steps with another.
 fn overlapping(stretches: &[(u32, u32)]) -> usize {
     let mut shares = vec![false; stretches.len()];
-    // The stretch that reaches farthest, of those that began before: the longest one need not be the last.
+    // The earlier stretch that reaches farthest: the longest one need not be the last.
     let mut farthest: Option<usize> = None;
     for (place, &(row, steps)) in stretches.iter().enumerate() {
         let end = |place: usize| stretches[place].0 + stretches[place].1;
@@ -98,7 +98,7 @@ fn of_sensor(name: &str, pairs: &[&Pair]) -> Result<SensorComparison, StepError>
     })
 }
 
-/// Of the step pattern at `place`; nothing where no pair has its distance.
+/// Summarises the step pattern at `place`; `None` if its distance is defined for no pair.
 fn of_pattern(
     pairs: &[&Pair],
     place: usize,
@@ -110,7 +110,8 @@ fn of_pattern(
     Ok(Some(PatternSummary { step_pattern, distance, normalized_distance }))
 }
 
-/// Over the start states of the pairs for which the distance is defined; nothing where there are none.
+/// Summarises a distance over the start states of the pairs for which it is defined; `None` without such
+/// pairs.
 fn of_distance(pairs: &[&Pair], distance: Distance) -> Result<Option<ClusterSummary>, StepError> {
     let known = pairs.iter().filter_map(|pair| Some((pair.start, distance.of(pair)?)));
     let (starts, values): (Vec<Timestamp>, Vec<f64>) = known.unzip();
@@ -120,7 +121,7 @@ fn of_distance(pairs: &[&Pair], distance: Distance) -> Result<Option<ClusterSumm
     Ok(Some(summarise_clusters(&starts, &values)?))
 }
 
-/// As if all rollouts had been compared at once; nothing where there are none.
+/// Pools comparisons as if all rollouts had been compared at once; `None` without comparisons.
 ///
 /// # Errors
 /// If an interval cannot be computed.
@@ -137,7 +138,7 @@ pub fn pool(all: &[(&Comparison, &[Pair])]) -> Result<Option<(Comparison, Vec<Pa
     };
     let pairs: Vec<Pair> = all.iter().flat_map(|(_, pairs)| pairs.iter().cloned()).collect();
     let whole = summary(&pairs, counts, first.against)?;
-    // Rows of each deployment are counted from its own begin.
+    // Rows of each deployment are counted from its own beginning.
     let overlapping = sum(|own| own.overlapping);
     Ok(Some((Comparison { overlapping, ..whole }, pairs)))
 }
@@ -181,9 +182,9 @@ mod tests {
 
     #[test]
     fn stretches_that_share_steps_are_counted() {
-        // Ten steps each: rows 5 to 15, 14 to 24, 24 to 34: the last begins where the second ends.
+        // Ten steps each: rows 5 to 15, 14 to 24, 24 to 34. The last begins where the second ends.
         assert_eq!(overlapping(&[(5, 10), (14, 10), (24, 10)]), 2);
-        // One that lies inside a longer one, which reaches over the next as well.
+        // One stretch is inside a longer one, which also overlaps the next.
         assert_eq!(overlapping(&[(0, 100), (5, 10), (50, 10), (100, 10)]), 3);
         assert_eq!(overlapping(&[]), 0);
     }

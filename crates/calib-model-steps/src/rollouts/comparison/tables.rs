@@ -15,17 +15,17 @@ use crate::{
     rollouts::{self, every_two},
 };
 
-/// Columns before those of the models, in the table of warping distances and in that of the others.
+/// Columns before those of the models, in the table of warping distances and in that of the other measures.
 const OF_WARPING: [&str; 3] = ["sensor", "step pattern", "distance"];
 const OF_OTHERS: [&str; 2] = ["sensor", "distance"];
 
-/// Tables for the report: for each model its means, with the best of a row and all that cannot be told apart from it in bold
-/// where there are several; then every two of them.
+/// Returns tables for the report: the means of each model, then every two models. If there are several models, the best
+/// of a row is bold, and so are all without a clear difference from it.
 ///
 /// # Errors
 /// If an interval cannot be computed.
 pub fn report_tables(models: &[ComparedModel<'_>]) -> Result<Vec<Table>, StepError> {
-    // A model of which nothing could be compared has empty columns beside those of others.
+    // A model without a comparison has empty columns beside those of others.
     let Some(first) = models.iter().find(|model| !model.comparison.sensors.is_empty()) else {
         return Ok(Vec::new());
     };
@@ -77,7 +77,7 @@ pub fn report_tables(models: &[ComparedModel<'_>]) -> Result<Vec<Table>, StepErr
     Ok(tables)
 }
 
-/// Cells of a table, and those of them that are bold.
+/// Cells of a table, and the positions of the bold ones.
 #[derive(Default)]
 struct Rows {
     cells: Vec<Vec<Cell>>,
@@ -85,7 +85,7 @@ struct Rows {
 }
 
 impl Rows {
-    /// The means of all models of one distance.
+    /// Adds the means of all models for one distance.
     fn add(
         &mut self,
         mut row: Vec<Cell>,
@@ -106,7 +106,7 @@ impl Rows {
     }
 }
 
-/// The model with the smallest mean, and all that cannot be told apart from it; none where there is nothing to choose.
+/// Returns the model with the smallest mean, and all without a clear difference from it. Empty if there is no choice.
 fn not_worse(
     models: &[ComparedModel<'_>],
     summaries: &[Option<&ClusterSummary>],
@@ -125,7 +125,8 @@ fn not_worse(
     })
 }
 
-/// A model that is held to its own past has an easier task than one that is held to a deployment.
+/// Whether all models are compared with the same record. A model that is compared with its own past has an easier task
+/// than one that is compared with a deployment.
 fn are_alike(models: &[ComparedModel<'_>]) -> bool {
     models.iter().all(|one| models.iter().all(|other| one.is_held_to_the_record_of(other)))
 }
@@ -165,7 +166,7 @@ fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
     )
 }
 
-/// What the means of each model are over; models of which it is the same are named together.
+/// Returns a text on the data over which each model's means are taken. Models with the same text are named together.
 fn bases(models: &[ComparedModel<'_>]) -> String {
     let mut bases: Vec<(String, Vec<&str>)> = Vec::new();
     for model in models.iter().filter(|model| !model.comparison.sensors.is_empty()) {
@@ -182,7 +183,7 @@ fn bases(models: &[ComparedModel<'_>]) -> String {
     named.collect::<Vec<_>>().join("; ")
 }
 
-/// Every two models, if there are several: differences of distances, and how often one is nearer.
+/// Returns a table of every two models, if there are several: differences of distances, and how often one is nearer.
 fn two_by_two(
     models: &[ComparedModel<'_>],
     sensors: &[SensorComparison],

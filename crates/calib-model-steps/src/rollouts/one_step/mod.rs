@@ -1,4 +1,4 @@
-//! How well a model predicts the next state on held-out data.
+//! Errors of a model's one-step predictions on held-out data.
 
 mod steps;
 mod tables;
@@ -28,10 +28,11 @@ use steps::SquaredErrors;
 pub(crate) use tables::show;
 pub use tables::{OneStepModel, PairedErrors, all_pairs, report_tables};
 
-/// Transitions that are predicted at most, evenly spaced over the held-out range: more would hardly change the error.
+/// Maximum number of predicted transitions, evenly spaced over the held-out range. More would hardly change the
+/// error.
 const MOST_TRANSITIONS: usize = 4000;
 
-/// Its file, in the directory of rollouts.
+/// The file in the directory of rollouts.
 const FILE: &str = "one_step.json";
 
 const FORMAT: u32 = 4;
@@ -82,7 +83,7 @@ pub struct PredictionError {
 }
 
 impl PredictionError {
-    /// Of a sensor, or of all columns.
+    /// Returns the errors for a sensor, or for all columns.
     fn new(
         (rmse, no_change_rmse): (f64, f64),
         steps: &SquaredErrors,
@@ -96,8 +97,8 @@ impl PredictionError {
     }
 }
 
-/// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study, and
-/// what was written.
+/// Reads the stored one-step errors of `model`. `None` unless they are of this model and the held-out range of the
+/// study, and undamaged.
 pub fn read(job: &Job, model: &str) -> Option<OneStep> {
     let study = job.study();
     let paths = job.layout();
@@ -115,7 +116,7 @@ pub fn is_stale(job: &Job, model: &str) -> bool {
     is_there && read(job, model).is_none()
 }
 
-/// Nothing is known one step ahead.
+/// Removes the one-step errors, because nothing is known one step ahead.
 pub(crate) fn remove(paths: &Layout) -> Result<(), StepError> {
     for path in [paths.rollout().join(FILE), SquaredErrors::file(&paths.rollout())] {
         remove_file(&path)?;
@@ -123,8 +124,8 @@ pub(crate) fn remove(paths: &Layout) -> Result<(), StepError> {
     Ok(())
 }
 
-/// The one-step errors on `held_out`: those that are stored if they are up to date, else new ones, stored.
-/// `None`, with the reason told, where the model cannot predict states that it was not built from.
+/// Returns the one-step errors on `held_out`: stored ones if they are up to date, otherwise new ones, which are
+/// stored. `None`, with the reason reported, if the model cannot predict states that it was not built from.
 pub(crate) fn ensure(
     job: &Job,
     model: &OpenModel,
@@ -150,7 +151,7 @@ pub(crate) fn ensure(
     let rows = spaced(&transitions);
     let progress = printer.progress();
     let (errors, steps) = errors(job, model, held_out, &rows, sensors, &progress)?;
-    // What a killed process left half-written goes.
+    // This removes the half-written files of a killed process.
     let _lock = DirectoryLock::new(&paths.rollout(), Below::Unknown)?;
     steps.write(&paths.rollout())?;
     let one_step = OneStep {
@@ -176,7 +177,7 @@ pub(crate) fn ensure(
     Ok(Some(one_step))
 }
 
-/// Source rows of at most [`MOST_TRANSITIONS`] transitions, evenly spaced.
+/// Returns the source rows of at most [`MOST_TRANSITIONS`] transitions, evenly spaced.
 fn spaced(transitions: &Transitions) -> Vec<RowIndex> {
     let all = transitions.len();
     let taken = transitions.len().min(MOST_TRANSITIONS);
@@ -216,7 +217,7 @@ fn errors(
     Ok((errors, steps))
 }
 
-/// Some rows of the states.
+/// Returns some rows of the states.
 fn rows_of(states: &States, rows: &[RowIndex]) -> Result<States, StepError> {
     let values: Vec<f32> = rows.iter().flat_map(|row| states.row(row.get())).copied().collect();
     States::new(values, rows.len(), states.columns()).context("held-out states")

@@ -1,4 +1,4 @@
-//! Squared errors one step ahead, transition by transition: what models are compared by.
+//! Squared one-step errors, transition by transition, for comparing models.
 
 use std::{
     collections::BTreeMap,
@@ -10,36 +10,36 @@ use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
 use calib_stats::{ErrorRatio, error_ratio};
 
-/// Its file, in the directory of rollouts.
+/// The file in the directory of rollouts.
 const FILE: &str = "one_step.parquet";
 
-/// Squared errors of every predicted transition, in the order of time.
+/// Squared errors of every predicted transition, in time order.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SquaredErrors {
-    /// When what is predicted from was recorded.
+    /// Time of the state that each prediction starts from.
     times: Vec<Timestamp>,
-    /// Of each sensor, and last the mean over all columns.
+    /// Errors of each sensor, then the mean over all columns.
     series: Vec<SensorSquaredErrors>,
 }
 
-/// Those of one sensor.
+/// Squared errors of one sensor.
 #[derive(Clone, Debug, PartialEq)]
 struct SensorSquaredErrors {
-    /// None of all columns.
+    /// `None` for all columns together.
     sensor: Option<String>,
-    /// Mean over members.
+    /// Mean over ensemble members.
     squares: Vec<f64>,
-    /// Of predicting that nothing changes.
+    /// Squared errors of predicting no change.
     of_no_change: Vec<f64>,
 }
 
 impl SquaredErrors {
-    /// Where they are written.
+    /// Returns the path of the file.
     pub(super) fn file(directory: &Path) -> PathBuf {
         directory.join(FILE)
     }
 
-    /// Errors of 0 at these times, of the sensors and of all columns.
+    /// Returns errors of 0 at these times, for the sensors and for all columns.
     pub(super) fn new<'a>(
         times: Vec<Timestamp>,
         sensors: impl Iterator<Item = &'a String>,
@@ -57,8 +57,8 @@ impl SquaredErrors {
         Self { times, series }
     }
 
-    /// Count one of `members` predictions of what follows the state `from`, which was `to`, all `[columns]`; `sensors` are the
-    /// columns of the sensors.
+    /// Adds one of `members` predictions of the successor of the state `from`, which was `to`, all `[columns]`.
+    /// `sensors` are the columns of the sensors.
     pub(super) fn add(
         &mut self,
         step: usize,
@@ -84,7 +84,7 @@ impl SquaredErrors {
         }
     }
 
-    /// RMSE of the model / RMSE of no change, for a sensor or all columns.
+    /// Returns RMSE of the model / RMSE of no change, for a sensor or all columns.
     pub(super) fn beside_no_change(
         &self,
         sensor: Option<&str>,
@@ -95,7 +95,7 @@ impl SquaredErrors {
         Ok(error_ratio(&own.squares, &own.of_no_change)?)
     }
 
-    /// RMSE of this model / RMSE of `other`, over the transitions that both predicted.
+    /// Returns RMSE of this model / RMSE of `other`, over the transitions that both predicted.
     pub(super) fn beside(
         &self,
         other: &Self,
@@ -119,7 +119,7 @@ impl SquaredErrors {
         self.series.iter().find(|series| series.sensor.as_deref() == sensor)
     }
 
-    /// One row a transition and sensor; no sensor stands for all columns.
+    /// Writes one row per transition and sensor. An empty sensor stands for all columns.
     pub(super) fn write(&self, directory: &Path) -> Result<(), StepError> {
         let all = |values: fn(&SensorSquaredErrors) -> &Vec<f64>| -> Vec<f64> {
             self.series.iter().flat_map(values).copied().collect()
@@ -139,7 +139,7 @@ impl SquaredErrors {
         write_table(table, &Self::file(directory))
     }
 
-    /// What was written to `directory`.
+    /// Reads the errors that were written to `directory`.
     pub(super) fn read(directory: &Path) -> Result<Self, StepError> {
         let table = read_parquet(&Self::file(directory))?;
         let times = table.column::<Timestamp>("timestamp")?;
@@ -175,7 +175,7 @@ impl SquaredErrors {
 mod tests {
     use super::*;
 
-    /// Errors of one sensor in two columns, at these seconds.
+    /// Returns errors of one sensor in two columns, at these seconds.
     fn steps(errors: &[(i64, f64)]) -> SquaredErrors {
         let times = errors.iter().map(|(second, _)| Timestamp::from_micros(second * 1_000_000));
         let sensor = "PIT300".to_owned();

@@ -1,4 +1,4 @@
-//! Errors one step ahead for people: on the terminal, in the report, and of every two models.
+//! One-step errors for people: on the terminal, in the report, and for every two models.
 
 use calib_base::{
     Context as _, StepError,
@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::{OneStep, PredictionError, read, steps::SquaredErrors};
 use crate::rollouts::{self, every_two};
 
-/// A model whose one-step errors are known.
+/// A model with its one-step errors.
 pub struct OneStepModel {
     name: String,
     one_step: OneStep,
@@ -36,7 +36,7 @@ struct SensorRatio {
     ratio: Option<ErrorRatio>,
 }
 
-/// Print them, beside those of no change.
+/// Prints them, beside those of no change.
 pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepError> {
     printer.result("")?;
     printer.result(&format!(
@@ -54,7 +54,7 @@ pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepErro
     printer.lines(&table(&["sensor", "model", "no change", "model / no change (95 %)"], &rows))
 }
 
-/// Sensors, and last all columns together, which have no name.
+/// Iterates over the sensors, then all columns together, which have no name.
 fn named(one_step: &OneStep) -> impl Iterator<Item = (Option<&str>, &PredictionError)> {
     let sensors = one_step
         .sensors
@@ -67,7 +67,7 @@ fn label(sensor: Option<&str>) -> String {
     sensor.unwrap_or("all columns").to_owned()
 }
 
-/// The number, or a dash.
+/// Formats the number, or a dash.
 fn number_text(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), significant)
 }
@@ -76,7 +76,7 @@ fn range(interval: Interval) -> String {
     format!("{} to {}", significant(interval.low), significant(interval.high))
 }
 
-/// Every two of the models.
+/// Compares every two of the models.
 ///
 /// # Errors
 /// If an interval cannot be computed.
@@ -96,8 +96,8 @@ pub fn all_pairs(models: &[&OneStepModel]) -> Result<Vec<PairedErrors>, StepErro
         .collect()
 }
 
-/// Tables for the report: the models side by side, with the best of a row and all that cannot be told apart from it in bold where
-/// there are several; then every two of them.
+/// Returns tables for the report: the models side by side, then every two models. If there are several models, the best
+/// of a row is bold, and so are all without a clear difference from it.
 ///
 /// # Errors
 /// If an interval cannot be computed.
@@ -139,7 +139,7 @@ pub fn report_tables(models: &[&OneStepModel]) -> Result<Vec<Table>, StepError> 
 }
 
 impl OneStepModel {
-    /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study.
+    /// Reads the stored one-step errors of `model`, if they are of this model and the held-out range of the study.
     ///
     /// # Errors
     /// If the errors of single transitions, which are in a table of their own, cannot be read.
@@ -164,7 +164,7 @@ fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
     ]
 }
 
-/// The model with the smallest error, and all that cannot be told apart from it.
+/// Returns the model with the smallest error, and all without a clear difference from it.
 fn not_worse(models: &[&OneStepModel], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
     let own = models.iter().enumerate();
     let known = own.filter_map(|(place, model)| Some((place, model.error(sensor)?.rmse?)));
@@ -174,7 +174,7 @@ fn not_worse(models: &[&OneStepModel], sensor: Option<&str>) -> Result<Vec<usize
     })
 }
 
-/// Quotients of the errors of every two models, if there are several.
+/// Returns the ratios of the errors of every two models, if there are several.
 fn quotients(models: &[&OneStepModel]) -> Result<Option<Table>, StepError> {
     let pairs: Vec<(&&OneStepModel, &&OneStepModel)> = every_two(models).collect();
     let Some((first, _)) = pairs.first() else { return Ok(None) };
