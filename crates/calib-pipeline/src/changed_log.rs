@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use calib_base::log::{plant_of_study, prepared};
+use calib_base::log::{plant_of_study::data_of, prepared};
 use calib_study::{Job, Scope};
 
 /// A file of the log that has another name, size or date than when the log was read for any deployment of the study. None if there is
@@ -10,7 +10,7 @@ use calib_study::{Job, Scope};
 pub(crate) fn changed_file(job: &Job) -> Option<PathBuf> {
     let parts = job.parts(Scope::Deployment).ok()?;
     parts.iter().find_map(|part| {
-        let data = plant_of_study::data(part).ok()?;
+        let data = data_of(part).ok()?;
         prepared::changed_file(part, &data).ok()?
     })
 }

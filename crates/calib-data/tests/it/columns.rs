@@ -268,13 +268,11 @@ fn pairs_of_words_are_one_and_zero() {
     let values = valve.and_then(|channel| channel.values.as_ref()).expect("values");
     assert_eq!((values.min, values.max), (0.0, 1.0));
     // In a long table, and with a third word.
-    let long: String = (0..40)
-        .map(|row| {
-            let valve = ["closed", "open"][row / 10 % 2];
-            format!("2024-03-01 00:00:{row:02},a,{row}\n2024-03-01 00:00:{row:02},XV,{valve}\n")
-        })
-        .collect();
-    let long = format!("time,tag,value\n{long}");
+    let both = (0..40).map(|row| {
+        let valve = ["closed", "open"][row / 10 % 2];
+        format!("2024-03-01 00:00:{row:02},a,{row}\n2024-03-01 00:00:{row:02},XV,{valve}\n")
+    });
+    let long = format!("time,tag,value\n{}", both.collect::<Vec<String>>().concat());
     assert_eq!(kept(&Folder::of_text("a.csv", &long).inspect()), ["XV", "a"]);
     let other = long.replace(":07,XV,closed", ":07,XV,Bad");
     assert_eq!(kept(&Folder::of_text("a.csv", &other).inspect()), ["a"]);
