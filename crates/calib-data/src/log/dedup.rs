@@ -3,7 +3,12 @@
 use calib_core::Timestamp;
 use calib_text::format_time;
 
-use crate::{AngleOf, Contradictions, channel::is_same, text::Cell};
+use crate::{
+    AngleOf, Contradictions,
+    channel::is_same,
+    switches::Switch,
+    text::{Cell, Words},
+};
 
 /// How many contradictions of a log are shown.
 pub(crate) const SHOWN: usize = 3;
@@ -40,6 +45,22 @@ impl Contradicting {
         if self.first.len() < SHOWN {
             self.first.push(Contradiction { time, values });
         }
+    }
+
+    /// The words of those that are shown, whose values are positions in `words`.
+    pub(super) fn replaced<'a>(&'a self, words: &'a Words) -> impl Iterator<Item = &'a str> {
+        let values = self.first.iter().flat_map(|contradiction| contradiction.values);
+        values.map(move |word| words.word(word as u32))
+    }
+
+    /// The same with the values that `switch` reads the words as.
+    pub(super) fn of_switch(&self, switch: &Switch, words: &Words) -> Self {
+        let value = |word: f64| switch.value(words.word(word as u32)).unwrap_or(f64::NAN);
+        let first = self.first.iter().map(|contradiction| Contradiction {
+            time: contradiction.time,
+            values: contradiction.values.map(value),
+        });
+        Self { count: self.count, first: first.collect() }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The values of some channels over all rows of the log.
 
-use std::{collections::HashMap, slice};
+use std::{collections::HashMap, iter};
 
 use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
@@ -171,21 +171,31 @@ impl Log {
         monitor: &dyn Monitor,
     ) -> Result<(), DataError> {
         let rows = self.recorded();
-        for (channel, number) in batch.iter_mut().zip(channels) {
-            let Some(switch) = channel.not_numbers.pair() else { continue };
+        let (mut places, mut numbers) = (Vec::new(), Vec::new());
+        let mut switches: Vec<ChannelValues> = Vec::new();
+        for (place, (channel, &number)) in batch.iter_mut().zip(channels).enumerate() {
+            let Some(switch) = channel.not_numbers.pair(iter::empty()) else { continue };
             let mut values = channel.values.iter().chain(&channel.duplicates);
             if channel.stood_for_missing > 0
-                || self.channels[*number].angle.is_some()
+                || self.channels[number].angle.is_some()
                 || values.any(|value| !value.is_nan())
             {
                 continue;
             }
             channel.clear(rows.timestamps.len(), rows.duplicates.len());
             channel.not_numbers = NotNumbers::with(switch);
-            let (number, channel) = (slice::from_ref(number), slice::from_mut(channel));
-            for (position, file) in files.iter().enumerate() {
-                self.read_file(file, position, number, channel, monitor)?;
-            }
+            places.push(place);
+            numbers.push(number);
+            switches.push(std::mem::take(channel));
+        }
+        if switches.is_empty() {
+            return Ok(());
+        }
+        for (position, file) in files.iter().enumerate() {
+            self.read_file(file, position, &numbers, &mut switches, monitor)?;
+        }
+        for (place, channel) in places.into_iter().zip(switches) {
+            batch[place] = channel;
         }
         Ok(())
     }
@@ -213,8 +223,9 @@ impl Log {
         cells_to_numbers(&placed.cells, words, &mut values, &mut channel.not_numbers);
         if angle.is_none()
             && values.iter().all(|value| value.is_nan())
-            && let Some(switch) = channel.not_numbers.pair()
+            && let Some(switch) = channel.not_numbers.pair(placed.words.replaced(words))
         {
+            channel.contradictions = placed.words.of_switch(&switch, words);
             channel.not_numbers = NotNumbers::with(switch);
             cells_to_numbers(&placed.cells, words, &mut values, &mut channel.not_numbers);
         }

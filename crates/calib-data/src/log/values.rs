@@ -1,6 +1,9 @@
 //! A column of a file as `f64`, and what in it was no number.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 use calib_text::LARGEST;
 use polars::prelude as pl;
@@ -45,12 +48,13 @@ impl NotNumbers {
         Self { switch: Some(switch), ..Self::default() }
     }
 
-    /// The pair of words that cells without a number hold, and nothing else.
-    pub(crate) fn pair(&self) -> Option<Switch> {
-        if self.non_finite > 0 || self.switch.is_some() {
+    /// The pair of words that cells without a number and the `replaced` ones hold, and nothing else.
+    pub(crate) fn pair<'a>(&'a self, replaced: impl Iterator<Item = &'a str>) -> Option<Switch> {
+        if self.non_finite > 0 || self.switch.is_some() || self.words.is_empty() {
             return None;
         }
-        Switch::of(self.words.keys().map(String::as_str))
+        let words: BTreeSet<&str> = self.words.keys().map(String::as_str).chain(replaced).collect();
+        Switch::of(words.into_iter())
     }
 
     /// The number that a word is read as; NaN, counted, of all others.

@@ -277,3 +277,49 @@ fn pairs_of_words_are_one_and_zero() {
     let other = long.replace(":07,XV,closed", ":07,XV,Bad");
     assert_eq!(kept(&Folder::of_text("a.csv", &other).inspect()), ["a"]);
 }
+
+#[test]
+fn a_long_table_in_which_a_switch_is_on_and_off_at_once_is_refused() {
+    let later = (1..20).map(|minute| {
+        let valve = ["OFF", "ON"][minute / 5 % 2];
+        format!("2024-03-01 00:{minute:02},XV,{valve}\n")
+    });
+    let later: String = later.collect();
+    let at_once = "2024-03-01 00:00,XV,ON\n2024-03-01 00:00,XV,OFF\n";
+    let folder = Folder::of_text("a.csv", &format!("time,tag,value\n{at_once}{later}"));
+    assert_refused(
+        &folder.data(),
+        &["contradict each other in 1 values", "at 2024-03-01 00:00:00 XV is 1 and 0"],
+    );
+    assert_eq!(folder.inspect().contradictions.count, 1, "to be looked at");
+    let first = |contradictions| {
+        let data = DataConfig { contradictions, ..folder.data() };
+        train_values(&load_with(&data, &PreprocessConfig::default()), "XV")[0]
+    };
+    assert_eq!(first(Contradictions::First), 1.0);
+    assert_eq!(first(Contradictions::Last), 0.0);
+    // The word that is not kept counts too: with a third one it is text.
+    let third = later.replace("OFF", "ON");
+    let folder = Folder::of_text("a.csv", &format!("time,tag,value\n{at_once}{third}"));
+    assert_refused(&folder.data(), &["XV is 1 and 0"]);
+}
+
+#[test]
+fn several_switches_of_several_files_keep_their_own_values() {
+    let folder = Folder::new();
+    for file in 0..2 {
+        let row = |minute: usize| {
+            let [first, second] =
+                [["OFF", "ON"][minute / 5 % 2], ["closed", "open"][minute / 4 % 2]];
+            format!("2024-03-01 0{file}:{minute:02},{first},{},{second}\n", minute % 7)
+        };
+        let rows: String = (0..60).map(row).collect();
+        folder.write_file(&format!("{file}.csv"), &format!("time,pump,a,valve\n{rows}"));
+    }
+    let dataset = folder.load();
+    let switched = |every: u32| -> Vec<f64> {
+        (0..120_u32).map(|minute| f64::from(minute % 60 / every % 2)).collect()
+    };
+    assert_eq!(train_values(&dataset, "pump"), switched(5));
+    assert_eq!(train_values(&dataset, "valve"), switched(4));
+}
