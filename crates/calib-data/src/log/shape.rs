@@ -80,10 +80,16 @@ pub(crate) fn recognise(
 ) -> Result<Recognised, DataError> {
     let mut recognised = recognise_apart(heads, times, data)?;
     if let Recognised::Samples(_, roles) = &mut recognised {
-        let qualities = roles.iter_mut().filter_map(|roles| roles.quality.as_mut());
-        Quality::agree(qualities.map(|(_, quality)| quality));
+        agree_on_quality(roles)?;
     }
     Ok(recognised)
+}
+
+/// Let all files of a log tell what the words and numbers of quality mean.
+fn agree_on_quality(roles: &mut [Roles]) -> Result<(), DataError> {
+    let qualities = roles.iter_mut().filter_map(|roles| roles.quality.as_mut());
+    Quality::agree(qualities.map(|(_, quality)| quality))
+        .map_err(|reason| DataError::Shape { reason })
 }
 
 /// The roles of the columns of files of a tag each, with the columns of quality of those that have one.
@@ -97,7 +103,9 @@ pub(crate) fn with_quality(
         let column = quality_column(head, &head.columns(), roles.time, data)?;
         Ok(Roles { quality: quality_of(head, column, data)?, ..roles })
     });
-    known.collect()
+    let mut known = known.collect::<Result<Vec<Roles>, DataError>>()?;
+    agree_on_quality(&mut known)?;
+    Ok(known)
 }
 
 /// What the files are, each by its own first rows.
@@ -325,14 +333,16 @@ fn quality_of(
     let Some(column) = column else { return Ok(None) };
     let sample = head.sample(column)?;
     let codes: Vec<&str> = sample.iter().map(String::as_str).collect();
-    let quality = Quality::of(&codes, data).map_err(|reason| DataError::Shape {
-        reason: format!(
-            "{}, column {:?}: {reason}",
-            head.path().display(),
-            head.columns()[column].name
-        ),
-    })?;
-    Ok(Some((column, quality)))
+    let columns = head.columns();
+    let name = &columns[column].name;
+    let told = |reason: String| format!("{}, column {name:?}: {reason}", head.path().display());
+    match Quality::of(&codes, data) {
+        Ok(Quality::UnknownWords(reason)) => {
+            Ok(Some((column, Quality::UnknownWords(told(reason)))))
+        }
+        Ok(quality) => Ok(Some((column, quality))),
+        Err(reason) => refuse(told(reason)),
+    }
 }
 
 /// Whether each file holds one tag, and which.

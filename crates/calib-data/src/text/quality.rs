@@ -11,6 +11,8 @@ pub(crate) enum Quality {
     Given(Vec<String>),
     /// Words such as `Good`, and yes or no.
     Words,
+    /// Words of which the first rows have none that is known, and what to say if no other file of the log has one.
+    UnknownWords(String),
     /// OPC Classic: the two highest bits of the low byte are set, 192 to 255.
     OpcClassic,
     /// OPC UA: the two highest of 32 bits are clear; 0 is good.
@@ -33,38 +35,51 @@ impl Quality {
         match numbers.iter().find(|&&code| code > 0 && code < UA_UNCERTAIN) {
             None if numbers.iter().all(|&code| code == 0) => Ok(Self::Zeros),
             None => Ok(Self::OpcUa),
-            Some(code) => Err(unknown(&code.to_string())),
+            Some(code) => Err(unknown_code(&code.to_string())),
         }
     }
 
-    /// Words of which one at least is known: that none is good would make all values missing.
+    /// Words, one of which is known: a bad one is enough, for a sensor may have been off in all of these rows. Numbers among words without a
+    /// good one are refused, because all of them would be bad.
     fn of_words(codes: &[&str]) -> Result<Self, String> {
-        let first = |code: &str| first_word(&lower(code));
         let mut unknown: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut has_bad_word = false;
         for code in codes.iter().map(|code| code.trim()).filter(|code| !code.is_empty()) {
-            if is_good_word(&first(code)) {
+            let first = first_word(&lower(code));
+            if is_good_word(&first) {
                 return Ok(Self::Words);
             }
-            if !is_bad_word(&first(code)) {
-                *unknown.entry(code).or_default() += 1;
-            }
+            has_bad_word |= is_bad_word(&first);
+            *unknown.entry(code).or_default() += 1;
+        }
+        if let Some(code) = unknown.keys().find(|code| number(code).is_some()) {
+            return Err(unknown_code(code));
         }
         match unknown.into_iter().max_by_key(|(_, count)| *count) {
-            None => Ok(Self::Words),
-            Some((code, _)) => Err(format!(
-                "no code is known to be good; name those that are with data.good_quality, such as [{code:?}]"
-            )),
+            Some((code, _)) if !has_bad_word => Ok(Self::UnknownWords(format!(
+                "no word of the quality is known in any file, such as {code:?}; name those that mean good with data.good_quality"
+            ))),
+            _ => Ok(Self::Words),
         }
     }
 
-    /// Read zeros as the other files of the log have them.
-    pub(crate) fn agree<'q>(all: impl Iterator<Item = &'q mut Self>) {
+    /// Read zeros, and words that are not known, as the other files of the log have them.
+    ///
+    /// # Errors
+    /// If no file has a word that is known.
+    pub(crate) fn agree<'q>(all: impl Iterator<Item = &'q mut Self>) -> Result<(), String> {
         let all: Vec<&mut Self> = all.collect();
-        if all.iter().any(|other| **other == Self::OpcClassic) {
-            for quality in all.into_iter().filter(|other| **other == Self::Zeros) {
-                *quality = Self::OpcClassic;
+        let are_classic = all.iter().any(|other| **other == Self::OpcClassic);
+        let are_words = all.iter().any(|other| **other == Self::Words);
+        for quality in all {
+            match quality {
+                Self::Zeros if are_classic => *quality = Self::OpcClassic,
+                Self::UnknownWords(_) if are_words => *quality = Self::Words,
+                Self::UnknownWords(reason) => return Err(std::mem::take(reason)),
+                _ => {}
             }
         }
+        Ok(())
     }
 
     /// Whether a value with this code counts. An empty code says nothing against it.
@@ -80,7 +95,7 @@ impl Quality {
             (Self::OpcUa | Self::Zeros, Some(code)) if code == 0 || code >= UA_UNCERTAIN => {
                 Ok(code >> 30 == 0)
             }
-            _ => Err(unknown(code)),
+            _ => Err(unknown_code(code)),
         }
     }
 }
@@ -88,7 +103,7 @@ impl Quality {
 /// The least OPC UA code that is not good.
 const UA_UNCERTAIN: u64 = 1 << 30;
 
-fn unknown(code: &str) -> String {
+fn unknown_code(code: &str) -> String {
     format!(
         "the meaning of the quality {code} is not known; name the good codes with data.good_quality, such as [\"192\"]"
     )
@@ -189,9 +204,11 @@ mod tests {
         );
         assert_eq!(good(&["GUT", "SCHLECHT"], &["GUT", "gut", "SCHLECHT"]), [true, true, false]);
         assert_eq!(good(&["Bad"], &["Bad"]), [false]);
-        let asked = Quality::of(&["BRA", "BRA", "FEL", "bad"], &DataConfig::default());
-        let asked = asked.expect_err("no code is good");
-        assert!(asked.contains("data.good_quality, such as [\"BRA\"]"), "{asked}");
+        // A sensor that was off at first.
+        assert_eq!(good(&["Bad", "Comm Fail"], &["Comm Fail", "Good"]), [false, true]);
+        let asked = Quality::of(&["192", "192", "Bad"], &DataConfig::default());
+        let asked = asked.expect_err("a number among words");
+        assert!(asked.contains("data.good_quality, such as [\"192\"]"), "{asked}");
         let quality = Quality::of(&["0", "1"], &DataConfig::default()).expect_err("unknown");
         assert!(quality.contains("data.good_quality"), "{quality}");
         let given = DataConfig { good_quality: vec!["0".to_owned()], ..DataConfig::default() };
@@ -205,14 +222,24 @@ mod tests {
     #[test]
     fn zeros_are_what_they_are_in_the_other_files() {
         let mut all = [quality(&["0", "0"]), quality(&["192", "0"]), quality(&["Good"])];
-        Quality::agree(all.iter_mut());
+        assert_eq!(Quality::agree(all.iter_mut()), Ok(()));
         assert_eq!(all, [Quality::OpcClassic, Quality::OpcClassic, Quality::Words]);
         // Nor does a file tell whose first codes are missing.
         let mut empty = [quality(&["192"]), quality(&[])];
-        Quality::agree(empty.iter_mut());
+        assert_eq!(Quality::agree(empty.iter_mut()), Ok(()));
         assert_eq!(empty[1].is_good("0"), Ok(false));
         let mut alone = [quality(&["0"]), quality(&["0", "2147483648"]), quality(&[])];
-        Quality::agree(alone.iter_mut());
+        assert_eq!(Quality::agree(alone.iter_mut()), Ok(()));
         assert_eq!(alone[0].is_good("0"), Ok(true));
+    }
+
+    #[test]
+    fn words_are_known_if_one_file_has_a_known_one() {
+        let mut all = [quality(&["Comm Fail"]), quality(&["Good"]), quality(&["Comm Fail"])];
+        assert_eq!(Quality::agree(all.iter_mut()), Ok(()));
+        assert_eq!(all, [Quality::Words, Quality::Words, Quality::Words]);
+        let mut unknown = [quality(&["FEL", "BRA", "BRA"]), quality(&["192"])];
+        let asked = Quality::agree(unknown.iter_mut()).expect_err("no word is known");
+        assert!(asked.contains("\"BRA\"") && asked.contains("data.good_quality"), "{asked}");
     }
 }

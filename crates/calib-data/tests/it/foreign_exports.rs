@@ -70,8 +70,23 @@ fn words_of_quality_that_nobody_knows_are_asked_for() {
         format!("{};{tag},{number:02};FEINE", TAGS[tag])
     });
     let folder = Folder::of_text("a.csv", &text);
-    assert_refused(&folder.data(), &["\"Qualität\"", "data.good_quality, such as [\"FEINE\"]"]);
+    assert_refused(&folder.data(), &["\"Qualität\"", "\"FEINE\"", "data.good_quality"]);
     let good_quality = vec!["feine".to_owned()];
     let found = profile(&DataConfig { good_quality, ..folder.data() });
     assert_eq!((found.bad_quality, kept(&found).len()), (0, 3));
+}
+
+#[test]
+fn a_sensor_that_is_off_at_first_has_words_that_other_files_tell() {
+    let folder = Folder::new();
+    for (number, tag) in ["flow", "level"].into_iter().enumerate() {
+        let row = |row: usize| {
+            let word = if number == 0 && row < 450 { "Comm Fail" } else { "Good" };
+            format!("2024-03-01 {:02}:{:02},{},{word}\n", row / 60, row % 60, row % 7 + number)
+        };
+        let rows: String = (0..900).map(row).collect();
+        folder.write_file(&format!("{tag}.csv"), &format!("time,{tag},quality\n{rows}"));
+    }
+    let found = folder.inspect();
+    assert_eq!((found.shape, found.bad_quality), (Shape::FilePerTag, 450));
 }
