@@ -71,8 +71,13 @@ impl Sample {
 
     /// The cells of a column, where a row has one.
     fn column(&self, column: usize) -> impl Iterator<Item = &str> {
+        self.by_row(column).flatten()
+    }
+
+    /// The cell of a column in each row; `None` in a row that is too short.
+    fn by_row(&self, column: usize) -> impl Iterator<Item = Option<&str>> {
         let starts = std::iter::once(0).chain(self.rows.iter().copied());
-        starts.zip(&self.rows).filter_map(move |(start, &end)| {
+        starts.zip(&self.rows).map(move |(start, &end)| {
             let cell = start as usize + column;
             if cell >= end as usize {
                 return None;
@@ -193,6 +198,13 @@ impl Dialect {
     /// The cells of a column in the first rows that are not empty.
     pub fn cells(&self, column: usize) -> Vec<&str> {
         self.sample.column(column).filter(|cell| !cell.is_empty()).collect()
+    }
+
+    /// The cells of two columns in the first rows in which neither is empty.
+    pub fn pairs(&self, one: usize, other: usize) -> Vec<[&str; 2]> {
+        let rows = self.sample.by_row(one).zip(self.sample.by_row(other));
+        let pairs = rows.filter_map(|(one, other)| Some([one?, other?]));
+        pairs.filter(|pair| pair.iter().all(|cell| !cell.is_empty())).collect()
     }
 
     /// What the cells of all columns but `time` say about the decimal sign, in the file at `path`.

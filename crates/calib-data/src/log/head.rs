@@ -90,6 +90,30 @@ impl Head {
             Self::Annotated(..) => Ok(Vec::new()),
         }
     }
+
+    /// The cells of two columns in the first rows that have both, as text.
+    pub(super) fn pairs(&self, one: usize, other: usize) -> Result<Vec<[String; 2]>, DataError> {
+        let file = match self {
+            Self::Parquet(file) => file,
+            Self::Text(file) => {
+                let pairs = file.dialect.pairs(one, other).into_iter();
+                return Ok(pairs.map(|pair| pair.map(str::to_owned)).collect());
+            }
+            Self::Annotated(..) => return Ok(Vec::new()),
+        };
+        let rows = 0..file.rows.min(SAMPLE);
+        if rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut read: [Vec<Option<String>>; 2] = Default::default();
+        for (labels, column) in read.iter_mut().zip(file.read(&[one, other], &rows)?) {
+            each_label(&column, |label| labels.push(label.map(str::to_owned)))
+                .map_err(|error| file.damaged(&error))?;
+        }
+        let [first, second] = read;
+        let pairs = first.into_iter().zip(second);
+        Ok(pairs.filter_map(|(one, other)| Some([one?, other?])).collect())
+    }
 }
 
 /// Rows of a Parquet file that are looked at.

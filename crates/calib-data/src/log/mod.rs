@@ -31,6 +31,7 @@ mod side_labels;
 mod source;
 mod sparse;
 mod split;
+mod tag_words;
 mod times;
 mod union;
 mod values;

@@ -18,7 +18,7 @@ use super::{
     head::{Head, HeadColumn},
     long::{stream_annotated, stream_parquet, stream_text},
     series::Sink,
-    shape::{Recognised, Roles, recognise, time_column, with_quality},
+    shape::{Recognised, Roles, recognise, time_column, told_by_words, with_quality},
     shared_times::{self, SharedTimes},
     source::{self, PartitionedFile},
     times,
@@ -374,7 +374,8 @@ fn samples(
     monitor: &dyn Monitor,
 ) -> Result<Samples, DataError> {
     let (files, sink) = poured(heads, roles, written, data, monitor)?;
-    Ok(Samples { shape, files, sink, read_as: written.doubts() })
+    let read_as = [written.doubts(), told_by_words(roles)].concat();
+    Ok(Samples { shape, files, sink, read_as })
 }
 
 /// The samples of all files, by their tags.

@@ -13,8 +13,9 @@ use super::{
     filename_tag::tag_of_path,
     head::{Head, HeadColumn},
     side_labels::{SideColumn, side_columns},
+    tag_words::{Course, have_levels_of_their_own},
 };
-use crate::{DataConfig, DataError, Shape, switches::Switch, text::Quality};
+use crate::{DataConfig, DataError, Shape, text::Quality};
 
 /// What the columns of a file of samples are.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +27,21 @@ pub(crate) struct Roles {
     pub(crate) quality: Option<(usize, Quality)>,
     /// Columns that may name devices.
     pub(crate) sides: Vec<SideColumn>,
+    /// The name of the column of tags, if nothing but its words tells that it has them.
+    pub(crate) by_words: Option<String>,
+}
+
+/// What is said of columns of which nothing but the words tells that they are tags.
+pub(crate) fn told_by_words(roles: &[Roles]) -> Vec<String> {
+    let columns: BTreeSet<&str> =
+        roles.iter().filter_map(|roles| roles.by_words.as_deref()).collect();
+    let told = columns.into_iter().map(|column| {
+        format!(
+            "words in {column:?} change from row to row and are read as tags: if they are states of the plant, set data.shape = \"wide\"; if not, \
+             data.shape = \"long\" ends this warning"
+        )
+    });
+    told.collect()
 }
 
 /// Where the name of a tag comes from.
@@ -133,7 +149,7 @@ fn recognise_apart(
         let Some(roles) = long.iter().cloned().collect::<Option<Vec<Roles>>>() else {
             let other = long.iter().position(Option::is_none).unwrap_or(0);
             return refuse(format!(
-                "{} is a long table, a row for each sample of a tag, and {} is not; name files of one kind with data.path",
+                "{} is a long table, a row for each sample of a tag, and {} is not; name files of one kind with data.path, or say what all are with data.shape = \"wide\" or \"long\"",
                 heads[first].path().display(),
                 heads[other].path().display()
             ));
@@ -206,7 +222,8 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
         known.extend(&values);
         known.extend(quality.iter().map(|(column, _)| *column));
         let sides = side_columns(head, &columns, &known, data)?;
-        return Ok(Some(Roles { time, tag: TagOf::Column(tag), values, quality, sides }));
+        let tag = TagOf::Column(tag);
+        return Ok(Some(Roles { time, tag, values, quality, sides, by_words: None }));
     }
     if let Some(tag) = tag.filter(|_| data.tag.is_some()) {
         return refuse(format!(
@@ -241,8 +258,10 @@ fn unnamed_roles(
     let &[value] = &with_kind(FieldKind::Number)[..] else { return Ok(None) };
     let is_narrow = columns.len() <= 3;
     let (mut alternating, mut staying) = (Vec::new(), Vec::new());
+    let mut has_states = false;
     for words in with_kind(FieldKind::Text) {
         if MODES.contains(&plain(&columns[words].name).as_str()) {
+            has_states = true;
             continue;
         }
         let sample = head.sample(words)?;
@@ -251,7 +270,8 @@ fn unnamed_roles(
             return Ok(None);
         }
         match Course::of(&sample) {
-            Course::NoTags => {}
+            Course::Constant => {}
+            Course::Switches => has_states = true,
             Course::Alternates => alternating.push(words),
             Course::Stays => staying.push(words),
         }
@@ -266,11 +286,22 @@ fn unnamed_roles(
         }
         ([], ..) => return Ok(None),
     };
+    let is_told = data.shape == Some(Shape::Long) || data.value.is_some();
+    let name = plain(&columns[value].name);
+    let is_value = [&VALUES[..], &FOREIGN_VALUES].concat().contains(&name.as_str());
+    let mut by_words = None;
+    if !is_told && !names_tags(&columns[tag]) {
+        if has_states || !is_value && !have_levels_of_their_own(head, time, tag, value)? {
+            return refuse(asked_for_tag(head, columns, tag, value));
+        }
+        by_words = (!is_value).then(|| columns[tag].name.clone());
+    }
     let quality = quality_of(head, quality_column(head, columns, time, data)?, data)?;
     let mut known = vec![time, tag, value];
     known.extend(quality.iter().map(|(column, _)| *column));
     let sides = side_columns(head, columns, &known, data)?;
-    Ok(Some(Roles { time, tag: TagOf::Column(tag), values: vec![value], quality, sides }))
+    let (tag, values) = (TagOf::Column(tag), vec![value]);
+    Ok(Some(Roles { time, tag, values, quality, sides, by_words }))
 }
 
 /// What to say of words that may name what was measured.
@@ -282,31 +313,6 @@ fn asked_for_tag(head: &Head, columns: &[HeadColumn], words: usize, value: usize
         value = columns[value].name,
         words = columns[words].name
     )
-}
-
-/// How the words of a column follow each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Course {
-    /// They are one, or a pair such as ON and OFF: no tags are called so.
-    NoTags,
-    /// Few words that change from row to row, as tags do.
-    Alternates,
-    /// They stay for many rows, or are too many to tell.
-    Stays,
-}
-
-impl Course {
-    fn of(sample: &[String]) -> Self {
-        let distinct: BTreeSet<&str> = sample.iter().map(String::as_str).collect();
-        let changes = sample.windows(2).filter(|pair| pair[0] != pair[1]).count();
-        if distinct.len() < 2 || Switch::of(distinct.iter().copied()).is_some() {
-            Self::NoTags
-        } else if changes * 2 > sample.len() && distinct.len() * 2 < sample.len() {
-            Self::Alternates
-        } else {
-            Self::Stays
-        }
-    }
 }
 
 fn quality_column(
@@ -381,8 +387,8 @@ fn file_per_tag(
     for (((head, &time), stem), file) in heads.iter().zip(times).zip(stems).zip(files) {
         let tag = if by_file && !stem.is_empty() { stem } else { file.name };
         let quality = quality_of(head, file.quality, data)?;
-        let values = vec![file.value];
-        roles.push(Roles { time, tag: TagOf::File(tag), values, quality, sides: Vec::new() });
+        let (tag, values) = (TagOf::File(tag), vec![file.value]);
+        roles.push(Roles { time, tag, values, quality, sides: Vec::new(), by_words: None });
     }
     Ok(Recognised::Samples(Shape::FilePerTag, roles))
 }
@@ -401,7 +407,8 @@ fn one_column(
     let mut roles = Vec::with_capacity(files.len());
     for ((&time, stem), file) in times.iter().zip(stems).zip(files) {
         let (tag, values) = (TagOf::File(stem), vec![file.value]);
-        roles.push(Roles { time, tag, values, quality: None, sides: Vec::new() });
+        let sides = Vec::new();
+        roles.push(Roles { time, tag, values, quality: None, sides, by_words: None });
     }
     Recognised::OneColumn(roles)
 }

@@ -43,7 +43,13 @@ fn words_that_alternate_are_tags_or_asked_about() {
     });
     assert_eq!(Folder::of_text("a.csv", &known).inspect().shape, Shape::Long);
     let same = in_turn("Zeitpunkt;Wo;Ist;Werk", 20, row);
-    assert_eq!(Folder::of_text("a.csv", &same).inspect().shape, Shape::Long);
+    let folder = Folder::of_text("a.csv", &same);
+    let found = folder.inspect();
+    assert_eq!(found.shape, Shape::Long);
+    let told = found.read_as.join("\n");
+    assert!(told.contains("words in \"Wo\" change from row to row and are read as tags"), "{told}");
+    let long = DataConfig { shape: Some(Shape::Long), ..folder.data() };
+    assert_eq!(profile(&long).read_as, [""; 0]);
     let open = in_turn("Zeitpunkt;Wo;Ist;Was", 20, |tag, number| {
         format!("{};{tag},{number:02};{}", TAGS[tag], ["m", "m3/h", "C"][tag])
     });
@@ -62,6 +68,36 @@ fn words_that_alternate_are_tags_or_asked_about() {
         format!("{};{tag},{number:02}", ["ON", "OFF"][tag % 2])
     });
     assert_eq!(Folder::of_text("a.csv", &fast).inspect().shape, Shape::Wide);
+}
+
+/// Days with the weather, whose words change from row to row, and what `row` writes behind it.
+fn days(header: &str, row: impl Fn(usize) -> String) -> String {
+    let mut text = format!("{header}\n");
+    for day in 0..90 {
+        let weather = ["sonnig", "Regen", "bewölkt"][day * day % 7 % 3];
+        writeln!(text, "2024-{:02}-{:02};{weather};{}", 1 + day / 28, 1 + day % 28, row(day))
+            .expect("memory");
+    }
+    text
+}
+
+#[test]
+fn words_that_are_states_are_asked_about() {
+    let pump = |day: usize| ["EIN", "AUS"][day / 9 % 2];
+    let asked = ["data.tag = \"Wetter\"", "data.shape = \"wide\""];
+    // A switch beside them is a channel, however much the words tell of the numbers.
+    for level in [0, 1_000] {
+        let text = days("Datum;Wetter;Pumpe;Ertrag", |day| {
+            format!("{};{}", pump(day), day % 11 + level * (day * day % 7 % 3))
+        });
+        let folder = Folder::of_text("a.csv", &text);
+        assert_refused(&folder.data(), &asked);
+        let wide = DataConfig { shape: Some(Shape::Wide), ..folder.data() };
+        assert_eq!(kept(&profile(&wide)), ["Pumpe", "Ertrag"]);
+    }
+    // So are words alone that tell little of the numbers.
+    let text = days("Datum;Wetter;Ertrag", |day| (day % 11 + 4 * (day * day % 7 % 3)).to_string());
+    assert_refused(&Folder::of_text("a.csv", &text).data(), &asked);
 }
 
 #[test]

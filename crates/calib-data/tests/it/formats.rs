@@ -326,8 +326,8 @@ fn a_long_table_is_never_one_channel() {
     // Names say nothing: the words alternate, as tags do.
     let mut rows = String::new();
     for row in 0..40 {
-        writeln!(rows, "2024-01-01 00:00:{row:02},{},{row}", ["x", "y", "z"][row % 3])
-            .expect("memory");
+        let (word, value) = (["x", "y", "z"][row % 3], 100 * (row % 3) + row);
+        writeln!(rows, "2024-01-01 00:00:{row:02},{word},{value}").expect("memory");
     }
     let unnamed = Folder::of_text("a.csv", &format!("when,what,how much\n{rows}"));
     let data = DataConfig { timestamp: "when".to_owned(), ..unnamed.data() };
@@ -366,8 +366,12 @@ fn long_tables_with_headers_of_other_languages_are_read_or_asked_about() {
     };
     let german = Folder::of_text("a.csv", &table("Wert"));
     assert_eq!(names(&german.data()), ["FIT100", "PIT300", "TIT101"]);
-    // The name of a column that says nothing is asked for.
+    // The only column of numbers has the values, whatever its name. Of several one is asked for.
     let folder = Folder::of_text("a.csv", &table("Ablesung"));
+    assert_eq!(names(&folder.data()), ["FIT100", "PIT300", "TIT101"]);
+    let several =
+        table("Ablesung").replace(";Status", ";Grenze;Status").replace(";Good", ";7;Good");
+    let folder = Folder::of_text("a.csv", &several);
     assert_refused(
         &folder.data(),
         &["They are of 3 different \"Tag\"", "data.tag = \"Tag\", data.value to", "data.quality"],
