@@ -83,6 +83,8 @@ fn with_own_times(present: impl Iterator<Item = f64>, rows: f64) -> Option<usize
 
 /// Channels with a value in fewer rows than this are recorded less often than others. Our choice.
 const SELDOM: f64 = 0.5;
+/// A channel is on a slower clock than its log if its own period is so many times that of the log. Our choice.
+const SLOWER: f64 = 1.5;
 
 /// What is said of `channels` that most rows of a log of several files or tags have no value of; none of none.
 fn recorded_less_often(channels: &[String]) -> Option<String> {
@@ -95,7 +97,8 @@ fn recorded_less_often(channels: &[String]) -> Option<String> {
 }
 
 impl Sketch {
-    /// What is said of channels that most rows have no value of, where several files or tags are not on one clock.
+    /// What is said of channels that most rows have no value of because they are on a slower clock, where several files or tags are not on one. A
+    /// sensor that was installed late has the period of the others.
     pub fn seldom_doubt(&self) -> Option<String> {
         if self.resampled || self.shape == Shape::Wide && self.files < 2 {
             return None;
@@ -104,7 +107,9 @@ impl Sketch {
         let seldom = self.channels.iter().filter(|channel| {
             let bins = self.bins.iter().zip(&channel.present);
             let present = bins.map(|(bin, present)| bin.len() as f64 * present).sum::<f64>() / rows;
-            present > 0.0 && present < SELDOM
+            let is_slower =
+                channel.own_period_secs.is_some_and(|secs| secs > SLOWER * self.period_secs);
+            is_slower && present < SELDOM
         });
         recorded_less_often(&seldom.map(|channel| channel.name.clone()).collect::<Vec<String>>())
     }
@@ -142,9 +147,10 @@ pub fn without_times(period_secs: f64, files: usize) -> String {
 }
 
 impl Profile {
-    /// What is said of channels that are dropped because most rows have no value of them, where several files or tags are not on one clock.
+    /// What is said of channels that are dropped because most rows have no value of them, where several files at the same time or tags are not on
+    /// one clock. Files that follow each other are of one clock.
     fn seldom_doubt(&self) -> Option<String> {
-        if self.resampled || self.shape == Shape::Wide && self.files < 2 {
+        if self.resampled || self.shape == Shape::Wide && self.overlapping_files == 0 {
             return None;
         }
         let seldom = self.channels.iter().filter(|channel| {
@@ -242,9 +248,12 @@ impl Profile {
 
     /// What is said of columns that agents read, and that are not `predicted`, whose unit probably changed in the training range. Of those that
     /// are [`Self::value_doubts`] tells.
-    pub fn unit_doubts(&self, predicted: &[String]) -> Vec<String> {
+    pub fn unit_doubts(&self, predicted: &[String], clock: &ShownClock) -> Vec<String> {
         let inputs = self.kept().filter(|channel| !predicted.contains(&channel.name));
-        inputs.filter_map(ChannelProfile::unit_doubt).collect()
+        let told = inputs.filter_map(|channel| {
+            Some(format!("{} has {}", channel.name, channel.unit_doubt(clock)?))
+        });
+        told.collect()
     }
 
     /// What of the columns that agents read makes their held-out errors worth little, in sentences; empty for a good log. Where one
@@ -330,7 +339,7 @@ impl Profile {
             }
             let FarOut { spikes, held_out, furthest, .. } = channel.far_out;
             let name = channel.name.as_str();
-            doubts.extend(channel.unit_doubt().map(|doubt| (name, doubt)));
+            doubts.extend(channel.unit_doubt(clock).map(|doubt| (name, doubt)));
             let BridgedStops { count, longest_secs, usual_secs } = channel.bridged;
             if count > 0 {
                 let times = if count == 1 { "once".to_owned() } else { format!("{count} times") };
@@ -374,10 +383,10 @@ impl Profile {
 }
 
 impl ChannelProfile {
-    /// What is said where its unit probably changed.
-    fn unit_doubt(&self) -> Option<String> {
+    /// What is said where its unit probably changed, without its name.
+    fn unit_doubt(&self, clock: &ShownClock) -> Option<String> {
         let change = self.unit_change.as_ref()?;
-        Some(change.doubt(&self.name, &format_time(change.at)))
+        Some(change.told(&clock.named(change.at)))
     }
 }
 

@@ -25,6 +25,11 @@ impl ShownClock {
         Self { zone, name }
     }
 
+    /// The zone of `data.time_zone`, if the study names one.
+    pub fn zone(&self) -> Option<&Zone> {
+        self.zone.as_ref()
+    }
+
     /// A time on this clock.
     pub fn shown(&self, time: Timestamp) -> String {
         let zone = self.zone.as_ref();

@@ -7,10 +7,9 @@ use rayon::prelude::*;
 
 use crate::{
     AngleOf, BackwardSteps, BadRowsFound, BridgedStops, ContradictionsFound, DataConfig, DataError,
-    Sentinel, Shape, UnitChange, Zone,
+    Sentinel, Shape, ShownClock, UnitChange,
     channel::{Moments, Movement, is_same},
     doubts::read_as_switches,
-    format_time,
     log::{Batch, Channel, ChannelValues, Contradicting, Log, SparseValues, detect_period},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
@@ -48,8 +47,8 @@ pub struct Sketch {
     pub bad_rows: BadRowsFound,
     /// Whether times are UTC.
     pub utc: bool,
-    /// The clock that times of a study of the log are on: that of `data.time_zone`, if it was given.
-    pub zone: Option<Zone>,
+    /// The clock that people read its times on.
+    pub clock: ShownClock,
     /// The median step, or the period that was given, in seconds.
     pub period_secs: f64,
     /// The median step in seconds, if a period was given that it contradicts: nearly all steps are as long, or most are gaps.
@@ -173,7 +172,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         bad_rows: log.bad_rows,
         shape: log.shape,
         utc: log.utc,
-        zone: data.time_zone.as_deref().and_then(Zone::new),
+        clock: ShownClock::of(data, log.utc),
         period_secs: log.period.as_secs(),
         resampled: data.resample.is_some(),
         timestamps: log.rows.timestamps,
@@ -188,15 +187,9 @@ impl Sketch {
     pub fn unit_doubts(&self) -> Vec<String> {
         let changed = self.channels.iter().filter_map(|channel| {
             let change = channel.unit_change.as_ref()?;
-            Some(change.doubt(&channel.name, &self.shown(change.at)))
+            Some(format!("{} has {}", channel.name, change.told(&self.clock.named(change.at))))
         });
         changed.collect()
-    }
-
-    /// A time of the log as people read it: on the clock of `data.time_zone`, if it was given, else as the log has it.
-    pub fn shown(&self, time: Timestamp) -> String {
-        let zone = self.zone.as_ref();
-        zone.map_or_else(|| format_time(time), |zone| zone.written(time).replacen('T', " ", 1))
     }
 }
 

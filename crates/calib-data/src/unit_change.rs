@@ -87,11 +87,11 @@ impl UnitChange {
         })
     }
 
-    /// What is said of it, of the channel `name`, whose time is `shown`.
-    pub fn doubt(&self, name: &str, shown: &str) -> String {
+    /// What is said of it, without the name of its channel. Its time is `shown`.
+    pub(crate) fn told(&self, shown: &str) -> String {
         let range = |[low, high]: [f64; 2]| format!("{} to {}", rounded(low), rounded(high));
         format!(
-            "{name} has two ranges that do not overlap, mostly {} before {shown} and {} from then on; did its unit or its zero change? Let data.train and \
+            "two ranges that do not overlap, mostly {} before {shown} and {} from then on; did its unit or its zero change? Let data.train and \
              data.held_out begin after that time, correct the values, or leave the channel out with data.exclude",
             range(self.before),
             range(self.after)
@@ -277,8 +277,8 @@ mod tests {
     fn a_factor_is_told_with_its_time() {
         let change = found(|row| level(row) * if row < 1_500 { 1.0 } else { 100.0 }).expect("told");
         assert_eq!(change.at, Timestamp::from_micros(60_000_000 * 1_500));
-        let told = change.doubt("LT101", "2024-03-02 01:00:00");
-        assert!(told.starts_with("LT101 has two ranges that do not overlap, mostly 1.1"), "{told}");
+        let told = change.told("2024-03-02 01:00:00");
+        assert!(told.starts_with("two ranges that do not overlap, mostly 1.1"), "{told}");
         assert!(told.contains(" before 2024-03-02 01:00:00 and 11"), "{told}");
         assert_eq!(row_of(|row| level(row) * if row < 3_000 { 1.0 } else { 0.001 }), Some(3_000));
     }

@@ -56,7 +56,7 @@ impl ControlDraft<'_> {
         let times = &self.log.sketch.timestamps[scope.rows.clone()];
         let period = (1e6 * self.log.sketch.period_secs).ceil() as i64;
         let end = Timestamp::from_micros(times[times.len() - 1].as_micros() + period);
-        text.key("train", &Cut::toml(&[times[0], end], self.log.sketch.zone.as_ref()), "");
+        text.key("train", &Cut::toml(&[times[0], end], self.log.sketch.clock.zone()), "");
     }
 
     fn control(&self, text: &mut Lines) {

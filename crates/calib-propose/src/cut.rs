@@ -43,7 +43,7 @@ impl Cut {
         let at = |share: f64| (share * rows as f64) as usize;
         let aim = at(1.0 - HELD_OUT);
         let near = at(1.0 - HELD_OUT - NEARBY)..at(1.0 - HELD_OUT + NEARBY).min(rows - 1);
-        let calendar = Calendar(sketch.zone.as_ref());
+        let calendar = Calendar(sketch.clock.zone());
         let Place { cut, start, said } = calendar.place(times, near, aim, sketch.period_secs);
         let end = Timestamp::from_micros(
             times[rows - 1].as_micros() + (1e6 * sketch.period_secs).ceil() as i64,
@@ -175,6 +175,8 @@ impl Calendar<'_> {
 
 #[cfg(test)]
 mod tests {
+    use calib_data::{DataConfig, ShownClock};
+
     use super::*;
     use crate::testing::{sketch, wave};
 
@@ -210,9 +212,10 @@ mod tests {
             ("America/Los_Angeles", "{ start = 1969-12-31T16:00:00, end = 1970-01-21T00:00:00 }"),
             ("Asia/Kolkata", "{ start = 1970-01-01T05:30:00, end = 1970-01-21T00:00:00 }"),
         ] {
-            log.zone = Zone::new(name);
+            let data = DataConfig { time_zone: Some(name.to_owned()), ..DataConfig::default() };
+            log.clock = ShownClock::of(&data, true);
             let cut = Cut::of(&log, &scope(30 * 1_440)).expect("enough");
-            assert_eq!(Cut::toml(&cut.train, log.zone.as_ref()), train, "{name}");
+            assert_eq!(Cut::toml(&cut.train, log.clock.zone()), train, "{name}");
             let [train, held_out] = cut.ranges(&log.timestamps);
             assert_eq!(cut.rows, [train.len(), held_out.len()], "{name}");
         }

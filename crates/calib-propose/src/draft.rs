@@ -98,7 +98,7 @@ impl Draft<'_> {
 
     fn data(&self, text: &mut Lines) {
         let cut = self.cut;
-        let zone = self.log.sketch.zone.as_ref();
+        let zone = self.log.sketch.clock.zone();
         self.log.write(text, |text| {
             text.comment(&format!(
                 "{}: {} rows to learn from, {} held out",

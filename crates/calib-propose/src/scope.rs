@@ -296,6 +296,7 @@ mod tests {
         );
         let mut wide = sketch(640, &alternately);
         wide.files = 2;
+        wide.channels[1].own_period_secs = Some(180.0);
         let told = Scope::of(&wide).expect_err("of two periods").to_string();
         assert!(
             told.contains("times of their own: put all on one clock with data.resample"),

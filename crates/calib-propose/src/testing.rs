@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use calib_core::Timestamp;
-use calib_data::{BackwardSteps, ChannelSketch, Shape, Sketch};
+use calib_data::{BackwardSteps, ChannelSketch, Shape, ShownClock, Sketch};
 
 /// Its value in each row.
 pub(crate) type Channel = Box<dyn Fn(usize) -> f64>;
@@ -20,7 +20,7 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
     Sketch {
         shape: Shape::Wide,
         utc: false,
-        zone: None,
+        clock: ShownClock::default(),
         without_times: false,
         read_as: Vec::new(),
         files: 1,

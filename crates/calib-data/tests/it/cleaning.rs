@@ -2,7 +2,10 @@
 
 use std::fmt::Write as _;
 
-use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig, Resample, ShownClock};
+use calib_core::Silent;
+use calib_data::{
+    Contradictions, DataConfig, Missing, PreprocessConfig, Resample, ShownClock, sketch,
+};
 
 use crate::support::{
     Folder, NAN, assert_refused, kept, load_with, log, log_at, profile, refused, seconds,
@@ -241,11 +244,18 @@ fn a_unit_that_changes_in_the_training_range_is_told() {
     let doubts = profile.value_doubts(&ShownClock::default());
     let [(name, doubt)] = &doubts[..] else { panic!("one doubt: {doubts:?}") };
     assert_eq!(*name, "height");
-    let told = "height has two ranges that do not overlap, mostly 10 to 16 before 2024-01-01 00:06:40 and 1000 to 1600 from then on";
+    let told = "two ranges that do not overlap, mostly 10 to 16 before 2024-01-01 00:06:40 and 1000 to 1600 from then on";
     assert!(doubt.starts_with(told), "{doubt}");
-    let of_inputs = profile.unit_doubts(&["level".to_owned()]);
-    assert_eq!(of_inputs, std::slice::from_ref(doubt));
-    assert_eq!(profile.unit_doubts(&["height".to_owned()]), Vec::<String>::new());
+    let data = DataConfig { time_zone: Some("Europe/Berlin".to_owned()), ..folder.data() };
+    let clock = ShownClock::of(&data, true);
+    let [of_inputs] = &profile.unit_doubts(&["level".to_owned()], &clock)[..] else {
+        panic!("one doubt")
+    };
+    assert!(of_inputs.starts_with("height has two ranges"), "{of_inputs}");
+    assert!(of_inputs.contains("2024-01-01 01:06:40 (Europe/Berlin) and"), "{of_inputs}");
+    assert_eq!(profile.unit_doubts(&["height".to_owned()], &clock), Vec::<String>::new());
+    let sketched = sketch(&data, &Silent).expect("a log").unit_doubts();
+    assert_eq!(sketched, std::slice::from_ref(of_inputs));
 }
 
 /// A channel that is dead in the whole held-out period leaves nothing of it.
@@ -289,6 +299,14 @@ fn files_of_two_periods_are_told_to_go_on_one_clock() {
     gappy[100..].fill(f64::NAN);
     let one = Folder::of("a.parquet", &log(0, &[("level", &fast), ("flow", &gappy)]));
     assert_eq!(one.inspect().clock_doubts(), Vec::<String>::new());
+    // Files of one logger follow each other, and a sensor was installed late.
+    let days = Folder::of("a.parquet", &log(0, &[("level", &fast)]));
+    days.write("b.parquet", &log(600, &[("level", &fast), ("flow", &fast)]));
+    days.write("c.parquet", &log(1_200, &[("level", &fast)]));
+    assert_eq!(days.inspect().clock_doubts(), Vec::<String>::new());
+    let seldom = |folder: &Folder| sketch(&folder.data(), &Silent).expect("a log").seldom_doubt();
+    assert_eq!(seldom(&days), None);
+    assert!(seldom(&folder).is_some_and(|told| told.contains("flow has no value in most rows")));
 }
 
 #[test]

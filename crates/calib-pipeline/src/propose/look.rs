@@ -132,8 +132,8 @@ impl ExaminedLog {
             printer.say(&format!(
                 "{} complete from {} to {}: data.train and data.held_out take this stretch",
                 args.sensors.join(" and "),
-                sketch.shown(rows[0]),
-                sketch.shown(rows[rows.len() - 1])
+                sketch.clock.shown(rows[0]),
+                sketch.clock.shown(rows[rows.len() - 1])
             ));
         }
         let cleaning = Cleaning::of(&sketch, &scope);

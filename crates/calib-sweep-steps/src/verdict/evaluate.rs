@@ -298,7 +298,7 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
     let summary = Summary {
         predicts: Some(predicts(study, profile.sampled_period_secs)),
         notes: [
-            profile.unit_doubts(&study.sweep.sensors),
+            profile.unit_doubts(&study.sweep.sensors, &clock),
             profile.held_out_doubts(&study.sweep.sensors),
             manifest.notes.clone(),
             stale_rollouts(job, manifest.model.as_deref())?,
