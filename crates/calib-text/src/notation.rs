@@ -271,7 +271,7 @@ impl Candidates {
     }
 
     /// Of those that are left, the one that is meant in practice; `cells` are the first of the column. Dates with points are day first wherever
-    /// they are written. Days of a spreadsheet from 2000 to 2064 would be seconds of the first day of 1970.
+    /// they are written. Days of a spreadsheet from 2000 to 2064 would be seconds of the first day of 1970; whole numbers may be seconds of a day.
     pub fn likely(&self, cells: &[&str]) -> Option<Likely> {
         let day_first = self.left.iter().find(|notation| {
             matches!(notation, Notation::Pattern(pattern) if pattern.starts_with("%d.%m."))
@@ -286,7 +286,9 @@ impl Candidates {
             return Some(Likely { notation: notation.clone(), told });
         }
         let excel = Notation::Number(TimestampUnit::Excel);
-        let are_days = numbers(cells)?.iter().all(|day| SPREADSHEET_DAYS.contains(day));
+        let days = numbers(cells)?;
+        let are_days = days.iter().all(|day| SPREADSHEET_DAYS.contains(day))
+            && days.iter().any(|day| day.fract() != 0.0);
         let other = self.left.iter().find(|notation| **notation != excel)?;
         (are_days && self.left.contains(&excel)).then(|| Likely {
             told: format!(

@@ -5,6 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_core::Monitor;
 use calib_text::ParsedTime;
 
 use super::{head::Head, rows::NO_TIME, times::CALENDAR};
@@ -122,6 +123,7 @@ pub(crate) fn notations(
     heads: &[Head],
     times: &[usize],
     data: &DataConfig,
+    monitor: &dyn Monitor,
 ) -> Result<Notations, DataError> {
     if let Some(pattern) = &data.timestamp_format {
         let of_files = vec![Notation::Pattern(pattern.clone()); heads.len()];
@@ -148,7 +150,7 @@ pub(crate) fn notations(
             notations.of_files.push(Notation::Iso);
             continue;
         };
-        let notation = decided(file, time, found, &told, &mut notations.doubts)?;
+        let notation = decided(file, time, found, &told, &mut notations.doubts, monitor)?;
         notations.of_files.push(notation);
     }
     let read = heads.iter().map(Head::path).zip(&notations.of_files);
@@ -200,6 +202,7 @@ fn decided(
     mut found: Candidates,
     told: &[Told],
     doubts: &mut BTreeSet<String>,
+    monitor: &dyn Monitor,
 ) -> Result<Notation, DataError> {
     let cells = file.dialect.cells(time);
     if found.left.is_empty() {
@@ -213,10 +216,10 @@ fn decided(
         let elsewhere: Vec<&Told> =
             told.iter().filter(|told| found.left.contains(&told.notation)).collect();
         if let [one] = elsewhere[..] {
-            refuse_far_days(file, time, &found, one)?;
+            refuse_far_days(file, time, &found, one, monitor)?;
             return Ok(one.notation.clone());
         }
-        found = by_all_rows(file, time, found)?;
+        found = by_all_rows(file, time, found, monitor)?;
     }
     if found.is_ambiguous() {
         let Some(likely) = found.likely(&cells) else {
@@ -235,20 +238,25 @@ fn decided(
 /// Days between two rows that a wrong order of day and month makes of one day.
 const FAR: i64 = 20 * 86_400_000_000;
 
-/// Refuse the notation that another file told if it puts days of this file months apart that are near each other in another notation.
+/// Refuse the notation that another file told if it puts days of this file months apart that are near each other in another notation. A file without
+/// two rows of a day, as of a laboratory, may have a row a month.
 fn refuse_far_days(
     file: &TextFile,
     time: usize,
     found: &Candidates,
     told: &Told,
+    monitor: &dyn Monitor,
 ) -> Result<(), DataError> {
     let mut far = vec![0_u64; found.left.len()];
     let mut last: Vec<Option<i64>> = vec![None; found.left.len()];
     let mut last_date = String::new();
-    for_each_time(file, time, |text| {
+    let mut is_dense = false;
+    for_each_time(file, time, monitor, |text| {
         // Most rows are of the day of the row before them.
         let date = text.split([' ', 'T']).next().unwrap_or_default();
-        if date != last_date {
+        if date == last_date {
+            is_dense = true;
+        } else {
             date.clone_into(&mut last_date);
             for (at, notation) in found.left.iter().enumerate() {
                 let Some(now) = notation.read(text).map(ParsedTime::as_it_stands) else { continue };
@@ -260,7 +268,8 @@ fn refuse_far_days(
         true
     })?;
     let counts = || found.left.iter().zip(&far);
-    let makes_gaps = counts().any(|(notation, &far)| *notation == told.notation && far > 0);
+    let makes_gaps =
+        is_dense && counts().any(|(notation, &far)| *notation == told.notation && far > 0);
     let near = counts().find(|(_, far)| **far == 0);
     match near.filter(|_| makes_gaps) {
         None => Ok(()),
@@ -312,10 +321,12 @@ fn advance(records: &mut Records<'_>) -> Result<bool, DataError> {
 fn for_each_time(
     file: &TextFile,
     time: usize,
+    monitor: &dyn Monitor,
     mut take: impl FnMut(&str) -> bool,
 ) -> Result<(), DataError> {
     let mut blocks = file.blocks()?;
     while let Some(block) = blocks.next(1)? {
+        monitor.check()?;
         for (range, line) in &block.parts {
             let mut records = file.records(&block.bytes[range.clone()], *line);
             while advance(&mut records)? {
@@ -335,10 +346,11 @@ fn by_all_rows(
     file: &TextFile,
     time: usize,
     mut found: Candidates,
+    monitor: &dyn Monitor,
 ) -> Result<Candidates, DataError> {
     // Any number can be read in every unit.
     if found.left.iter().any(|notation| !matches!(notation, Notation::Number(_))) {
-        for_each_time(file, time, |text| {
+        for_each_time(file, time, monitor, |text| {
             // What none of them can read is a damaged line, which is told later.
             if found.left.iter().any(|notation| notation.read(text).is_some()) {
                 found.note(text);

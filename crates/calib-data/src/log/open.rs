@@ -91,7 +91,7 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
     let notations = match recognised {
         Recognised::Annotated => Notations::default(),
         Recognised::Wide | Recognised::Samples(..) | Recognised::OneColumn(_) => {
-            notations(&heads, &times, data)?
+            notations(&heads, &times, data, monitor)?
         }
     };
     let fractions = Fractions::of(&heads, &times, data)?;

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use calib_core::Timestamp;
 use calib_data::{DataConfig, Dataset, PreprocessConfig, TimestampUnit, table::Table};
 
 use crate::support::{Folder, assert_refused, load_with, profile, train_seconds, train_values};
@@ -293,6 +294,12 @@ fn the_order_of_day_and_month_is_that_of_all_files() {
     assert_refused(&folder.data(), &told);
     folder.write_file("a.csv", &half_days(6, month_first));
     assert_eq!((folder.load().train.rows(), folder.inspect().gaps.count), (20, 1));
+    // Samples of a laboratory on the fifth of each month.
+    let samples: String =
+        (1..=6).map(|month| format!("{month:02}/05/2024 12:00,{month}\n")).collect();
+    folder.write_file("b.csv", &format!("time,b\n{samples}"));
+    folder.write_file("a.csv", &half_days(16, month_first));
+    assert_eq!(profile(&folder.data()).start, Timestamp::from_micros(1_704_456_000_000_000));
 }
 
 #[test]
@@ -309,6 +316,8 @@ fn dates_with_points_are_day_first() {
 
 #[test]
 fn days_of_a_spreadsheet_are_no_seconds_of_1970() {
+    let whole = "time,a\n45352,1\n45353,2\n45354,3\n";
+    assert_refused(&Folder::of_text("a.csv", whole).data(), &["data.timestamp_unit"]);
     let text = "time,a\n45352.000000,1\n45352.000694,2\n45352.001389,3\n";
     let folder = Folder::of_text("a.csv", text);
     assert_eq!(train_seconds(&folder.load())[0], 1_709_251_200.0);
