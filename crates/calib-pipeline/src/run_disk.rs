@@ -5,6 +5,7 @@ use calib_base::{
     log::{context::RunContext, partition},
 };
 use calib_core::Seed;
+use calib_model::ModelKind;
 use calib_model_steps::{model::build_plan, represent};
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep_steps::sweep::expected;
@@ -25,7 +26,7 @@ pub(crate) fn require_room<'a>(
         return Ok(());
     }
     let mut needed = 0_u64;
-    for model in models {
+    for model in models.filter(|model| !is_left_out(model, plan)) {
         let own = model_bytes(model, plan, context)?.saturating_add(sweep_bytes(model, plan)?);
         needed = needed.saturating_add(own);
     }
@@ -37,10 +38,16 @@ pub(crate) fn require_room<'a>(
     )
 }
 
-/// Bytes that a model and its representation still take; nothing where both are up to date.
+/// Whether a model is going to be left out, because this calib cannot train it. It takes nothing.
+fn is_left_out(model: &Job, plan: &Plan) -> bool {
+    let wants_libtorch = model.study().model.kind == ModelKind::Torchscript;
+    wants_libtorch && !cfg!(feature = "torch") && plan.has_to_do(StepKind::BuildModel, model)
+}
+
+/// Bytes that a model and its representation still take; nothing where both are up to date or take hardly any disk. Then the log is not read.
 fn model_bytes(model: &Job, plan: &Plan, context: &RunContext) -> Result<u64, StepError> {
-    let [represents, builds] =
-        [StepKind::Represent, StepKind::BuildModel].map(|step| plan.has_to_do(step, model));
+    let represents = represent::takes_disk(model) && plan.has_to_do(StepKind::Represent, model);
+    let builds = build_plan::takes_disk(model) && plan.has_to_do(StepKind::BuildModel, model);
     if !represents && !builds {
         return Ok(0);
     }

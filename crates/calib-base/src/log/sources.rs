@@ -1,6 +1,8 @@
 //! File-system metadata of the files of a log, which reveal a change without reading them.
 
 use std::{
+    collections::HashSet,
+    ffi::OsStr,
     fs,
     path::{Path, PathBuf},
 };
@@ -69,15 +71,14 @@ impl Sources {
     /// Returns a file that these lack with the same name, size and modification time, or one that `now` lacks. `None` if there is no
     /// such file.
     pub(super) fn changed_file<'a>(&'a self, now: &'a Self) -> Option<&'a Path> {
-        let lacks = |files: &[SourceFile], file: &SourceFile| {
-            files.iter().all(|other| {
-                other.path.file_name() != file.path.file_name()
-                    || other.size_and_time() != file.size_and_time()
-            })
-        };
-        let new = now.files.iter().find(|file| lacks(&self.files, file));
-        let changed = new.or_else(|| self.files.iter().find(|file| lacks(&now.files, file)));
-        changed.map(|file| file.path.as_path())
+        let file = now.file_not_in(self).or_else(|| self.file_not_in(now))?;
+        Some(&file.path)
+    }
+
+    /// Returns the first file that `others` lack with the same name, size and modification time.
+    fn file_not_in(&self, others: &Self) -> Option<&SourceFile> {
+        let known: HashSet<_> = others.files.iter().map(SourceFile::name_size_and_time).collect();
+        self.files.iter().find(|file| !known.contains(&file.name_size_and_time()))
     }
 }
 
@@ -85,6 +86,11 @@ impl SourceFile {
     /// Returns bytes, and nanoseconds since 1970, or `None` where the system does not report them.
     fn size_and_time(&self) -> Option<(u64, i64)> {
         self.stamp.map(|stamp| (stamp.bytes, stamp.modified_ns))
+    }
+
+    /// Returns the name without its folders, and [`Self::size_and_time`].
+    fn name_size_and_time(&self) -> (Option<&OsStr>, Option<(u64, i64)>) {
+        (self.path.file_name(), self.size_and_time())
     }
 
     /// Whether the file has not changed.

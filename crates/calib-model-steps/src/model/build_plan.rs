@@ -213,10 +213,10 @@ impl BuildPlan {
 /// Returns the bytes that building the model of a study still takes on the disk, without the states, which have a file
 /// already. A network takes little.
 pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
-    let study = job.study();
-    if study.model.kind.family() != ModelFamily::Neighbors {
+    if !takes_disk(job) {
         return 0;
     }
+    let study = job.study();
     let states = dataset.train.states();
     let coordinates = match represent::width(study, job.layout(), states.columns()) {
         Width::OfStates => 0,
@@ -224,6 +224,11 @@ pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
     };
     let needed = beside_states(states.rows(), coordinates, &study.model);
     disk_room::left(needed, &job.layout().model())
+}
+
+/// Whether a model has tables of neighbours. Others take hardly any disk.
+pub fn takes_disk(job: &Job) -> bool {
+    job.study().model.kind.family() == ModelFamily::Neighbors
 }
 
 /// Returns the disk space of ψ with so many coordinates and of the tables, and of the parts of tables until these are

@@ -213,14 +213,16 @@ pub(super) fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
 /// Returns the bytes that the representations of a study still take on the disk. For an imported one they are not
 /// known.
 pub fn disk_left(job: &Job, dataset: &Dataset) -> u64 {
-    let representation = &job.study().representation;
-    let needed = match representation.kind {
-        RepresentationKind::Laplacian => {
-            disk_bytes(&representation.candidates(), Material::of(dataset))
-        }
-        RepresentationKind::None | RepresentationKind::Import => 0,
-    };
+    if !takes_disk(job) {
+        return 0;
+    }
+    let needed = disk_bytes(&job.study().representation.candidates(), Material::of(dataset));
     disk_room::left(needed, &job.layout().representation())
+}
+
+/// Whether a representation is trained. Others take no disk.
+pub fn takes_disk(job: &Job) -> bool {
+    matches!(job.study().representation.kind, RepresentationKind::Laplacian)
 }
 
 /// Refuses representations that do not fit on the disk.

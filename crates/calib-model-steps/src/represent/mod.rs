@@ -38,7 +38,7 @@ use calib_study::{Job, Layout, Share, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use cost::{RepresentationCost, disk_left};
+pub use cost::{RepresentationCost, disk_left, takes_disk};
 use cost::{needed_bytes, require_room};
 pub use table::report_table;
 pub(crate) use table::show;

@@ -101,14 +101,11 @@ impl Evidence {
 
     /// What is proposed where nothing could be tried, for this reason.
     pub(super) fn untried(reason: &StepError, printer: &Printer) -> Self {
-        let is_unscorable = matches!(reason.root(), StepError::Unscorable(_));
         let reason = format!(
             "agents could not be compared on the training range ({reason}): a linear agent is proposed, and `calib run` compares it with simple predictors"
         );
-        // The study has the same trouble, and ends with it.
-        if !is_unscorable {
-            printer.warn(&reason);
-        }
+        // The study may have no such trouble: it has all rows.
+        printer.warn(&reason);
         Self { agent: ProposedAgent::Linear, reason, predicted: Vec::new() }
     }
 
