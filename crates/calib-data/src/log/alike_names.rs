@@ -3,13 +3,14 @@
 use std::collections::{BTreeMap, btree_map::Entry};
 
 use super::Channel;
-use crate::doubts::first_few;
+use crate::{DataConfig, doubts::first_few, names::Chosen};
 
-/// What is said of such channels, unless a file has both; none of none.
-pub(super) fn differing_in_case(channels: &[Channel]) -> Option<String> {
+/// What is said of such channels that the study reads, unless a file has both; none of none.
+pub(super) fn differing_in_case(channels: &[Channel], data: &DataConfig) -> Option<String> {
+    let chosen = Chosen::of(data);
     let mut known: BTreeMap<String, &Channel> = BTreeMap::new();
     let mut pairs = Vec::new();
-    for channel in channels {
+    for channel in channels.iter().filter(|channel| chosen.has(&channel.names())) {
         match known.entry(channel.name.to_lowercase()) {
             Entry::Vacant(new) => {
                 new.insert(channel);

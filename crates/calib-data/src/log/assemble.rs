@@ -45,7 +45,10 @@ impl Opened {
             Self::Tables(tables) => plan_tables(tables, data)?,
             Self::Samples(samples) => plan_samples(samples, data)?,
         };
-        planned.read_as.extend(differing_in_case(&planned.channels));
+        // Names of a long table are no headers of files.
+        if planned.shape != Shape::Long {
+            planned.read_as.extend(differing_in_case(&planned.channels, data));
+        }
         Ok(Log { utc, ..planned.into_log(data)? })
     }
 }

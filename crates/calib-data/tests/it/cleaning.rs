@@ -342,6 +342,15 @@ fn names_that_differ_in_capital_letters_are_told() {
     folder.write("b.parquet", &log(20, &[("ft101", &values)]));
     let told = folder.inspect().clock_doubts().join("\n");
     assert!(told.contains("differ only in capital letters: \"FT101\" and \"ft101\"."), "{told}");
+    let one = DataConfig { exclude: vec!["ft101".to_owned()], ..folder.data() };
+    assert_eq!(profile(&one).clock_doubts(), Vec::<String>::new());
+    let row = |second: usize| {
+        let time = format!("2024-03-01 00:00:{second:02}");
+        format!("{time},FT101,{second}\n{time},ft101,{}\n", second % 7)
+    };
+    let samples: String = (0..20).map(row).collect();
+    let long = Folder::of_text("a.csv", &format!("time,tag,value\n{samples}"));
+    assert_eq!(long.inspect().clock_doubts(), Vec::<String>::new());
     let both = Folder::of("a.parquet", &log(0, &[("FT101", &values), ("ft101", &values)]));
     assert_eq!(both.inspect().clock_doubts(), Vec::<String>::new());
 }
