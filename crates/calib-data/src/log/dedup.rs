@@ -55,10 +55,11 @@ impl Contradicting {
 
     /// The same with the values that `switch` reads the words as.
     pub(super) fn of_switch(&self, switch: &Switch, words: &Words) -> Self {
-        let value = |word: f64| switch.value(words.word(word as u32)).unwrap_or(f64::NAN);
         let first = self.first.iter().map(|contradiction| Contradiction {
             time: contradiction.time,
-            values: contradiction.values.map(value),
+            values: contradiction
+                .values
+                .map(|word| switch.value(words.word(word as u32)).unwrap_or(f64::NAN)),
         });
         Self { count: self.count, first: first.collect() }
     }

@@ -332,6 +332,9 @@ fn a_long_table_is_never_one_channel() {
     let unnamed = Folder::of_text("a.csv", &format!("when,what,how much\n{rows}"));
     let data = DataConfig { timestamp: "when".to_owned(), ..unnamed.data() };
     assert_eq!(profile(&data).shape, Shape::Long);
+    let wide = "when,flow,level\n2024-01-02 00:00:00,1,2\n2024-01-02 00:00:01,2,3\n";
+    unnamed.write_file("b.csv", wide);
+    assert_refused(&data, &["a.csv is a long table", "data.shape = \"wide\" or \"long\""]);
     // Words that seldom change are modes, or a tag that speaks seldom: that must be said.
     let mut rows = String::new();
     for row in 0..40 {
