@@ -32,7 +32,7 @@ def write_built_study(path: Path, text: str, output: str | None) -> None:
         output: The folder of results, if it is not that of the study.
 
     Raises:
-        FileExistsError: The file is not calib's, was edited, or has results that follow from other arguments.
+        FileExistsError: The file is not calib's, was edited, or has results that follow from other arguments, or that another version of calib made.
     """
     whole = _marked(text)
     if not os.path.lexists(path):
@@ -44,9 +44,14 @@ def write_built_study(path: Path, text: str, output: str | None) -> None:
         return
     if path.is_symlink() or not _is_own(there):
         raise FileExistsError(f"{path} holds another study, which build_model did not write, or which was edited; choose another folder, or remove it")
-    job = _job(path, output)
-    if job is not None and _has_results(Path(job.path("root"))):
-        raise FileExistsError(_refusal(path, job, _calib.Job(os.fspath(path), text, output=output)))
+    wanted = _calib.Job(os.fspath(path), text, output=output)
+    # An earlier call may have had another output. Such files say nothing of it, so that their own folder does not depend on the text.
+    roots = [Path(job.path("root")) for job in (wanted, _calib.Job(os.fspath(path), text))]
+    if any(map(_has_results, roots)):
+        job = _job(path)
+        if job is None:
+            raise FileExistsError(f"{path.parent} holds results of a study that this version cannot read. Choose another folder, or delete this one")
+        raise FileExistsError(_refusal(path, job, wanted))
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     unfinished.write_text(whole, encoding="utf-8")
     os.replace(unfinished, path)
@@ -70,10 +75,10 @@ def _is_own(content: bytes) -> bool:
     return text == _marked(text.partition("\n")[2])
 
 
-def _job(path: Path, output: str | None) -> _calib.Job | None:
+def _job(path: Path) -> _calib.Job | None:
     """The study in a file, or nothing if this version of calib cannot read it."""
     try:
-        return _calib.Job(os.fspath(path), output=output)
+        return _calib.Job(os.fspath(path))
     except StudyError:
         return None
 

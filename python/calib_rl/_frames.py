@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 # What pandas calls the numbers of rows: of an index that it wrote to Parquet, and of a column without a heading in a CSV file.
 _WRITTEN_INDEX = re.compile(r"__index_level_\d+__")
 _NO_HEADING = re.compile(r"(Unnamed: \d+)?")
-# A column of row numbers rises in this share of its rows at least, for rows may be missing and files joined. Our choice.
-_RISES = 0.95
+# A column of row numbers counts by one in this share of its steps at least, for rows may be missing and files joined. Our choice.
+_COUNTS = 0.95
 
 
 class Table(NamedTuple):
@@ -29,20 +29,24 @@ class Table(NamedTuple):
     """Which of its columns are left out, in sentences."""
 
 
-def table_of(log: Any) -> Table | None:
+def table_of(log: Any, times: str | None = None) -> Table | None:
     """What calib takes over of a frame: an index of times as a column, and no row numbers.
+
+    Args:
+        log: The frame.
+        times: The column that has the times, if that is said. It is kept.
 
     Returns:
         The table. ``None`` if it is none.
     """
     if _is_frame(log, "pandas"):
         indexed = _without_index(log)
-        numbers = [name for name in indexed.columns if _are_row_numbers(str(name), indexed[name])]
+        numbers = [name for name in indexed.columns if name != times and _are_row_numbers(str(name), indexed[name])]
         return Table(indexed.drop(columns=numbers) if numbers else indexed, [_told(str(name)) for name in numbers])
     if not hasattr(log, "__arrow_c_stream__"):
         return None
     if _is_frame(log, "polars"):
-        numbers = [name for name in log.columns if _are_row_numbers(name, log[name])]
+        numbers = [name for name in log.columns if name != times and _are_row_numbers(name, log[name])]
         return Table(log.drop(numbers), [_told(name) for name in numbers])
     return Table(log, [])
 
@@ -100,7 +104,9 @@ def _are_row_numbers(name: str, values: Any) -> bool:
     numbers: NDArray[Any] = np.asarray(values.to_numpy())
     if numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all() or (numbers % 1 != 0).any():
         return False
-    return _WRITTEN_INDEX.fullmatch(name) is not None or bool(len(numbers) < 2 or (np.diff(numbers) > 0).mean() >= _RISES)
+    # Differences of unsigned numbers would wrap around.
+    steps = np.diff(numbers.astype(np.float64))
+    return _WRITTEN_INDEX.fullmatch(name) is not None or bool(len(steps) == 0 or (steps == 1.0).mean() >= _COUNTS)
 
 
 def _told(name: str) -> str:

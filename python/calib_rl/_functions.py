@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import json
 import os
@@ -161,7 +162,8 @@ def build_model(
         raise TypeError(f"{stray[0]} is for models with actions; name the columns of what was done with actions=")
     if isinstance(actions, str):
         raise TypeError(f"actions is {actions!r}, expected a list of columns, such as [{actions!r}]")
-    table = table_of(log)
+    data = sections.get("data")
+    table = table_of(log, data.get("timestamp") if isinstance(data, Mapping) else None)
     is_path = isinstance(log, (str, os.PathLike))
     heard = Heard(progress)
     if table is None and not is_path:
@@ -189,10 +191,16 @@ def build_model(
     study = _written(Path(folder) / "study.toml", {"data": own, **sections}, table)
     heard.warnings.extend(table.left_out if table is not None else [])
     try:
-        return study.build_model(progress=heard) if actions is None else study.build_control_model(progress=heard)
-    finally:
-        for text in heard.warnings:
-            warnings.warn(text, CalibWarning, stacklevel=2)
+        model: Model | ActionModel = study.build_model(progress=heard) if actions is None else study.build_control_model(progress=heard)
+    except BaseException:
+        # Where warnings are errors, what was raised is told all the same.
+        with contextlib.suppress(Warning):
+            for text in heard.warnings:
+                warnings.warn(text, CalibWarning, stacklevel=2)
+        raise
+    for text in heard.warnings:
+        warnings.warn(text, CalibWarning, stacklevel=2)
+    return model
 
 
 # The file that a table is written to.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import warnings
 from decimal import Decimal
@@ -14,6 +15,7 @@ import polars
 import pytest
 
 import calib_rl
+from calib_rl._built_study import _marked
 from calib_rl._frames import arrow_stream, table_of
 
 ROWS = 400
@@ -68,6 +70,25 @@ def test_a_corrected_call_goes_into_the_same_folder(tmp_path: Path) -> None:
     assert (tmp_path / "study.toml").read_bytes() == study and calib_rl.ActionModel.open(model.path).timeout == 40
 
 
+def test_a_model_is_found_whatever_the_output_is(tmp_path: Path) -> None:
+    model = built(tank(), tmp_path)
+    study = (tmp_path / "study.toml").read_bytes()
+    with pytest.raises(FileExistsError, match="has a model of other arguments: .*control.timeout is 40 there and 50 here"):
+        built(tank(), tmp_path, timeout=50, output=tmp_path / "other")
+    assert (tmp_path / "study.toml").read_bytes() == study and calib_rl.ActionModel.open(model.path).timeout == 40
+
+
+def test_results_of_a_study_of_another_version_are_not_lost(tmp_path: Path) -> None:
+    built(tank(), tmp_path)
+    later = _marked("[control]\nkey_of_tomorrow = 1\n")
+    (tmp_path / "study.toml").write_text(later)
+    with pytest.raises(FileExistsError, match="holds results of a study that this version cannot read. Choose another folder, or delete this one"):
+        built(tank(), tmp_path)
+    assert (tmp_path / "study.toml").read_text() == later
+    shutil.rmtree(tmp_path / "study-results")
+    assert built(tank(), tmp_path).timeout == 40, "nothing came of it"
+
+
 def test_a_study_of_somebody_is_not_replaced(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text("[data]\npath = 'years'\n")
@@ -111,10 +132,26 @@ def test_row_numbers_are_no_sensors(tmp_path: Path) -> None:
         table = table_of(frame)
         assert table is not None and list(table.columns.columns) == list(log.columns)
         assert [told.split("'")[1] for told in table.left_out] == left_out
+    late = log.assign(**{"Unnamed: 0": 1_700_000_000 + 60 * np.arange(ROWS)})
+    for times in (late, late.astype({"Unnamed: 0": "uint32"})):
+        taken = table_of(times)
+        assert taken is not None and "Unnamed: 0" in taken.columns.columns, "seconds of an instant"
+    falling = table_of(log.assign(**{"Unnamed: 0": np.arange(ROWS, dtype=np.uint64)[::-1]}))
+    assert falling is not None and "Unnamed: 0" in falling.columns.columns and not falling.left_out
+    for frame in (numbered, polars.DataFrame(numbered.to_dict("list"))):
+        named = table_of(frame, "Unnamed: 0")
+        assert named is not None and "Unnamed: 0" in named.columns.columns and not named.left_out
     wave = table_of(log.assign(**{"Unnamed: 0": np.sin(np.arange(ROWS))}))
     assert wave is not None and "Unnamed: 0" in wave.columns.columns and not wave.left_out
     model, told = heard(numbered, tmp_path)
     assert model.columns == ["level"] and any("'Unnamed: 0' numbers the rows" in text for text in told)
+
+
+def test_a_column_of_times_needs_no_name(tmp_path: Path) -> None:
+    seconds = tank().drop(columns="time").assign(**{"Unnamed: 0": np.arange(ROWS) + 1_700_000_000})
+    data = {"timestamp": "Unnamed: 0", "timestamp_unit": "s"}
+    model, told = heard(seconds, tmp_path, data=data)
+    assert model.columns == ["level"] and model.period == 1.0 and not any("numbers the rows" in text for text in told)
 
 
 def test_row_numbers_of_a_file_are_no_sensors(tmp_path: Path) -> None:
@@ -202,6 +239,16 @@ def test_what_a_log_costs_is_told_without_progress(tmp_path: Path) -> None:
     model, told = heard(uneven, tmp_path / "uneven")
     lost = ROWS - 1 - len(model.decisions.actions)
     assert any(text.startswith(f"{lost} of {ROWS - 1} steps from row to row are no transitions") for text in told), (lost, told)
+
+
+def test_an_error_is_told_where_warnings_are_errors(tmp_path: Path) -> None:
+    numbered = tank().assign(**{"Unnamed: 0": np.arange(ROWS)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(calib_rl.CalibError, match="the log has no column Valve"):
+            built(numbered, tmp_path, actions=["Valve"])
+        with pytest.raises(calib_rl.CalibWarning, match="numbers the rows"):
+            built(numbered, tmp_path)
 
 
 def test_an_observer_hears_warnings_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
