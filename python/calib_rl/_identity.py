@@ -251,33 +251,56 @@ def _names(code: CodeType) -> Iterator[str]:
 
 
 def _reads(code: CodeType) -> tuple[set[str], set[str]]:
-    """The globals that a function reads, and the modules that it imports."""
+    """The globals that a function reads, and the modules that it may import, with a dot for each level where they are relative."""
     loaded: set[str] = set()
     imported: set[str] = set()
     for each in _nested(code):
+        arguments: list[Any] = []
+        module = ""
         for instruction in dis.get_instructions(each):
+            if instruction.opname == "EXTENDED_ARG":
+                continue
             if instruction.opname == "IMPORT_NAME":
-                imported.add(instruction.argval)
+                # The level and the names that are imported are loaded before.
+                level = next((argument for argument in arguments[-2:-1] if type(argument) is int), 0)
+                module = "." * level + instruction.argval
+                imported.add(module)
+            elif instruction.opname == "IMPORT_FROM":
+                # What is imported from a package may be a module in it.
+                imported.add(f"{module}{'' if module.endswith('.') else '.'}{instruction.argval}")
             elif instruction.opname.startswith("LOAD_") and instruction.opname.endswith(("GLOBAL", "GLOBALS", "NAME")):
                 loaded.add(instruction.argval)
+            arguments.append(instruction.argval)
     return loaded, imported
 
 
 def _imported(name: str, package: str) -> list[str]:
     """A module that a function imports when it is called. It may not be loaded yet, so that its file alone can be told."""
-    for candidate in (name, f"{package}.{name}"):
-        if candidate in sys.modules:
-            path = getattr(sys.modules[candidate], "__file__", None)
-        else:
-            try:
-                spec = importlib.util.find_spec(candidate)
-            except (ImportError, ValueError):
-                continue
-            if spec is None:
-                continue
-            path = spec.origin
-        return [candidate, _digest_of_file(path) if _is_own(candidate, path) else _version(candidate)]
-    return [name]
+    try:
+        module = importlib.util.resolve_name(name, package)
+        top = module.partition(".")[0]
+        # Python imports a package to find what is in it, which the version of an installed one does not need.
+        if not _is_own(top, _file_of(top)):
+            return [module, _version(top)]
+        path = _file_of(module)
+    except Exception:  # that of a package on the way, or there is no such module
+        return [name]
+    return [module, _digest_of_file(path) if _is_own(module, path) else _version(module)]
+
+
+def _file_of(module: str) -> str | None:
+    """The file of a module, if it has one.
+
+    Raises:
+        ImportError: There is no such module. A package that it is in may raise anything.
+    """
+    if module in sys.modules:
+        path: str | None = getattr(sys.modules[module], "__file__", None)
+        return path
+    spec = importlib.util.find_spec(module)
+    if spec is None:
+        raise ImportError(module)
+    return spec.origin
 
 
 def _is_own(name: Any, path: str | None = None) -> bool:

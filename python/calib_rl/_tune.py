@@ -139,7 +139,7 @@ def tune(
         alive = [place for place in alive if place not in work.failed]
         if part == 1 or not alive:
             break
-        verdict = work.judged(alive, results, limits)
+        verdict = work.judged(alive, results, limits, max(1, steps // part))
         ranks = verdict["selection"]
         order = sorted(range(len(alive)), key=lambda place: (ranks["mean_ranks"][place], ranks["worst_ranks"][place]))
         kept = {alive[place] for place in order[: max(1, -(-len(alive) // (halving or 1)))]}
@@ -151,7 +151,7 @@ def tune(
     if not alive:
         advice = ["Deploy nothing: every setting failed."]
         return Tuned([], None, shown, advice, [], failures, halved, {}, [])
-    verdict = work.judged(alive, results, limits, work.constants(max(1, steps)))
+    verdict = work.judged(alive, results, limits, steps, work.constants(steps))
     doubts, advice = verdict.pop("reasons"), verdict.pop("summary")
     compared = [settings[place] for place in alive]
     every_run = _runs(settings, alive, results)
@@ -162,7 +162,9 @@ def tune(
             f"to learn within total_timesteps={steps}; raise it above n_steps (2,048 in PPO) and learning_starts, or lower these"
         )
         doubts.insert(0, alike)
-        remarks.insert(0, alike)
+        # Before the other reasons: after the headline and what the choice gets, and in `why` after what the headline means.
+        advice[2:] = [alike, *advice[2:4]]
+        verdict["why"].insert(3, alike)
     verdict["why"] += remarks
     return Tuned(compared, compared[verdict["chosen"]], shown, [*advice, *remarks], doubts, failures, halved, verdict, every_run)
 
@@ -328,6 +330,11 @@ class _Work:
         stop = threading.Event()
         crashes: list[BaseException] = []
 
+        def end_all() -> None:
+            stop.set()
+            for worker in list(workers):
+                worker.kill()
+
         def serve() -> None:
             worker = None
             try:
@@ -341,6 +348,9 @@ class _Work:
                     if worker is None:
                         worker = Worker(message)
                         workers.append(worker)
+                        # Who stopped meanwhile did not see it.
+                        if stop.is_set():
+                            return
                     came = worker.run(units[place])
                     if stop.is_set():
                         return
@@ -350,7 +360,7 @@ class _Work:
                     end(place, came)
             except BaseException as error:  # told to whoever called
                 crashes.append(error)
-                stop.set()
+                end_all()
             finally:
                 if worker is not None:
                     worker.close()
@@ -364,9 +374,7 @@ class _Work:
                 while thread.is_alive():
                     thread.join(0.2)
         except BaseException:
-            stop.set()
-            for worker in workers:
-                worker.kill()
+            end_all()
             for thread in threads:
                 thread.join(5.0)
             raise
@@ -392,20 +400,22 @@ class _Work:
         for kind in self.kinds:
             walks = make_vec(self.model, count, members=self.members, kind=kind, **environment)
             walks.reset(seed=int(np.random.SeedSequence([self.seed, 1]).generate_state(1, np.uint32)[0]))
-            rewards, episodes, lengths, uncovered = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
+            rewards, episodes, lengths = np.zeros(count), np.zeros(count), np.zeros(count)
+            walked, uncovered = np.zeros(count, np.int64), np.zeros(count, np.int64)
             over = np.zeros(count, np.bool_)
             for _ in range(steps):
                 taken = np.where(is_random, drawn.integers(actions, size=count), policy)
                 _, reward, terminated, truncated, info = walks.step(taken)
                 # The step after the end of an episode begins the next one, and is none of it.
                 rewards += np.where(over, 0.0, reward)
+                walked += ~over
                 uncovered += ~info["covered"] & ~over
                 lengths = np.where(over, 0, lengths + 1)
                 over = terminated | truncated
                 episodes += over
             returns = rewards / np.maximum(episodes + np.where(over, 0, lengths) / timeout, 1.0)
             by_policy = [[float(np.mean(returns[(policy == one) & (member == place)])) for one in range(policies)] for place in range(members)]
-            coverage = [{"steps": steps * members * of_constant, "missing": 0, "far": int(uncovered[policy == action].sum())} for action in range(actions)]
+            coverage = [{"steps": int(walked[policy == action].sum()), "missing": 0, "far": int(uncovered[policy == action].sum())} for action in range(actions)]
             by_action, at_random = [own[:actions] for own in by_policy], [own[actions] for own in by_policy]
             found.append({"kind": kind, "members": by_action, "random": at_random, "coverage": coverage})
         return found
@@ -415,9 +425,10 @@ class _Work:
         places: list[int],
         results: dict[int, list[dict[str, Any]]],
         limits: dict[str, Any],
+        steps: int,
         constants: list[dict[str, Any]] | None = None,
     ) -> dict[str, Any]:
-        """The verdict about these settings, by their place among them."""
+        """The verdict about these settings, by their place among them, after so many steps of each agent."""
         numbers = {member: number for number, member in enumerate(self.members)}
         runs = [
             {**unit["run"], "candidate": number, "member": numbers[unit["run"]["member"]]}
@@ -427,7 +438,8 @@ class _Work:
         compared = [self.settings[place] for place in places]
         standard = places.index(self.default) if self.default in places else None
         names = Names(compared)
-        timeout = self.environment.get("timeout") or self.model.timeout
+        # Agents that live for less than an episode have no longer ones.
+        timeout = min(self.environment.get("timeout") or self.model.timeout, steps)
         verdict: dict[str, Any] = json.loads(
             self.model._native.judge(
                 json.dumps(runs),

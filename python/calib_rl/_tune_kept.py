@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ._acting import ActionModel
-from ._errors import CalibError
+from ._errors import CalibError, CalibWarning
 from ._identity import Unstable, identity
 from ._tune_settings import Names, Setting
 
@@ -62,6 +62,7 @@ class Kept:
             warnings.warn(
                 f"folder: {which} are not kept, because {unstable[0]}, which cannot be compared with that of another call; make it inside "
                 "make_agent, or leave folder= out",
+                CalibWarning,
                 stacklevel=3,
             )
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -62,12 +64,14 @@ def settings_of(grid: Any, default: Any) -> tuple[list[Setting], int | None]:
     settings = [_plain(setting) for setting in _combinations(grid)]
     if not settings or settings == [{}]:
         raise ValueError("the grid has no setting; give values of an argument of make_agent, such as {'gamma': [0.9, 0.99]}")
-    for place, setting in enumerate(settings):
-        if place_of(setting, settings[:place]) is not None:
+    known = _Known(_are_same_settings)
+    for setting in settings:
+        if known.place_of(setting) is not None:
             raise ValueError(f"the grid has {label(setting)} twice; remove one")
+        known.add(setting)
     if default is None:
         return settings, None
-    found = place_of(default, settings)
+    found = known.place_of(default)
     if found is not None:
         return settings, found
     # Of settings that come to the same the first is chosen.
@@ -103,14 +107,61 @@ def _plain(setting: Mapping[str, Any]) -> Setting:
     return {name: value.item() if isinstance(value, (np.number, np.bool_, np.str_)) else value for name, value in setting.items()}
 
 
-def place_of(setting: Mapping[str, Any] | None, settings: Sequence[Mapping[str, Any]]) -> int | None:
-    """The place of the first equal setting."""
-    if setting is None:
-        return None
-    for place, other in enumerate(settings):
-        if setting is other or (setting.keys() == other.keys() and all(_is_same(value, other[name]) for name, value in setting.items())):
-            return place
-    return None
+class _Known:
+    """Values that came before. Each is found again by an equal one, in the same time however many there are, unless it is an object of another kind.
+
+    Args:
+        is_same: Whether two values are equal.
+    """
+
+    def __init__(self, is_same: Callable[[Any, Any], bool]) -> None:
+        self.values: list[Any] = []
+        """The values, in the order in which they came."""
+        self._is_same = is_same
+        self._by_key: dict[Hashable, int] = {}
+        self._others: list[int] = []
+
+    def place_of(self, value: Any) -> int | None:
+        """The place of the first equal value."""
+        try:
+            key = _key(value)
+        except (TypeError, RecursionError):
+            places: Iterable[int] = range(len(self.values))
+        else:
+            if key in self._by_key:
+                return self._by_key[key]
+            places = self._others
+        return next((place for place in places if self._is_same(value, self.values[place])), None)
+
+    def add(self, value: Any) -> None:
+        """Remember a value to which no other is equal."""
+        try:
+            self._by_key[_key(value)] = len(self.values)
+        except (TypeError, RecursionError):
+            self._others.append(len(self.values))
+        self.values.append(value)
+
+
+def _key(value: Any) -> Hashable:
+    """What equal values of these kinds have alike, and no others.
+
+    Raises:
+        TypeError: The value is of another kind, or contains such a one. Its own equality may be anything.
+        RecursionError: It contains itself.
+    """
+    kind = type(value)
+    if kind in (type(None), bool, int, float, str, bytes, FunctionType, type):
+        plain: Hashable = value
+        return plain
+    if kind in (list, tuple):
+        return (kind, *map(_key, value))
+    if kind is dict:
+        return (kind, frozenset((_key(name), _key(item)) for name, item in value.items()))
+    raise TypeError(kind)
+
+
+def _are_same_settings(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    return one.keys() == other.keys() and all(_is_same(value, other[name]) for name, value in one.items())
 
 
 def _is_same(one: Any, other: Any) -> bool:
@@ -157,22 +208,26 @@ class Names:
         # In the order of each setting's own arguments.
         self.texts = [{name: texts[name] for name in setting} for setting, texts in zip(settings, self.texts)]
         lines = [_line(texts) for texts in self.texts]
-        self.labels = [line if lines.count(line) == 1 else f"{line} (setting {place})" for place, line in enumerate(lines)]
+        times = Counter(lines)
+        self.labels = [line if times[line] == 1 else f"{line} (setting {place})" for place, line in enumerate(lines)]
         """Each setting in a line."""
 
 
 def _distinct(values: Sequence[Any]) -> list[str]:
     """Values as they are printed: with all their digits, with quotes, or with a number, where two would be printed alike."""
-    different: list[Any] = []
+    different = _Known(_is_same)
     numbers = []
     for value in values:
-        number = next((number for number, other in enumerate(different) if _is_same(value, other)), len(different))
-        if number == len(different):
-            different.append(value)
+        number = different.place_of(value)
+        if number is None:
+            number = len(different.values)
+            different.add(value)
         numbers.append(number)
-    texts = [short(value) for value in different]
-    texts = [text if texts.count(text) == 1 else _exact(value) for value, text in zip(different, texts)]
-    texts = [text if texts.count(text) == 1 else f"{text} #{number}" for number, text in enumerate(texts, 1)]
+    texts = [short(value) for value in different.values]
+    times = Counter(texts)
+    texts = [text if times[text] == 1 else _exact(value) for value, text in zip(different.values, texts)]
+    times = Counter(texts)
+    texts = [text if times[text] == 1 else f"{text} #{number}" for number, text in enumerate(texts, 1)]
     return [texts[number] for number in numbers]
 
 

@@ -76,8 +76,10 @@ class Tuned:
         for name in dict.fromkeys(name for setting in self.settings for name in setting):
             values = [self.settings[place].get(name) for place in order]
             kinds = {type(value) for value in values if value is not None}
-            if not (kinds <= {int, float} or kinds == {bool} or kinds == {str}):
-                # Columns of frames have one type.
+            # Columns of frames have one type.
+            if kinds == {int, float}:
+                values = [None if value is None else float(value) for value in values]
+            elif not (kinds <= {int} or kinds in ({float}, {bool}, {str})):
                 values = [texts[place].get(name) for place in order]
             columns[f"{name}_value" if name in columns else name] = values
         return frame_of(columns)

@@ -494,13 +494,14 @@ def test_policies_that_learn_nothing_walk_often(acting: calib_rl.ActionModel) ->
     # A hundred episodes of 40 steps in walks of 200, and about as many of three constant actions together.
     assert acting._native.fixed_walks(1, 200, 40) == (20, 7)
     assert acting._native.fixed_walks(50, 200, 40) == (50, 50)
-    work = _Work(Sarsa, acting, [{}], [3, 1], ["neighbors"], 1, 0, {}, None, 1, False)
+    work = _Work(Sarsa, acting, [{}], None, [3, 1], ["neighbors"], 1, 0, {}, 1, False)
     (found,) = work.constants(200)
     assert [len(found["members"]), len(found["random"])] == [2, 2] and {len(own) for own in found["members"]} == {3}
-    assert [own["steps"] for own in found["coverage"]] == [200 * 2 * 7] * 3
+    # Of 200 calls of `step` four begin an episode.
+    assert [own["steps"] for own in found["coverage"]] == [196 * 2 * 7] * 3
     assert work.constants(200) == [found], "of named seeds"
     # Another seed is other walks, and says the same of actions at random.
-    others = [_Work(Sarsa, acting, [{}], [3, 1], ["neighbors"], 1, seed, {}, None, 1, False).constants(200)[0] for seed in (1, 2, 3)]
+    others = [_Work(Sarsa, acting, [{}], None, [3, 1], ["neighbors"], 1, seed, {}, 1, False).constants(200)[0] for seed in (1, 2, 3)]
     spread = np.std([other["random"][0] for other in others])
     assert 0 < spread < 0.15 * abs(found["random"][0])
 

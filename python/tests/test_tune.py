@@ -9,9 +9,12 @@ import os
 import subprocess
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable
+from decimal import Decimal
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
@@ -20,7 +23,9 @@ import pytest
 
 import calib_rl
 from calib_rl._identity import Unstable, identity
-from calib_rl._tune_settings import Names
+from calib_rl._tune import _Work
+from calib_rl._tune_kept import Kept
+from calib_rl._tune_settings import Names, settings_of
 
 polars = pytest.importorskip("polars")
 
@@ -207,6 +212,42 @@ def test_an_identity_is_the_same_in_every_process() -> None:
         assert told(SCRIPT.replace(before, after), "1") != first, after
 
 
+PACKAGE = """
+def relative(env):
+    from . import rewards
+    return rewards.reward(env)
+def absolute(env):
+    from plant_agents import rewards as renamed
+    return renamed.reward(env)
+def within(env):
+    from .rewards import reward
+    return reward(env)
+def broken(env):
+    from plant_agents.raises import rewards
+    return rewards
+"""
+
+
+def test_modules_that_a_function_imports_count_by_their_files(tmp_path: Path) -> None:
+    package = tmp_path / "plant_agents"
+    (package / "raises").mkdir(parents=True)
+    (package / "__init__.py").write_text("", encoding="utf-8")
+    (package / "agents.py").write_text(PACKAGE, encoding="utf-8")
+    (package / "raises" / "__init__.py").write_text("raise RuntimeError('no licence')", encoding="utf-8")
+    names = ["relative", "absolute", "within", "broken"]
+    source = f"from calib_rl._identity import identity; from plant_agents import agents; print(*[identity(getattr(agents, name), name) for name in {names}])"
+
+    def told(rewards: str) -> list[str]:
+        (package / "rewards.py").write_text(rewards, encoding="utf-8")
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+        return subprocess.run([sys.executable, "-c", source], check=True, capture_output=True, text=True, env=environment).stdout.split()
+
+    first = told("def reward(env): return 1.0")
+    assert told("def reward(env): return 1.0") == first
+    changed = [one != other for one, other in zip(first, told("def reward(env): return 2.0"))]
+    assert changed == [True, True, True, False]
+
+
 def test_tensors_and_values_of_libraries_have_an_identity() -> None:
     torch = pytest.importorskip("torch")
     values = [torch.zeros(3), torch.ones(3), torch.zeros(4), torch.zeros(3, dtype=torch.bfloat16), torch.nn.ReLU, torch.relu, torch.float32]
@@ -231,10 +272,10 @@ def test_what_cannot_be_compared_is_not_kept(acting: calib_rl.ActionModel, tmp_p
         with lock:
             return Always(env, **setting)
 
-    with pytest.warns(UserWarning, match=r"^folder: the results are not kept, because make_agent\.lock is a _thread\.lock"):
+    with pytest.warns(calib_rl.CalibWarning, match=r"^folder: the results are not kept, because make_agent\.lock is a _thread\.lock"):
         run(make, {"limit": [10]}, acting, folder=tmp_path)
     assert not list(tmp_path.iterdir())
-    with pytest.warns(UserWarning, match="^folder: the results of some settings are not kept, because value="):
+    with pytest.warns(calib_rl.CalibWarning, match="^folder: the results of some settings are not kept, because value="):
         run(Always, {"value": [1, lock]}, acting, folder=tmp_path)
     assert len(list(tmp_path.iterdir())) == 4
 
@@ -367,8 +408,64 @@ def test_processes_leave_no_open_files(acting: calib_rl.ActionModel) -> None:
     assert not [one for one in told if issubclass(one.category, ResourceWarning)]
 
 
+def test_an_error_ends_the_other_processes(acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def make(env: Any, limit: int = 40) -> Always:
+        if limit == 3:
+            time.sleep(120)
+        return Always(env, limit=limit)
+
+    def full(self: Any, unit: Any, came: Any) -> None:
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(Kept, "write", full)
+    began = time.monotonic()
+    with pytest.raises(OSError, match="no space left"):
+        run(make, {"limit": [3, 10]}, acting, members=[0], default=None, processes=2, folder=tmp_path)
+    assert time.monotonic() - began < 60
+
+
+def test_episodes_are_no_longer_than_an_agent_lives(acting: calib_rl.ActionModel) -> None:
+    asked: list[int] = []
+
+    class Native:
+        def judge(self, runs: str, settings: Any, fields: Any, default: Any, default_failed: bool, timeout: int, *rest: Any) -> str:
+            asked.append(timeout)
+            return "{}"
+
+    model: Any = SimpleNamespace(_native=Native(), timeout=40)
+    for environment in ({}, {"timeout": 30}):
+        work = _Work(Always, model, [{}], None, [0], ["neighbors"], 1, 0, environment, 1, False)
+        for steps in (10, 100):
+            work.judged([0], {0: []}, {"most_uncovered": None, "fewest_terminals": None}, steps)
+    assert asked == [10, 40, 10, 30]
+
+
+def test_columns_of_the_frame_have_one_type(acting: calib_rl.ActionModel) -> None:
+    def values(values: list[Any]) -> list[Any]:
+        frame = run(Always, {"value": values}, acting, default=None, members=[0]).frame()
+        return sorted(frame["value"].to_list(), key=str)
+
+    assert values([1, 0.5]) == [0.5, 1.0]
+    assert values([1, 2]) == [1, 2] and values([True, False]) == [False, True] and values(["a", "b"]) == ["a", "b"]
+    assert values([1, "a"]) == ["1", "a"] and values([True, 0.5]) == ["0.5", "True"]
+
+
+def test_thousands_of_settings_are_told_apart_in_little_time() -> None:
+    settings: list[dict[str, Any]] = [{"net": [64, number], "rate": number / 1e5, "act": Always} for number in range(3000)]
+    began = time.monotonic()
+    found, place = settings_of(settings, settings[-1])
+    assert place == 2999 and len(set(Names(found).labels)) == 3000
+    assert time.monotonic() - began < 5
+    for twice in ([{"a": 1}, {"a": 1.0}], [{"a": [1, (2, None)]}, {"a": [1, (2, None)]}], [{"a": {"b": 1}}, {"a": {"b": True}}], [{"a": Decimal(1)}, {"a": 1}]):
+        with pytest.raises(ValueError, match="twice"):
+            settings_of(twice, None)
+    different = [{"a": [1]}, {"a": (1,)}, {"a": "1"}, {"a": 1}, {}, {"b": 1}, {"a": float("nan")}, {"a": float("nan")}, {"a": np.arange(2)}, {"a": np.arange(3)}]
+    assert settings_of(different, None) == (different, None)
+
+
 def test_settings_that_all_get_the_same_name_a_cause(acting: calib_rl.ActionModel) -> None:
     tuned = run(Always, {"value": [1, 2]}, acting)
     assert not tuned.is_supported and tuned.doubts[0].startswith("all 3 settings got the same returns in every training run")
-    assert "total_timesteps=100; raise it above n_steps" in tuned.advice[1]
+    assert "total_timesteps=100; raise it above n_steps" in tuned.advice[2] and len(tuned.advice) <= 5
+    assert tuned.why()[3] == tuned.advice[2], "after what the headline means"
     assert not any("got the same returns" in doubt for doubt in run(Always, {"action": [0, 2]}, acting).doubts)
