@@ -16,9 +16,10 @@ pub struct BestConstant {
     #[serde(with = "calib_stats::diverged")]
     #[schemars(with = "calib_stats::diverged::Stored")]
     pub mean_return: f64,
-    /// Share of its steps that the log does not cover, in the first kind of model.
+    /// Share of its steps that the log does not cover, in the neighbours' models where there are any.
     pub uncovered: f64,
-    /// Mean return of the chosen candidate, learning included, minus that of the action, with the jackknife's interval over members.
+    /// Mean return of the chosen candidate, learning included, minus that of a constant action, with the jackknife's interval over members.
+    /// In each member it is the action that gets most in the others: of many equal actions the best one looks better than it is by chance.
     pub over: Option<Difference>,
     /// What it gets in each kind of model. Kinds that differ much do not know what it leads to.
     #[serde(default)]
@@ -61,39 +62,71 @@ pub struct OutlyingMember {
     pub chosen_return: f64,
 }
 
+/// What always taking one action gets in each member, the mean over kinds.
+struct ConstantAction {
+    action: usize,
+    returns: Vec<f64>,
+}
+
+impl ConstantAction {
+    /// Its mean return over all members, or over all but one.
+    fn mean_without(&self, left_out: Option<usize>) -> f64 {
+        let members = self.returns.iter().enumerate();
+        let kept = members.filter(|&(member, _)| Some(member) != left_out);
+        mean(&kept.map(|(_, &own)| own).collect::<Vec<f64>>())
+    }
+}
+
+/// The action that gets most over all members, or over all but one; of equal ones the first.
+fn best_without(actions: &[ConstantAction], left_out: Option<usize>) -> Option<&ConstantAction> {
+    actions.iter().reduce(|best, other| {
+        if other.mean_without(left_out) > best.mean_without(left_out) { other } else { best }
+    })
+}
+
+/// What the action that gets most in the other members gets in each, so that no action is chosen for what it gets there by chance. One member
+/// has no others: there it is the best one.
+fn returns_of_best(actions: &[ConstantAction], best: &ConstantAction) -> Vec<f64> {
+    let members = best.returns.len();
+    (0..members)
+        .map(|member: usize| {
+            let left_out = (members > 1).then_some(member);
+            best_without(actions, left_out).unwrap_or(best).returns[member]
+        })
+        .collect()
+}
+
 /// The best constant action over the members of these kinds, which lack the same block each, and what `own`, the mean returns of the
-/// chosen candidate `[members]`, are more than it. None if more than the share `most_uncovered` of the steps of every action is not
-/// covered: the models do not know what such an action leads to.
+/// chosen candidate `[members]`, are more than that of such an action. None if more than the share `most_uncovered` of the steps of every
+/// action is not covered: the models do not know what such an action leads to.
 pub(super) fn best_constant(
     constants: &[&ConstantReturns],
     own: &[f64],
     most_uncovered: f64,
 ) -> Result<Option<BestConstant>, StatsError> {
-    let Some(first) = constants.first() else { return Ok(None) };
-    let actions = (0..first.coverage.len())
-        .filter(|&action| first.coverage[action].uncovered() <= most_uncovered)
-        .map(|action| {
-            let members = own.len();
-            (
-                action,
-                over_all_kinds(constants, members, |of_kind, member| {
-                    of_kind.members[member][action]
-                }),
-            )
-        });
-    // Of equal ones the first.
-    let best =
-        actions.reduce(|best, other| if mean(&other.1) > mean(&best.1) { other } else { best });
-    let Some((action, returns)) = best else { return Ok(None) };
+    // Neighbours, where there are any, alone know what a step rests on.
+    let Some(first) = constants.iter().min_by_key(|of_kind| of_kind.kind) else { return Ok(None) };
+    let covered = (0..first.coverage.len())
+        .filter(|&action| first.coverage[action].uncovered() <= most_uncovered);
+    let actions: Vec<ConstantAction> = covered
+        .map(|action| ConstantAction {
+            action,
+            returns: over_all_kinds(constants, own.len(), |of_kind, member| {
+                of_kind.members[member][action]
+            }),
+        })
+        .collect();
+    let Some(best) = best_without(&actions, None) else { return Ok(None) };
+    let action = best.action;
     let kinds = constants.iter().map(|of_kind| {
         let members: Vec<f64> = of_kind.members.iter().map(|member| member[action]).collect();
         KindMean { kind: of_kind.kind, mean_return: mean(&members) }
     });
     Ok(Some(BestConstant {
         action,
-        mean_return: mean(&returns),
+        mean_return: mean(&best.returns),
         uncovered: first.coverage[action].uncovered(),
-        over: beyond(own, &returns)?,
+        over: beyond(own, &returns_of_best(&actions, best))?,
         kinds: kinds.collect(),
     }))
 }

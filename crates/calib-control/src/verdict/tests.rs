@@ -401,6 +401,65 @@ fn a_constant_action_that_gets_more_is_a_doubt() {
     assert_eq!(judged(&GOOD, Support::default()).constant, None, "not tried");
 }
 
+/// What 64 equal actions get in a member: the same values, of a standard deviation of 1, in an order that follows from an odd `step`. Their mean
+/// is half a standard deviation below that of the choice, which gets -9, -11 and -8.
+fn noisy_actions(step: u32) -> Vec<f64> {
+    let places = (1..=64).map(|action: u32| f64::from(action * step % 64));
+    places.map(|place| (place - 31.5) / 18.47 - 9.833).collect()
+}
+
+#[test]
+fn the_best_of_many_equal_actions_is_no_doubt() {
+    let beside = |more_of_one: f64| {
+        let mut members = [5, 27, 43].map(noisy_actions).to_vec();
+        for returns in &mut members {
+            returns[7] += more_of_one;
+        }
+        let [of_two] = constants([-20.0; 3], 0);
+        let coverage = vec![of_two.coverage[0]; 64];
+        let verdict = judged_beside(&[ConstantReturns { members, coverage, ..of_two }]);
+        let best = verdict.constant.expect("tried");
+        let mut doubts = verdict.doubts.into_iter();
+        let is_doubted = doubts.any(|doubt| matches!(doubt, Doubt::WorseThanConstant { .. }));
+        (best, is_doubted)
+    };
+    let (best, is_doubted) = beside(0.0);
+    let over = best.over.expect("finite");
+    assert!(best.mean_return > -9.0 && over.mean > 1.4, "the best one looks good: {best:?}");
+    assert!(over.interval.is_some() && !is_doubted);
+    let (best, is_doubted) = beside(4.0);
+    assert!(best.action == 7 && is_doubted, "{best:?}");
+}
+
+#[test]
+fn the_order_of_kinds_changes_nothing() {
+    let log = plain();
+    let [of_neighbors] = constants([-4.0, -5.9, -3.1], 90);
+    let kind = ActionModelKind::Network;
+    // A network knows of no step whether the log covers it.
+    let coverage = vec![Coverage { far: 0, ..of_neighbors.coverage[0] }; 2];
+    let of_networks = ConstantReturns { kind, coverage, ..of_neighbors.clone() };
+    let runs = [runs(&GOOD), runs_of_kind(kind, &GOOD)].concat();
+    let judged = |constants: &[ConstantReturns]| {
+        judge(&runs, &Question { constants, ..question(&log) }, Seed::new(1)).expect("judged")
+    };
+    let verdict = judged(&[of_neighbors.clone(), of_networks.clone()]);
+    assert_eq!(
+        verdict.constant.as_ref().map(|best| best.action),
+        Some(0),
+        "the other is not covered"
+    );
+    assert_eq!(verdict.doubts, []);
+    let other = judged(&[of_networks, of_neighbors]);
+    assert_eq!(other.doubts, []);
+    let [one, two] = [verdict, other].map(|verdict| verdict.constant.expect("tried"));
+    assert_eq!(
+        (one.action, one.mean_return, one.uncovered),
+        (two.action, two.mean_return, two.uncovered)
+    );
+    assert_eq!(one.over, two.over);
+}
+
 #[test]
 fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
     let is_doubted = |verdict: &ReturnVerdict| {

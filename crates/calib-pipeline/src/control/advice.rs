@@ -384,14 +384,14 @@ fn finite(value: &str) -> Option<f64> {
 }
 
 /// What the chosen setting gets beside a policy that learns nothing.
-fn more_than_that(over: Option<&Difference>) -> String {
+fn more_than(other: &str, over: Option<&Difference>) -> String {
     let Some(over) = over.filter(|over| over.mean.is_finite()) else { return String::new() };
     let interval = over.interval.map_or_else(String::new, |around| {
         let is_chance = around.low < 0.0 && around.high > 0.0;
         let chance = if is_chance { ", which could be chance" } else { "" };
         format!("{}{chance}", interval_of_amounts(around))
     });
-    format!(" The chosen setting gets {} than that{interval}.", amount(over.mean))
+    format!(" The chosen setting gets {} than {other}{interval}.", amount(over.mean))
 }
 
 /// What the rank is called that a rule goes by.

@@ -4,7 +4,10 @@ use calib_base::output::{percent, significant};
 use calib_control::{BestConstant, OutlyingMember, RandomActions, RecordedReturn};
 use calib_report::listed;
 
-use super::{Advice, Reason, Vocabulary, interval, interval_of_amounts, more_than_that};
+use super::{Advice, Reason, Vocabulary, interval, interval_of_amounts, more_than};
+
+/// What the choice is compared with in each ensemble member. The best of many actions looks better than it is by chance.
+const BEST_OF_OTHERS: &str = "the action that is best in the other ensemble members";
 
 impl Advice<'_> {
     /// That a constant action gets more, and what to do: that depends on whether it could be chance.
@@ -18,12 +21,15 @@ impl Advice<'_> {
         );
         let learn = format!("or let agents learn for longer ({steps})");
         let over = self.verdict.constant.as_ref().and_then(|best| best.over.as_ref());
-        match over.and_then(|over| over.interval) {
-            Some(around) if around.high > 0.0 => Reason {
-                what: format!("{told}, which could be chance{}", interval_of_amounts(around)),
-                remedy: format!("try that action first, {learn}"),
-            },
-            _ => Reason { what: told, remedy: format!("take that action, {learn}") },
+        let around = over.and_then(|over| over.interval);
+        if around.is_some_and(|around| around.high <= 0.0) {
+            return Reason { what: told, remedy: format!("take that action, {learn}") };
+        }
+        // Without an interval no more is shown than with one around 0.
+        let around = around.map_or_else(String::new, interval_of_amounts);
+        Reason {
+            what: format!("{told}, which could be chance{around}"),
+            remedy: format!("try that action first, {learn}"),
         }
     }
 
@@ -68,7 +74,9 @@ impl Advice<'_> {
     /// What always taking one action would get, which needs no agent.
     pub(super) fn beside_constant(&self, constant: &BestConstant) -> String {
         let BestConstant { action, mean_return, uncovered, over, kinds } = constant;
-        let over = more_than_that(over.as_ref());
+        let has_others = self.verdict.members.len() > 1;
+        let other = if has_others { BEST_OF_OTHERS } else { "that" };
+        let over = more_than(other, over.as_ref());
         let each: Vec<String> = kinds
             .iter()
             .map(|own| format!("{} in {}", significant(own.mean_return), own.kind.name()))
@@ -85,7 +93,7 @@ impl Advice<'_> {
 
 /// What actions at random would get.
 pub(super) fn beside_random_actions(random: &RandomActions) -> String {
-    let over = more_than_that(random.over.as_ref());
+    let over = more_than("that", random.over.as_ref());
     format!("Random actions get {} in the model.{over}", significant(random.mean_return))
 }
 

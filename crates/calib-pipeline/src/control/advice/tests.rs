@@ -338,9 +338,10 @@ fn a_default_that_failed_is_not_said_to_be_missing() {
 fn a_constant_action_is_told_with_its_kinds_and_whether_it_could_be_chance() {
     let doubt =
         json!([{ "reason": "worse_than_constant", "action": 0, "constant": 4, "promised": 3 }]);
-    let told = |high: f64| {
+    let told = |high: Option<f64>| {
         let mut verdict = verdict(&doubt);
-        let interval = Some(Interval { low: -3.0, high });
+        let interval = high.map(|high| Interval { low: -3.0, high });
+        verdict.members = vec![vec![1.0, 3.0]; if high.is_some() { 5 } else { 1 }];
         let kinds = [(ActionModelKind::Neighbors, 132.0), (ActionModelKind::Increments, 10.0)];
         verdict.constant = Some(BestConstant {
             action: 0,
@@ -354,11 +355,16 @@ fn a_constant_action_is_told_with_its_kinds_and_whether_it_could_be_chance() {
         assert_eq!(advice.decision().support, Support::Unsupported);
         advice.why().join("\n")
     };
-    let chance = told(1.0);
+    let chance = told(Some(1.0));
     let kinds = "always off gets 71.0 in the model (132 in neighbors and 10.0 in increments)";
     assert!(chance.contains(kinds), "{chance}");
     let could = "gets 3.00, learning included, which could be chance (95 % over blocks of the log: 3.00 less to 1.00 more); try that action first";
     assert!(chance.contains(could), "{chance}");
-    let sure = told(-0.5);
+    let beside = "The chosen setting gets 1.00 less than the action that is best in the other ensemble members (95 %";
+    assert!(chance.contains(beside), "{chance}");
+    let sure = told(Some(-0.5));
     assert!(sure.contains("learning included; take that action"), "{sure}");
+    let alone = told(None);
+    assert!(alone.contains("which could be chance; try that action first"), "{alone}");
+    assert!(alone.contains("The chosen setting gets 1.00 less than that."), "{alone}");
 }
