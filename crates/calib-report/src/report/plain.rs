@@ -78,7 +78,7 @@ impl Verdict {
 
     /// Why the default, which learns nothing after the log, is kept although another setting was chosen.
     fn learning_off(&self) -> Option<String> {
-        self.without_learning()?;
+        self.without_learning().filter(|_| !self.learns_nothing)?;
         let default = self.alternative(ChoiceBaseline::Default)?.value.as_ref()?;
         if *default == self.chosen {
             return None;

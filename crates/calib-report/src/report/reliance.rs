@@ -68,6 +68,7 @@ impl Verdict {
     pub(super) fn may_gain_by_learning(&self) -> bool {
         let against = self.online.as_ref().and_then(|online| online.against_default);
         self.without_learning().is_some()
+            && !self.learns_nothing
             && against.is_some_and(|ratio| ratio.value < WORTH_MENTIONING)
     }
 
@@ -75,7 +76,7 @@ impl Verdict {
     /// itself, they do if no other setting did better in any window, or hardly better.
     pub(super) fn excludes_a_gain(&self) -> bool {
         let Some(online) = &self.online else { return false };
-        match (online.against_default, online.regret) {
+        match (online.against_default.filter(|_| !self.learns_nothing), online.regret) {
             (Some(ratio), _) => ratio.interval.is_some_and(|interval| interval.low >= WORTH_A_WORD),
             (None, Some(regret)) => {
                 regret.value == 0.0 || regret.upper.is_some_and(|upper| upper <= 1.0 - WORTH_A_WORD)

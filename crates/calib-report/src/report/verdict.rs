@@ -53,6 +53,8 @@ pub struct Verdict {
     /// The simple predictor to use because further learning adds nothing: the choice is that and learns nothing, or it is not shown
     /// to improve by a hundredth on a default that is.
     pub frozen: Option<SimplePredictor>,
+    /// Whether that is the choice itself, which learns nothing then: what it gains on the default is no gain by learning.
+    pub learns_nothing: bool,
     /// What would be chosen by each part of the runs.
     pub parts: Vec<PartRow>,
     /// Share of the choice's squared error on held-out data that is made in the first tenth of its runs.

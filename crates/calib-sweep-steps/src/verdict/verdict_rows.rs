@@ -111,6 +111,7 @@ pub(crate) fn verdict_row(
             .filter(|_| verdict.simpler().is_none())
             .map(|simple| beside(simple, verdict, sweep)),
         frozen: frozen(verdict, sweep),
+        learns_nothing: verdict.learning_off == Some(verdict.chosen),
         notes: verdict.warnings.iter().cloned().chain(at_the_end(verdict, sweep)).collect(),
     }
 }

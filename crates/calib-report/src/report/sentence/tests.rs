@@ -59,6 +59,7 @@ pub(in crate::report) fn verdict() -> Verdict {
         simpler: None,
         matched: None,
         frozen: None,
+        learns_nothing: false,
         parts: vec![],
         start_up_share: None,
         notes: vec![],
@@ -501,6 +502,27 @@ fn an_agent_that_only_is_its_baseline_is_called_so() {
         verdict.headline(),
         "Use ridge regression for PIT300: further learning adds nothing."
     );
+}
+
+#[test]
+fn a_gain_of_a_choice_that_learns_nothing_is_none_by_learning() {
+    let frozen = Some(SimplePredictor::Line);
+    let mut verdict = Verdict { frozen, learns_nothing: true, ..verdict() };
+    // The default learns: it may have less error, or it has more.
+    for against in [estimate(1.03, 0.995, 1.07), estimate(0.9, 0.85, 0.95)] {
+        verdict.online.as_mut().unwrap().against_default = Some(against);
+        let headline = verdict.headline();
+        assert_eq!(
+            headline,
+            "Use a line on the sensor for PIT300: no clear gain from further learning."
+        );
+        assert_eq!(verdict.badge(), "Simpler is better: no agent needed");
+        let plain = verdict.plain();
+        assert!(!plain.contains("goes on learning") && !plain.contains("keep"), "{plain}");
+        assert!(plain.contains("Keeping the default, 1e-3, would have cost 28 %."), "{plain}");
+    }
+    verdict.online.as_mut().unwrap().regret = Some(Bounded { value: 0.0, upper: None });
+    assert!(verdict.headline().ends_with("further learning adds nothing."));
 }
 
 #[test]
