@@ -12,7 +12,7 @@ use crate::{
 const ABSURD: f64 = 1_000.0;
 /// So many widths of the training range beyond it, in so large a share of the held-out period, an input says nothing that agents
 /// know. Our choice.
-const ELSEWHERE: f64 = 20.0;
+pub(crate) const ELSEWHERE: f64 = 20.0;
 const MUCH: f64 = 0.1;
 /// Channels that a sentence about several names.
 const NAMED: usize = 5;
@@ -240,10 +240,8 @@ impl Profile {
     /// its unit changed.
     pub fn has_inputs_elsewhere(&self, sensor: &str) -> bool {
         let Some(held_out) = &self.held_out else { return false };
-        self.kept().filter(|channel| channel.name != sensor).any(|channel| {
-            let FarOut { held_out: far, furthest, .. } = channel.far_out;
-            furthest.abs() > ELSEWHERE && far as f64 > MUCH * held_out.log_rows as f64
-        })
+        let mut inputs = self.kept().filter(|channel| channel.name != sensor);
+        inputs.any(|channel| channel.far_out.elsewhere as f64 > MUCH * held_out.log_rows as f64)
     }
 
     /// What is said of columns that agents read, and that are not `predicted`, whose unit probably changed in the training range. Of those that

@@ -270,6 +270,9 @@ pub struct FarOut {
     /// Held-out values, other than treated spikes, that lie further from the training range than it is wide; those that differ, of a
     /// channel that is constant there.
     pub held_out: u64,
+    /// How many of these lie more than 20 times as far from the training range as it is wide. Profiles of earlier versions lack it.
+    #[serde(default)]
+    pub elsewhere: u64,
     /// The furthest of these, in widths of the training range: −75 is 75 widths below its smallest value. 0 where it has no width.
     pub furthest: f64,
     /// The smallest and the largest value of the training range. Default: none, if no held-out value is far out.

@@ -18,7 +18,7 @@ use crate::{
     Fences, PartProfile, PreprocessConfig, Profile, UnitChange, ValueProfile,
     channel::{Moments, Movement, is_same},
     describe::describe_rows,
-    doubts::read_as_switches,
+    doubts::{ELSEWHERE, read_as_switches},
     impute::{clean, impute},
     log::{
         Batch, Channel, ChannelValues, Contradicting, EXAMPLES, Log, Neighbourhood, SparseValues,
@@ -447,6 +447,7 @@ fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
         };
         if beyond.abs() > 1.0 {
             found.held_out += 1;
+            found.elsewhere += u64::from(beyond.abs() > ELSEWHERE);
             found.trained = Some([train.min, train.max]);
             if beyond.abs() > found.furthest.abs() {
                 found.furthest = beyond;

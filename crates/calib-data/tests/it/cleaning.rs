@@ -230,6 +230,27 @@ fn inputs_that_change_in_the_held_out_period_are_told() {
     assert!(profile.has_inputs_elsewhere("level") && !profile.has_inputs_elsewhere("height"));
 }
 
+#[test]
+fn a_few_values_far_away_do_not_put_an_input_elsewhere() {
+    let is_elsewhere = |held_out: f64| {
+        let mut rows = String::from("time,level,height\n");
+        for row in 0..1_000_i32 {
+            // The training range is 6 wide. Five held-out values are 99 widths beyond it.
+            let height = match row {
+                985..990 => 600.0,
+                800.. => held_out + f64::from(row % 7),
+                _ => f64::from(row % 7),
+            };
+            writeln!(rows, "{},{},{height}", 1_704_067_200 + row, row % 11).expect("memory");
+        }
+        let folder = Folder::of_text("a.csv", &rows);
+        let profile = profile(&DataConfig { train_fraction: 0.8, ..folder.data() });
+        profile.has_inputs_elsewhere("level")
+    };
+    assert!(!is_elsewhere(30.0), "all others are 5 widths away");
+    assert!(is_elsewhere(300.0));
+}
+
 /// A unit that changes inside the training range spoils all that is learned from it.
 #[test]
 fn a_unit_that_changes_in_the_training_range_is_told() {
