@@ -3,7 +3,7 @@
 use calib_core::Segments;
 
 use crate::{
-    ControlConfig, Ending,
+    ControlConfig, Ending, RewardRow,
     decision_rows::{each_shown, endings},
 };
 
@@ -78,9 +78,14 @@ impl ColumnFindings {
         for segment in segments.iter() {
             let rows = segment.rows();
             each_shown(rows.clone(), &endings, config.lag, |row, shown| {
-                let is_last = endings[row] == Ending::Terminal || row + 1 == rows.end;
-                if is_last {
-                    // Nothing is decided there.
+                let is_terminal = endings[row] == Ending::Terminal;
+                let leads_nowhere = match config.reward_row {
+                    RewardRow::Next => is_terminal || row + 1 == rows.end,
+                    // The action of the last step leads to the terminal in its own row.
+                    RewardRow::Same => !is_terminal && row + 1 == rows.end,
+                };
+                if leads_nowhere {
+                    // Nothing is decided there, or what it led to is not known.
                 } else if acted.iter().any(|column| column[shown].is_nan()) {
                     found.without_action.push(row);
                 } else {

@@ -34,7 +34,7 @@ pub struct DecisionRows {
     pub endings: Vec<Ending>,
     /// Of what was decided, `[rows]`; none where it was not logged.
     pub probabilities: Option<Vec<f64>>,
-    /// Rows of the log to which an action leads and which have no reward.
+    /// Rows of the log that have no reward of an action: those to which it leads, or with `control.reward_row` = "same" its own.
     pub without_reward: RowsWithoutReward,
     /// Decisions of more than a row, after which another action was set before the next one.
     pub changed: ChangedDecisions,
@@ -110,9 +110,9 @@ impl DecisionRows {
         match config.reward_row {
             RewardRow::Next => Self::of_states(config, recorded, segments),
             RewardRow::Same => {
-                let StepRows { recorded, segments, rows } =
+                let StepRows { recorded, segments, rows, rewarded } =
                     StepRows::new(config, &recorded, segments)?;
-                Ok(Self::of_states(config, recorded, &segments)?.renumbered(&rows))
+                Ok(Self::of_states(config, recorded, &segments)?.renumbered(&rows, &rewarded))
             }
         }
     }
@@ -165,12 +165,12 @@ impl DecisionRows {
         })
     }
 
-    /// The same with the number that each row has in `rows`.
-    fn renumbered(mut self, rows: &[usize]) -> Self {
+    /// The same with the number that each row has in `rows`, and its reward in `rewarded`.
+    fn renumbered(mut self, rows: &[usize], rewarded: &[usize]) -> Self {
         let RowsWithoutReward { missing, infinite, .. } = &mut self.without_reward;
-        let without_reward = missing.iter_mut().chain(infinite);
-        let all = self.rows.iter_mut().chain(without_reward).chain(&mut self.changed.first);
-        all.for_each(|row| *row = rows[*row]);
+        missing.iter_mut().chain(infinite).for_each(|row| *row = rewarded[*row]);
+        let decided = self.rows.iter_mut().chain(&mut self.changed.first);
+        decided.for_each(|row| *row = rows[*row]);
         self
     }
 

@@ -7,7 +7,8 @@ use crate::{ControlConfig, ControlError, Ending, decision_rows::endings};
 /// The columns of a log of steps, as one whose rows have the reward and the end of the step that led to them.
 ///
 /// A row that ends its episode comes twice, because the log does not have the state that its step led to: first as the row of the action, and
-/// then as the terminal. What is seen in a terminal counts for nothing, because nothing follows.
+/// then as the terminal. Neighbours and agents take nothing from the state of a terminal, because nothing follows. Increments and networks
+/// learn from the change that led to it, which is 0 here.
 pub(crate) struct StepRows {
     /// The columns [`ControlConfig::columns`], `[columns][rows]`.
     pub(crate) recorded: Vec<Vec<f64>>,
@@ -15,6 +16,8 @@ pub(crate) struct StepRows {
     pub(crate) segments: Segments,
     /// The row of the log that each one is.
     pub(crate) rows: Vec<usize>,
+    /// The row of the log with the reward of the step that led to each one; the row itself if no step did.
+    pub(crate) rewarded: Vec<usize>,
 }
 
 /// A row, as the others see it.
@@ -61,6 +64,7 @@ impl StepRows {
             recorded: columns.map(|(name, column)| shown(config, name, column, &rows)).collect(),
             segments: Segments::from_lengths(lengths)?,
             rows: rows.iter().map(|row| row.number).collect(),
+            rewarded: rows.iter().map(|row| row.step.unwrap_or(row.number)).collect(),
         })
     }
 }
@@ -84,21 +88,58 @@ fn shown(config: &ControlConfig, name: &str, column: &[f64], rows: &[Row]) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::DecisionRows;
+    use crate::{ColumnFindings, DecisionRows};
 
     const NONE: f64 = f64::NAN;
 
-    /// Decisions of a log of six steps in two pieces, of which the third one ends an episode. The reward of a step is ten times its action.
-    fn decisions(keys: &str) -> DecisionRows {
+    fn config(keys: &str) -> ControlConfig {
         let text = format!("actions = ['valve']\nterminal = 'done'\nreward_row = 'same'\n{keys}");
         let config: ControlConfig = toml::from_str(&text).expect("valid");
         config.check().expect("valid");
         assert_eq!(config.columns(), ["valve", "reward", "done"]);
+        config
+    }
+
+    /// Decisions of a log of six steps in two pieces, of which the third one ends an episode. The reward of a step is ten times its action, but
+    /// for steps `without_reward`.
+    fn decisions_lacking(keys: &str, without_reward: &[usize]) -> DecisionRows {
+        let config = config(keys);
         let valve = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        let reward = valve.iter().map(|action| 10.0 * action).collect();
+        let mut reward: Vec<f64> = valve.iter().map(|action| 10.0 * action).collect();
+        for &row in without_reward {
+            reward[row] = NONE;
+        }
         let done = vec![0.0, 0.0, 1.0, NONE, 0.0, 0.0];
         let segments = Segments::from_lengths([5, 1]).expect("rows");
         DecisionRows::new(&config, vec![valve, reward, done], &segments).expect("decisions")
+    }
+
+    fn decisions(keys: &str) -> DecisionRows {
+        decisions_lacking(keys, &[])
+    }
+
+    #[test]
+    fn a_missing_reward_is_in_the_row_of_its_action() {
+        let lacking = |row: usize| decisions_lacking("", &[row]).without_reward;
+        let within = lacking(1);
+        assert_eq!((&within.missing[..], within.missing_terminals), (&[1][..], 0));
+        let last = lacking(2);
+        assert_eq!((&last.missing[..], last.missing_terminals), (&[2][..], 1), "of the terminal");
+        assert!(lacking(5).missing.is_empty(), "its step leads nowhere in the log");
+    }
+
+    #[test]
+    fn an_action_is_taken_in_the_row_of_a_terminal() {
+        let without_action = |row: usize| {
+            let mut valve = vec![1.0; 4];
+            valve[row] = NONE;
+            let recorded = [valve, vec![1.0; 4], vec![0.0, 1.0, 0.0, 0.0]];
+            let segments = Segments::from_lengths([4]).expect("rows");
+            ColumnFindings::new(&config(""), &recorded, &segments).without_action
+        };
+        assert_eq!(without_action(1), [1], "the row of a terminal");
+        assert_eq!(without_action(2), [2]);
+        assert!(without_action(3).is_empty(), "the log ends there");
     }
 
     #[test]

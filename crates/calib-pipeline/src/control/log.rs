@@ -93,7 +93,7 @@ pub(crate) fn read(
         printer.warn(told);
     }
     let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
-    tell_missing_rewards(frames, &rows, printer);
+    tell_missing_rewards(config, frames, &rows, printer);
     let period = decision_period(config, dataset.period);
     tell_decisions(config, frames, &rows, period, printer);
     let (levels, settings) = levels_of(&rows.acted, config)?;

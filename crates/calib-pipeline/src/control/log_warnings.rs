@@ -2,7 +2,7 @@
 
 use calib_base::output::{Printer, count, counted, percent, span};
 use calib_control::{
-    ChangedDecisions, ColumnFindings, ControlConfig, DecisionRows, LaggedDecisions,
+    ChangedDecisions, ColumnFindings, ControlConfig, DecisionRows, LaggedDecisions, RewardRow,
     RowsWithoutReward, TerminalCells, UnendedGaps,
 };
 use calib_core::{Frames, Period};
@@ -144,14 +144,24 @@ fn long_lag(lag: usize, lagged: LaggedDecisions) -> Option<String> {
     })
 }
 
-/// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows.
-pub(super) fn tell_missing_rewards(frames: &Frames, rows: &DecisionRows, printer: &Printer) {
+/// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows, or after them if they are those of
+/// the actions.
+pub(super) fn tell_missing_rewards(
+    config: &ControlConfig,
+    frames: &Frames,
+    rows: &DecisionRows,
+    printer: &Printer,
+) {
+    let (leads, side) = match config.reward_row {
+        RewardRow::Next => ("leads", "before"),
+        RewardRow::Same => ("is taken", "after"),
+    };
     let RowsWithoutReward { missing, infinite, missing_terminals, terminals } =
         &rows.without_reward;
     if let Some(&first) = missing.first() {
         let lost = lost_terminals(*missing_terminals, *terminals);
         printer.warn(&format!(
-            "{} no reward though an action leads there, the first at {}: an episode ends before each. Rewards are never filled in{lost}",
+            "{} no reward though an action {leads} there, the first at {}: an episode ends {side} each. Rewards are never filled in{lost}",
             rows_have(missing.len()),
             format_time(frames.timestamps()[first])
         ));
@@ -162,7 +172,7 @@ pub(super) fn tell_missing_rewards(frames: &Frames, rows: &DecisionRows, printer
             many => format!("{} rewards are", count(many)),
         };
         printer.warn(&format!(
-            "{counted} infinite or too large for single precision (beyond 3.4e38), the first at {}: an episode ends before each. Correct the \
+            "{counted} infinite or too large for single precision (beyond 3.4e38), the first at {}: an episode ends {side} each. Correct the \
              log, or give the column a smaller weight in control.reward",
             format_time(frames.timestamps()[first])
         ));
