@@ -309,7 +309,7 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows, clock })
 }
 
-/// That a sensor has another level than in training, with both means in its unit.
+/// That a sensor has another level than in training, with both levels in its unit: the means of what the report draws.
 fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<String> {
     let [learned, held_out] = recorded.means().filter(|_| verdict.level_has_changed())?;
     let unit = if verdict.unit_may_have_changed() {
@@ -318,7 +318,7 @@ fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<S
         ""
     };
     Some(format!(
-        "the mean is {} in the training range and {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
+        "values lie around {} in the training range and around {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
          train on a time that is like the present (data.train)",
         significant(learned),
         significant(held_out)
