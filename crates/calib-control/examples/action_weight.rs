@@ -1,11 +1,12 @@
-//! How much should a continuous action count in the distance? A pendulum whose torque was logged as a number is the truth:
+//! Measures how much a continuous action should count in the distance. The plant is a pendulum whose torque is logged as a number:
 //!
 //! ```sh
 //! cargo run --release -p calib-control --example action_weight -- DIR [LOGS] [TRUTH_RUNS]
 //! ```
 //!
-//! `DIR/truth.json` has the true mean returns of the 54 candidates of the literature's grid, which choose among five torques; `DIR/weights.jsonl` a line
-//! for every log and weight: what was chosen. What is there is not done again. Then `DIR/weights.md` is written: means over logs, with 95 % t-intervals.
+//! `DIR/truth.json` holds the true mean returns of the 54 settings of the published grid, which choose among five torques.
+//! `DIR/weights.jsonl` has one line per log and weight, with the chosen setting. Finished lines are not computed again. Finally the program
+//! writes `DIR/weights.md`: means over logs, with 95 % t-intervals.
 
 use std::{
     collections::BTreeMap,
@@ -55,7 +56,7 @@ fn main() -> Outcome<()> {
     table(&path, &truth)
 }
 
-/// True mean return of each candidate.
+/// Returns the true mean return of each setting. Reads it from `path`, or computes it and writes it there.
 fn true_returns(path: &Path, candidates: &[AgentConfig], runs: usize) -> Outcome<Vec<f64>> {
     if !path.exists() {
         let extent = Extent { runs, span: SPAN };
@@ -76,7 +77,7 @@ fn true_returns(path: &Path, candidates: &[AgentConfig], runs: usize) -> Outcome
         .collect())
 }
 
-/// The model of one log with each weight.
+/// Builds the model of one log with each weight, and chooses a setting in it.
 fn one(
     path: &Path,
     (quality, length, number): (Quality, usize, usize),
@@ -116,7 +117,7 @@ fn one(
     Ok(())
 }
 
-/// A log of torques that are anything about the five levels.
+/// Records a log whose torques are spread around the five levels.
 fn log_of(
     quality: Quality,
     length: usize,
@@ -141,7 +142,7 @@ fn log_of(
     }
     let mut plant = Simulated::new(Pendulum::continuous(), Begin::AsTheTask);
     let recorded = record(&mut behaviour, &mut plant, length, SPAN.timeout, seed.child("log"));
-    // What is logged of a step is in the row that it led to; what was set, in the row where it was.
+    // `recorded.beside` has the torque in the row that the step led to, but a setting belongs to the row of the decision.
     let mut torque = recorded.beside.clone();
     torque.rotate_left(1);
     let acted = torque.iter_mut().zip(&recorded.actions);
@@ -150,7 +151,7 @@ fn log_of(
     Ok(recorded.decisions(levels.values.len())?.with_settings(settings)?)
 }
 
-/// Episodes begin where recorded ones did.
+/// Returns the first states of the recorded episodes as start states.
 fn starts(log: &Decisions) -> Outcome<Starts> {
     let rows: Vec<usize> = log.starts().into_iter().map(RowIndex::get).collect();
     let states = log.states();
@@ -164,7 +165,8 @@ fn lines(path: &Path) -> Vec<Value> {
     text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
-/// By length of the log and weight: percentile and regret of the choices, as a share of that of a random choice, and uncovered steps.
+/// Writes a table by length of the log and weight: the choices' percentile, their regret as a share of that of a random choice, and
+/// their uncovered steps.
 fn table(path: &Path, truth: &[f64]) -> Outcome<()> {
     let random = truth.iter().map(|value| truth.iter().copied().fold(f64::MIN, f64::max) - value);
     let random = random.sum::<f64>() / truth.len() as f64;

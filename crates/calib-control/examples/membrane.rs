@@ -1,11 +1,12 @@
-//! Does an agent that was tuned in the model of a plant's log beat the operators' rule, and its own default? The simulated plant is the truth:
+//! Asks whether an agent that was tuned in the model of a plant's log beats the operators' rule, and its own default. The simulated plant
+//! has the true returns:
 //!
 //! ```sh
 //! cargo run --release -p calib-control --example membrane -- DIR [PLANTS] [TRANSITIONS] [TRUTH_RUNS] [rule|perturbed|random]
 //! ```
 //!
-//! `DIR/plants.jsonl` has a line for every plant; what is there is not done again. Then `DIR/POLICY-TRANSITIONS.md` is written: means over plants with
-//! 95 % t-intervals.
+//! `DIR/plants.jsonl` has one line per plant. Finished lines are not computed again. Finally the program writes
+//! `DIR/POLICY-TRANSITIONS.md`: means over plants with 95 % t-intervals.
 
 use std::{
     error::Error,
@@ -26,7 +27,7 @@ use serde_json::{Value, json};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// A year of half hours: how long an agent lives, in the model and in the plant.
+/// Steps of a run, in the model and in the plant: a year of half hours.
 const STEPS: usize = 17_520;
 const KIND: TaskKind = TaskKind::Membrane;
 
@@ -58,7 +59,7 @@ struct Study {
     policy: Quality,
 }
 
-/// What an agent that nobody tuned is: calib's default, but for the discount of a task that need not end.
+/// Returns an untuned agent: calib's default, but with the discount of a task that need not end.
 fn default() -> AgentConfig {
     AgentConfig { gamma: 0.99, tilings: 8, ..AgentConfig::default() }
 }
@@ -97,7 +98,7 @@ impl Study {
         Ok(())
     }
 
-    /// The log of one plant, the choice from it, and the truth.
+    /// Chooses a setting from the log of one plant, and compares it with the truth.
     fn one(&self, number: usize) -> Outcome<Value> {
         let seed = Seed::new(19).child("membrane").number(number as u64);
         let make = || Simulated::new(Membrane::new(seed), Begin::AsTheTask);
@@ -109,7 +110,7 @@ impl Study {
         let extent = Extent { runs: 1, span };
         let runs = sweep(&model, &candidates, extent, seed.child("sweep"), &Silent)?;
         let log = model.log();
-        // Plants hardly ever trip: terminals are few wherever operators are careful.
+        // Plants rarely trip, so careful operators leave few terminals in the log.
         let support = Support { fewest_terminals: 0, ..Support::default() };
         let rule = RankRule::WorstRank;
         let new = Question::new(log, span.timeout, candidates.len());
@@ -142,7 +143,7 @@ impl Study {
         }))
     }
 
-    /// Whose actions are logged.
+    /// Returns the behaviour whose actions are logged.
     fn operators(&self) -> Outcome<Behaviour> {
         if self.policy == Quality::Random {
             return Ok(Behaviour::Random);
@@ -151,7 +152,7 @@ impl Study {
         Ok(rule.perturbed(self.policy.random_share()))
     }
 
-    /// The model of a log of theirs, and where its episodes begin.
+    /// Returns the model of a log of these operators, and its start states.
     fn model(
         &self,
         operators: &mut Behaviour,
@@ -170,7 +171,8 @@ impl Study {
         Ok((ActionModel::build(log, &states, begin, &config, worst, &Silent)?, starts))
     }
 
-    /// The true mean return of an agent that learnt in every member, one after the other, before it came to the plant.
+    /// Returns the true mean return of an agent that first learned in every ensemble member, one after the other, and
+    /// then acts at the plant.
     fn taught(
         &self,
         model: &ActionModel,
@@ -227,18 +229,18 @@ fn read(line: &Value, key: &str) -> f64 {
     line[key].as_f64().unwrap_or(f64::NAN)
 }
 
-/// The true returns of all configurations.
+/// Returns the true returns of all settings.
 fn all(line: &Value) -> Vec<f64> {
     line["truth"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
 }
 
-/// The true return of the configuration that `key` names.
+/// Returns the true return of the setting that `key` names.
 fn truth_of(line: &Value, key: &str) -> f64 {
     let chosen = line[key].as_u64().unwrap_or(0) as usize;
     line["truth"][chosen].as_f64().unwrap_or(f64::NAN)
 }
 
-/// What is compared, by name.
+/// A policy to compare: its name, and its return in a line of results.
 type Way = (&'static str, fn(&Value) -> f64);
 
 fn ways() -> [Way; 9] {
@@ -255,7 +257,7 @@ fn ways() -> [Way; 9] {
     ]
 }
 
-/// The mean and half its 95 % interval.
+/// Formats the mean and half of its 95 % interval.
 fn told(values: &[f64]) -> Outcome<String> {
     let summary = summarise(values)?;
     let half = summary.interval.map_or(f64::NAN, |interval| interval.high - summary.mean);

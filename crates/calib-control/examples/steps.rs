@@ -1,12 +1,13 @@
-//! Takes steps, for whoever measures how many a second (`scripts/peers/control_steps.py`):
+//! Takes steps, so that `scripts/peers/control_steps.py` can measure steps per second:
 //!
 //! ```sh
 //! cargo run --release -p calib-control --example steps -- acrobot|cart_pole|puddle_world task|model|agent-task|agent-model|deep-task|join|join-passive STEPS
 //! ```
 //!
-//! `task` and `model` take random actions in the simulator, and in a model of 5,000 random transitions of it; `agent-…` lets Expected Sarsa(λ)
-//! learn there, `deep-…` Q-learning with a network. `join` makes the tables of a model of so many random transitions, `join-passive` those of a model of
-//! the same states without actions. With 0 steps it makes only what it needs for them, which is to be subtracted.
+//! `task` and `model` take random actions in the simulator, and in a model of 5,000 random transitions from it. `agent-…` lets Expected
+//! Sarsa(λ) learn there, and `deep-…` lets Q-learning with a network learn. `join` makes the tables of a model of this many random
+//! transitions. `join-passive` makes those of a model of the same states without actions. With 0 steps the program only prepares; subtract
+//! that time.
 
 use std::error::Error;
 
@@ -60,7 +61,7 @@ fn run<T: Task>(kind: TaskKind, task: &T, what: &str, steps: usize) -> Result<()
     Ok(())
 }
 
-/// Random actions, episodes of at most 500 steps.
+/// Takes random actions, in episodes of at most 500 steps.
 fn at_random(environment: &mut dyn Environment, steps: usize) {
     let mut rng = Seed::new(2).rng();
     let mut state = vec![0.0; environment.columns()];
@@ -76,7 +77,7 @@ fn at_random(environment: &mut dyn Environment, steps: usize) {
     std::hint::black_box(&state);
 }
 
-/// Q-learning with a network of 2 × 64 units, a batch of 32 each step.
+/// Q-learning with a network of 2 × 64 units and one batch of 32 per step.
 fn deep() -> AgentConfig {
     AgentConfig { algorithm: Algorithm::DeepQLearning, step_size: 1e-4, ..AgentConfig::default() }
 }

@@ -1,36 +1,36 @@
-//! The run of an agent in an environment.
+//! Runs an agent in an environment.
 
 use calib_core::{Rng, Seed};
 
 use crate::{Agent, Ending, Environment, Outcome};
 
-/// How long an agent acts, and when an episode is cut.
+/// The length of a run, and the timeout of its episodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunLength {
-    /// Steps in all.
+    /// Number of steps in the run.
     pub steps: usize,
     /// Steps after which an episode is cut.
     pub timeout: usize,
 }
 
-/// What an agent got.
+/// The result of an agent's run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AgentRun {
     /// Return of each episode that ended or was cut at its timeout, in order.
     pub returns: Vec<f64>,
-    /// How many of them ended in a terminal.
+    /// Number of them that ended in a terminal.
     pub terminals: usize,
-    /// Reward of the episode that was not over.
+    /// Total reward of the unfinished last episode.
     pub rest: f64,
-    /// Steps of it, as a share of the timeout.
+    /// Steps of that episode, as a share of the timeout.
     pub rest_share: f64,
-    /// Whether the agent's values stopped being numbers.
+    /// Whether the agent's values became infinite or NaN.
     pub diverged: bool,
 }
 
 impl AgentRun {
-    /// Mean return an episode, Σ of all rewards / (episodes + the part of the last one), which counts one episode at least;
-    /// −∞ if the agent diverged.
+    /// Returns the mean return per episode: Σ of all rewards / (episodes + the share of the last one), with a denominator
+    /// of at least 1. It is −∞ if the agent diverged.
     pub fn mean_return(&self) -> f64 {
         if self.diverged {
             return f64::NEG_INFINITY;
@@ -40,15 +40,15 @@ impl AgentRun {
     }
 }
 
-/// Whoever acts in an environment.
+/// An agent or a policy that acts in an environment.
 pub trait Actor {
-    /// Look at `state`, the first of an episode.
+    /// Starts an episode in `state`.
     fn look(&mut self, state: &[f32]);
 
-    /// Draw an action in the state that it is in. `None` if it has diverged.
+    /// Draws an action in the present state. Returns `None` if the agent has diverged.
     fn act(&mut self, rng: &mut Rng) -> Option<usize>;
 
-    /// Learn from what `action` led to, and be in `next`.
+    /// Learns from the outcome of `action`, and moves to `next`.
     fn learn(&mut self, action: usize, outcome: Outcome, next: &[f32]);
 }
 
@@ -66,7 +66,8 @@ impl Actor for Agent {
     }
 }
 
-/// Let `agent` act and learn in `environment` for `span`. Its draws come from `seed`, those of the environment from another.
+/// Lets `agent` act and learn in `environment` for `span`. The agent and the environment have separate random numbers, both
+/// from `seed`.
 pub fn run_agent(
     agent: &mut impl Actor,
     environment: &mut dyn Environment,
@@ -78,7 +79,7 @@ pub fn run_agent(
     episodes.run
 }
 
-/// The run of an agent, step by step.
+/// A run of an agent, one step at a time.
 pub(crate) struct Episodes {
     /// The run so far.
     pub(crate) run: AgentRun,
@@ -87,7 +88,7 @@ pub(crate) struct Episodes {
     environment_rng: Rng,
     state: Vec<f32>,
     done: usize,
-    /// Steps and reward of the episode.
+    /// Steps and reward of the present episode.
     length: usize,
     reward: f64,
     /// Whether the last step ended an episode, in a terminal or at its timeout.
@@ -109,7 +110,7 @@ impl Episodes {
         }
     }
 
-    /// Begin an episode if none goes on.
+    /// Begins an episode if there is no unfinished one.
     pub(crate) fn begin(&mut self, agent: &mut impl Actor, environment: &mut dyn Environment) {
         if self.length == 0 {
             environment.start(&mut self.environment_rng, &mut self.state);
@@ -117,7 +118,7 @@ impl Episodes {
         }
     }
 
-    /// Take a step; whether there was one left to take.
+    /// Takes a step. Returns whether there was one left to take.
     pub(crate) fn step(
         &mut self,
         agent: &mut impl Actor,
@@ -164,7 +165,7 @@ mod tests {
     fn every_step_counts_once() {
         let span = RunLength { steps: 3000, timeout: 50 };
         let run = cart_pole_run(1, span);
-        // A reward of 1 a step.
+        // The reward is 1 per step.
         assert_eq!(run.returns.iter().sum::<f64>() + run.rest, 3000.0);
         assert!(run.returns.iter().all(|&value| value <= 50.0) && run.returns.len() > 50);
         assert!(run.terminals < run.returns.len(), "some are cut at their timeout");

@@ -1,4 +1,4 @@
-//! Policies that a log is recorded under.
+//! Policies under which a log is recorded.
 
 use calib_core::{Rng, Seed, Segments, States};
 use schemars::JsonSchema;
@@ -27,15 +27,15 @@ pub enum Quality {
 }
 
 impl Quality {
-    /// Those of the literature's protocol.
+    /// The qualities in the published protocol.
     pub const PUBLISHED: [Self; 3] = [Self::NearOptimal, Self::Medium, Self::Random];
 
-    /// Whether it needs a rule.
+    /// Returns whether it needs a rule.
     pub const fn is_rule(self) -> bool {
         matches!(self, Self::Rule | Self::Perturbed)
     }
 
-    /// Share of actions that are random.
+    /// Returns the share of random actions.
     pub const fn random_share(self) -> f64 {
         match self {
             Self::NearOptimal | Self::Rule => 0.0,
@@ -45,7 +45,7 @@ impl Quality {
         }
     }
 
-    /// The name in studies and on the command line.
+    /// Returns the name in studies and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::NearOptimal => "near_optimal",
@@ -60,34 +60,34 @@ impl Quality {
 /// A policy that does not change any more.
 #[derive(Clone, Debug)]
 pub enum Behaviour {
-    /// Every action alike.
+    /// Every action with the same probability.
     Random,
-    /// As an agent acts that stopped learning, but for a share of actions that are random.
+    /// The policy of an agent that stopped learning, with a share of random actions.
     Learnt {
         /// The agent.
         agent: Box<Agent>,
-        /// The share.
+        /// The share of random actions.
         random: f64,
     },
-    /// A fixed rule, but for a share of actions that are random.
+    /// A fixed rule, with a share of random actions.
     Fixed {
         /// The rule.
         rule: Rule,
-        /// Lowest and highest value of each column, which states are scaled by.
+        /// Name, lowest and highest value of each column. States are scaled by them.
         ranges: &'static [(&'static str, f64, f64)],
-        /// The share.
+        /// The share of random actions.
         random: f64,
-        /// What the rule says now.
+        /// The rule's action in the present state.
         says: usize,
     },
 }
 
-/// Episodes over whose mean return a learning agent is judged.
+/// Number of successive episodes whose mean return decides whether an agent has learned enough.
 const JUDGED_EPISODES: usize = 10;
 
 impl Behaviour {
-    /// Let `agent` learn in `environment` until the mean return of ten successive episodes is `wanted`; what it is then, or after `span` if it
-    /// never gets there.
+    /// Lets `agent` learn in `environment` until the mean return of ten successive episodes is at least `wanted`. Returns its policy then,
+    /// or after `span` if it never gets there.
     pub fn learnt(
         mut agent: Agent,
         environment: &mut dyn Environment,
@@ -108,13 +108,13 @@ impl Behaviour {
         Self::Learnt { agent: Box::new(agent), random: 0.0 }
     }
 
-    /// What those who operate `T` do, if there is such a rule.
+    /// Returns the rule of the operators of `T`, if there is such a rule.
     pub fn rule_of<T: Task>() -> Option<Self> {
         let rule = T::rule()?;
         Some(Self::Fixed { rule, ranges: T::columns(), random: 0.0, says: 0 })
     }
 
-    /// The same policy, which takes a random action in this share of its steps.
+    /// Returns the same policy with this share of random actions.
     #[must_use]
     pub fn perturbed(self, share: f64) -> Self {
         match self {
@@ -139,7 +139,7 @@ impl Behaviour {
         }
     }
 
-    /// The probability of `action` in the state that it sees.
+    /// Returns the probability of `action` in the present state.
     fn probability(&mut self, action: usize, actions: usize) -> f64 {
         let alike = 1.0 / actions as f64;
         let (own, random) = match self {
@@ -147,7 +147,7 @@ impl Behaviour {
             Self::Fixed { says, random, .. } => (f64::from(u8::from(*says == action)), *random),
             Self::Learnt { agent, random } => {
                 let own = agent.policy()[action];
-                // An agent that diverged acts by chance.
+                // An agent that diverged acts at random.
                 (if own.is_nan() { alike } else { own }, *random)
             }
         };
@@ -172,7 +172,7 @@ impl Behaviour {
         }
     }
 
-    /// The mean return of the policy over `episodes` episodes that are cut after `timeout` steps.
+    /// Returns the mean return of the policy over `episodes` episodes, which are cut after `timeout` steps.
     pub fn mean_return(
         &mut self,
         environment: &mut dyn Environment,
@@ -200,26 +200,26 @@ impl Behaviour {
     }
 }
 
-/// A log as it is recorded, row by row.
+/// A recorded log, row by row.
 #[derive(Clone, Debug, Default)]
 pub struct Recorded {
     /// States, row-major.
     pub states: Vec<f32>,
     /// The action in each row; `None` where an episode was cut or ended.
     pub actions: Vec<Option<u16>>,
-    /// The probability of the action in each row; NaN where there is none.
+    /// The probability of the action in each row; NaN where there is no action.
     pub probabilities: Vec<f64>,
-    /// The reward that led to each row; NaN in the first of an episode.
+    /// The reward that led to each row; NaN in the first row of an episode.
     pub rewards: Vec<f32>,
-    /// What is logged of the step that led to each row beside state and reward, row-major; NaN in the first of an episode.
+    /// Further logged values of the step that led to each row, beside state and reward, row-major; NaN in the first row of an episode.
     pub beside: Vec<f64>,
     /// Whether each row is terminal.
     pub endings: Vec<Ending>,
-    /// Rows of each episode.
+    /// Number of rows of each episode.
     pub lengths: Vec<usize>,
 }
 
-/// Record `transitions` transitions of `behaviour` in `environment`, in episodes that are cut after `timeout` steps.
+/// Records `transitions` transitions of `behaviour` in `environment`, in episodes that are cut after `timeout` steps.
 pub fn record(
     behaviour: &mut Behaviour,
     environment: &mut dyn Environment,
@@ -267,14 +267,14 @@ impl Recorded {
         self.endings.push(ending);
     }
 
-    /// What was done in the last row.
+    /// Stores the action of the last row.
     fn acted(&mut self, action: usize, probability: f64) {
         if let Some((last, odds)) = self.actions.last_mut().zip(self.probabilities.last_mut()) {
             (*last, *odds) = (Some(action as u16), probability);
         }
     }
 
-    /// The log of these rows, of an environment with so many actions.
+    /// Returns these rows as a log of an environment with `levels` actions.
     ///
     /// # Errors
     /// As [`Decisions::new`].
@@ -311,7 +311,7 @@ mod tests {
         assert!(log.starts().len() > log.terminals(), "some episodes are cut");
     }
 
-    /// 4,000 transitions of a behaviour that is perturbed.
+    /// Records 4,000 transitions of a behaviour, 30 % of whose actions are random.
     fn recording(behaviour: Behaviour) -> Recorded {
         record(&mut behaviour.perturbed(0.3), &mut cart_pole(), 4000, 50, Seed::new(4))
     }
@@ -335,12 +335,12 @@ mod tests {
                 ones += f64::from(*action);
                 expected += if *action == 1 { probability } else { 1.0 - probability };
             }
-            // Standard deviation of 4,000 draws: at most 32.
+            // The standard deviation of 4,000 draws is at most 32.
             assert!((expected - ones).abs() < 130.0, "{expected} {ones}");
         }
     }
 
-    /// The mean return of 50 episodes.
+    /// Returns the mean return of 50 episodes.
     fn mean_return(behaviour: &mut Behaviour) -> f64 {
         behaviour.mean_return(&mut cart_pole(), 50, 200, Seed::new(3))
     }

@@ -1,4 +1,4 @@
-//! What in the columns of a log costs transitions, or may mean something else than calib takes it for.
+//! Finds cells in the columns of a log that cost transitions, or that calib may misread.
 
 use calib_core::Segments;
 
@@ -7,60 +7,61 @@ use crate::{
     decision_rows::{each_shown, endings},
 };
 
-/// What the columns of actions and terminals of a log hold.
+/// Findings in the columns of actions and terminals of a log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ColumnFindings {
-    /// Rows without an action, ascending, in which an episode ends though the log goes on without a terminal.
+    /// Rows without an action, ascending, in which an episode ends although the log continues without a terminal.
     pub without_action: Vec<usize>,
-    /// What the column of terminals holds; zeros where there is none.
+    /// Counts of the cells in the column of terminals; zeros if the log has no such column.
     pub terminal: TerminalCells,
-    /// Decisions whose action a log with `control.lag` does not show.
+    /// Decisions whose own action does not appear in a log with `control.lag`.
     pub lagged: LaggedDecisions,
     /// Gaps in which an episode ends without a terminal.
     pub gaps: UnendedGaps,
 }
 
-/// Gaps of a log, of time or of rows that are left out, before which no terminal ends the episode: no transition leads over them.
+/// Gaps of a log, in time or because rows are left out, before which no terminal ends the episode. No transition leads over them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UnendedGaps {
-    /// How many.
+    /// Number of gaps.
     pub count: usize,
-    /// Of so many steps from one row to the next.
+    /// Number of steps from one row to the next in the whole log.
     pub steps: usize,
-    /// The row before the first of them.
+    /// The row before the first gap.
     pub first: Option<usize>,
 }
 
-/// What the column of terminals holds.
+/// Counts of the cells in the column of terminals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TerminalCells {
     /// Rows of the log.
     pub rows: usize,
-    /// Rows with another number than 0: an episode ends there.
+    /// Rows with a number other than 0: an episode ends there.
     pub terminals: usize,
-    /// Rows with 0: an episode goes on.
+    /// Rows with 0: an episode continues.
     pub zeros: usize,
     /// Rows without a number, which count as 0.
     pub empty: usize,
-    /// The first of them.
+    /// The first row without a number.
     pub first_empty: Option<usize>,
 }
 
-/// Decisions that count as what the row of the next terminal shows, because the log shows their own action `control.lag` rows later, in another
-/// episode.
+/// Decisions that get the action in the row of the next terminal. Their own action appears `control.lag` rows later, and that row belongs
+/// to another episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LaggedDecisions {
-    /// How many.
+    /// Number of such decisions.
     pub count: usize,
-    /// Of so many decisions.
+    /// Number of all decisions.
     pub decisions: usize,
 }
 
 impl ColumnFindings {
-    /// What was found in the columns [`ControlConfig::columns`], recorded as `recorded`, `[columns][rows]`, NaN being missing, in rows of `segments`.
+    /// Returns the findings in the columns [`ControlConfig::columns`], recorded as `recorded`, `[columns][rows]`, with NaN for missing
+    /// values. The rows form `segments`.
     ///
     /// # Panics
-    /// If there is not one list a column, and one value a row.
+    /// If there is not one list per column, or not one value per row.
     pub fn new(config: &ControlConfig, recorded: &[Vec<f64>], segments: &Segments) -> Self {
         let terminal = config.terminal.as_ref().map(|terminal| {
             let names = config.columns();
@@ -108,7 +109,7 @@ impl UnendedGaps {
         Self { steps, first: before.peek().copied(), count: before.count() }
     }
 
-    /// Whether they cost a tenth of the steps, or more: the clock of such a log is probably not even.
+    /// Returns whether the gaps cost a tenth of the steps or more. Such a log probably has an uneven clock.
     pub fn are_many(&self) -> bool {
         self.count > 0 && 10 * self.count >= self.steps
     }
@@ -130,12 +131,13 @@ impl TerminalCells {
         cells
     }
 
-    /// Whether empty cells may hide terminals: in a column that writes 0 where an episode goes on, they do not say that it does.
+    /// Returns whether empty cells may hide terminals. In a column that writes 0 where an episode continues, an empty cell does
+    /// not show that it continues.
     pub fn are_unclear(&self) -> bool {
         self.zeros > 0 && self.empty > 0
     }
 
-    /// Whether more than half of the rows are terminals, as in a column that says that the plant runs.
+    /// Returns whether more than half of the rows are terminals, as in a column that shows that the plant runs.
     pub fn are_mostly_terminals(&self) -> bool {
         self.terminals > self.rows / 2
     }
@@ -147,7 +149,7 @@ mod tests {
 
     const NONE: f64 = f64::NAN;
 
-    /// What is found in a log of a valve and terminals in one segment.
+    /// Returns the findings in a log of a valve and terminals, in one segment.
     fn found(keys: &str, valve: &[f64], terminal: &[f64]) -> ColumnFindings {
         let text = format!("actions = ['valve']\nreward = 'reward'\nterminal = 'end'\n{keys}");
         let config: ControlConfig = toml::from_str(&text).expect("valid");
@@ -161,9 +163,9 @@ mod tests {
     fn rows_without_an_action_are_those_that_end_an_episode() {
         let valve = [1.0, NONE, NONE, 2.0, NONE, 1.0, NONE];
         let ends = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
-        // A terminal ends its episode anyhow, and the log ends in its last row.
+        // A terminal ends its episode anyway, and the log ends in its last row.
         assert_eq!(found("", &valve, &ends).without_action, [1, 2]);
-        // The last rows have no action because the log shows it later.
+        // The last rows have no action because the log would show it later.
         let lagged = found("lag = 2", &[1.0, 1.0, NONE, 1.0, 1.0, 1.0, 1.0], &[0.0; 7]);
         assert_eq!(lagged.without_action, [0]);
     }
@@ -216,7 +218,7 @@ mod tests {
         ends[9] = 1.0;
         let lagged = |lag: usize| found(&format!("lag = {lag}"), &[1.0; 10], &ends).lagged;
         assert_eq!(lagged(1), LaggedDecisions { count: 0, decisions: 8 });
-        // Row 3 is one before the terminal in row 4, and row 8 one before that in row 9.
+        // Row 3 is one row before the terminal in row 4, and row 8 one row before that in row 9.
         assert_eq!(lagged(2), LaggedDecisions { count: 2, decisions: 8 });
         assert_eq!(lagged(500), LaggedDecisions { count: 8, decisions: 8 });
     }

@@ -8,7 +8,7 @@ use crate::{
     error::check_fields,
 };
 
-/// Levels of a column of continuous actions at least: with fewer there is nothing to choose.
+/// The fewest levels of a column of continuous actions. With fewer there is nothing to choose.
 pub const LEAST_LEVELS: usize = 2;
 
 /// `[control]`: an agent that acts, tuned on a log with actions.
@@ -74,9 +74,9 @@ pub struct ControlConfig {
     pub grid: Grid,
 }
 
-/// Rows that a decision may take, or its action may be shown later.
+/// The largest number of rows of a decision, and the largest lag in rows.
 const MOST_ROWS: usize = 1_000_000;
-/// Most runs of a setting in a member, as in sweeps of agents that predict.
+/// The most runs of a setting in an ensemble member, as in sweeps of agents that predict.
 const MOST_RUNS: usize = 100_000;
 
 /// The row of a log that has what came of a step.
@@ -130,10 +130,10 @@ impl Default for ControlConfig {
 }
 
 impl ControlConfig {
-    /// Check every value on its own.
+    /// Checks the value of each key on its own.
     ///
     /// # Errors
-    /// The first key that cannot be what it is.
+    /// If a value is not valid. The error names the first such key.
     pub fn check(&self) -> Result<(), ControlError> {
         if self.actions.is_empty() {
             return Err(ControlError::NoActions);
@@ -194,7 +194,7 @@ impl ControlConfig {
         self.grid.candidates(self.agent).map(|_| ())
     }
 
-    /// Refuse a column that is two things. Terms of a reward may charge for an action or a terminal.
+    /// Refuses a column that has two roles. Terms of a reward may use the column of an action or a terminal.
     fn refuse_repeated_columns(&self) -> Result<(), ControlError> {
         let others = [
             ("reward", self.reward.recorded_column()),
@@ -213,24 +213,24 @@ impl ControlConfig {
         Ok(())
     }
 
-    /// How many members of all kinds of models agents act in.
+    /// Returns the number of ensemble members of all kinds of models.
     pub fn all_members(&self) -> usize {
         self.models.len() * self.model.members
     }
 
-    /// How many runs each setting has, in all members.
+    /// Returns the number of runs of each setting, over all ensemble members.
     pub fn runs_of_a_setting(&self) -> usize {
         self.all_members() * self.runs
     }
 
-    /// The columns that are no part of the state: actions, what the reward is when it is recorded as such, the terminal and the probability.
+    /// Returns the columns that are not part of the state: actions, the reward if a column holds it, the terminal and the probability.
     pub fn beside_the_state(&self) -> Vec<String> {
         let reward = self.reward.recorded_column();
         let columns = self.actions.iter().chain(reward).chain(&self.terminal);
         columns.chain(&self.probability).cloned().collect()
     }
 
-    /// The columns that are read as they were recorded, each once: actions, those of the reward, the terminal and the probability.
+    /// Returns the columns that are read as they were recorded, each once: actions, those of the reward, the terminal and the probability.
     pub fn columns(&self) -> Vec<String> {
         let mut columns = self.actions.clone();
         for column in self.reward.columns().chain(&self.terminal).chain(&self.probability) {
@@ -241,7 +241,7 @@ impl ControlConfig {
         columns
     }
 
-    /// The key of `[control]` that names one of these columns, such as `reward[2].set_point`.
+    /// Returns the key of `[control]` that names one of these columns, such as `reward[2].set_point`.
     pub fn key_of(&self, column: &str) -> String {
         let is_it = |name: &String| name == column;
         if self.actions.iter().any(is_it) {

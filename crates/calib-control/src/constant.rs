@@ -1,4 +1,4 @@
-//! Policies that learn nothing, which every agent has to beat: always the same action, and actions at random.
+//! Policies that learn nothing: always the same action, and random actions. Every agent has to beat them.
 
 use calib_core::{Monitor, Rng, Seed};
 use rayon::prelude::*;
@@ -11,16 +11,16 @@ use crate::{
     sweep::run_seed,
 };
 
-/// What comes of taking one action for ever, and of actions at random, in the members of one kind of model.
+/// The results of constant actions and of random actions in the ensemble members of one kind of model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ConstantReturns {
-    /// What the members are.
+    /// The kind of model.
     pub kind: ActionModelKind,
-    /// Mean return an episode of each action over its walks in each member, `[members][actions]`.
+    /// Mean return per episode of each action, over its rollouts in each member, `[members][actions]`.
     pub members: Vec<Vec<f64>>,
-    /// Mean return an episode of actions at random over their walks in each member.
+    /// Mean return per episode of random actions, over their rollouts in each member.
     pub random: Vec<f64>,
-    /// What the steps with each action rested on, over members and walks.
+    /// Coverage of the steps with each action, over members and rollouts.
     pub coverage: Vec<Coverage>,
 }
 
@@ -29,7 +29,7 @@ pub struct ConstantReturns {
 pub enum FixedPolicy {
     /// One action in every state.
     Constant(usize),
-    /// Each of so many actions equally often.
+    /// Each of this many actions with the same probability.
     Random(usize),
 }
 
@@ -46,27 +46,27 @@ impl Actor for FixedPolicy {
     fn learn(&mut self, _action: usize, _outcome: Outcome, _next: &[f32]) {}
 }
 
-/// Episodes of the whole timeout for which actions at random are taken in each member, as far as the walks suffice: their mean is then known
-/// to a tenth of what episodes differ by. Our choice.
+/// Number of full-length episodes of random actions in each ensemble member, if the rollouts suffice. It gives their mean to a tenth of the
+/// spread between episodes. Our choice.
 const RANDOM_EPISODES: usize = 100;
 
-/// Most walks that this takes in each member. Our choice.
+/// The most rollouts for these episodes in each ensemble member. Our choice.
 const MOST_WALKS: usize = 32;
 
-/// How often policies that learn nothing act in each member.
+/// Number of rollouts of policies that learn nothing, in each ensemble member.
 ///
-/// An agent has as many runs as a study asks for. One walk of actions at random is so noisy that it decides by chance which agent is better,
-/// and of several constant actions the luckiest would look the best.
+/// An agent has as many runs as a study asks for. One rollout of random actions is so noisy that it would decide by chance which agent is
+/// better. Among several constant actions the luckiest one would look best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FixedWalks {
-    /// Walks of actions at random.
+    /// Rollouts of random actions.
     pub random: usize,
-    /// Walks of each constant action: together about as many, however many actions there are.
+    /// Rollouts of each constant action. All constant actions together have about as many as random actions.
     pub constant: usize,
 }
 
 impl FixedWalks {
-    /// Those of `actions` actions beside agents that have `runs` runs of `span` each.
+    /// Returns the numbers for `actions` actions, beside agents that have `runs` runs of length `span`.
     pub fn new(runs: usize, span: RunLength, actions: usize) -> Self {
         let steps = span.steps.max(1);
         let episode = span.timeout.clamp(1, steps);
@@ -74,21 +74,21 @@ impl FixedWalks {
         Self { random: enough.max(runs), constant: enough.div_ceil(actions.max(1)).max(runs) }
     }
 
-    /// Walks in one member.
+    /// Returns the number of rollouts in one ensemble member.
     pub fn in_member(self, actions: usize) -> usize {
         self.constant.saturating_mul(actions).saturating_add(self.random)
     }
 }
 
-/// What came of one walk.
+/// The result of one rollout.
 #[derive(Clone, Copy, Debug)]
 struct Walked {
     mean_return: f64,
     coverage: Coverage,
 }
 
-/// Take each of `actions` actions for ever in every member, and actions at random, in walks as long as the runs that agents have in
-/// [`sweep`](crate::sweep). The first walks meet the same chance as these runs. [`FixedWalks`] says how many there are.
+/// Rolls out each constant action, and random actions, in every ensemble member. Rollouts are as long as the runs of agents in
+/// [`sweep`](crate::sweep), and the first ones have the same random numbers as these runs. [`FixedWalks`] gives their numbers.
 ///
 /// # Errors
 /// If the monitor interrupts.
@@ -137,7 +137,7 @@ pub fn constant_returns<M: Ensemble>(
     Ok(all)
 }
 
-/// The mean of what walks got.
+/// Returns the mean return over rollouts.
 fn mean_return(walks: &[Walked]) -> f64 {
     walks.iter().map(|walked| walked.mean_return).sum::<f64>() / walks.len() as f64
 }
@@ -160,13 +160,13 @@ mod tests {
         let found = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
         assert_eq!((found.kind, found.members.len()), (ActionModelKind::Neighbors, 2));
         for member in &found.members {
-            // -1 a step: to the left an episode is cut after 20.
+            // The reward is −1 per step: to the left an episode is cut after 20 steps.
             assert!(member[0] == -20.0 && member[1] > -12.0, "{member:?}");
         }
         for (random, member) in found.random.iter().zip(&found.members) {
             assert!(-20.0 <= *random && *random < member[1], "{found:?}");
         }
-        // A hundred episodes of 20 steps: ten walks of 200 of actions at random, and as many of both constant actions together.
+        // A hundred episodes of 20 steps are ten rollouts of 200 steps of random actions, and as many of both constant actions together.
         assert_eq!(FixedWalks::new(2, extent.span, 2), FixedWalks { random: 10, constant: 5 });
         assert_eq!(found.coverage[0].steps, 2 * 5 * 200);
         let again = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
@@ -200,7 +200,7 @@ mod tests {
         let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
         let config = ActionModelConfig { members: 2, ..ActionModelConfig::default() };
         let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
-        // About one episode in each walk.
+        // Each rollout has about one episode.
         let extent = Extent { runs: 1, span: RunLength { steps: 60, timeout: 60 } };
         let spread = |returns: Vec<f64>| -> f64 {
             let mean = returns.iter().sum::<f64>() / returns.len() as f64;

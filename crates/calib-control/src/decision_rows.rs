@@ -1,4 +1,4 @@
-//! From the columns of a log to the rows in which agents decide.
+//! Turns the columns of a log into the rows in which agents decide.
 
 use std::ops::Range;
 
@@ -10,61 +10,62 @@ use crate::{
     step_rows::StepRows,
 };
 
-/// The rows of a log in which an agent decides, or an episode ends, and what was done and got in them.
+/// The rows of a log in which an agent decides or an episode ends, with their actions and rewards.
 ///
-/// With `control.every` = n an agent decides in every n-th row of an episode. The decision is the action of that row, whatever was set in the
-/// n − 1 rows after it: an agent at the plant knows no more when it decides. Its reward is the sum of the rewards of the n rows after it. A
-/// terminal among them ends it there. A decision that anything else cuts short is left out, for its reward would be that of fewer rows.
+/// With `control.every` = n an agent decides in every n-th row of an episode. The decision is the action of that row, whatever the n − 1
+/// rows after it hold, because an agent at the plant knows no more when it decides. Its reward is the sum of the rewards of the n rows
+/// after it. A terminal among them ends the decision and the episode. A decision that is cut short for another reason is left out, because
+/// its reward would cover fewer rows.
 ///
-/// With `control.reward_row` = "same" the row of an action has the reward of its step, and says whether the step ended its episode.
+/// With `control.reward_row` = "same" the row of an action holds the reward of its step, and whether the step ended its episode.
 ///
-/// With `control.lag` = l the log shows an action l rows after the one in which it was decided, and it counts in the earlier row.
+/// With `control.lag` = l the log shows an action l rows after its decision. The action counts in the earlier row.
 #[derive(Clone, Debug)]
 pub struct DecisionRows {
-    /// The rows, numbered as in the log, ascending. In a log of steps the last row of an episode that ends in a terminal comes twice: its
-    /// step led to a state that the log does not have.
+    /// The rows, numbered as in the log, ascending. In a log of steps the last row of an episode that ends in a terminal appears twice,
+    /// because the log lacks the state that its step led to.
     pub rows: Vec<usize>,
-    /// Unbroken pieces of these rows.
+    /// Unbroken segments of these rows.
     pub segments: Segments,
-    /// What was set, `[columns of actions][rows]`; NaN where nothing was decided.
+    /// The values of the actions, `[columns of actions][rows]`; NaN where nothing is decided.
     pub acted: Vec<Vec<f64>>,
-    /// The reward of what was done since the row before, `[rows]`; NaN where there is none.
+    /// The reward since the previous decision, `[rows]`; NaN where there is none.
     pub rewards: Vec<f32>,
     /// Whether an episode ended, `[rows]`.
     pub endings: Vec<Ending>,
-    /// Of what was decided, `[rows]`; none where it was not logged.
+    /// The probability of each decision, `[rows]`; `None` if it was not logged.
     pub probabilities: Option<Vec<f64>>,
     /// Rows of the log that have no reward of an action: those to which it leads, or with `control.reward_row` = "same" its own.
     pub without_reward: RowsWithoutReward,
-    /// Decisions of more than a row, after which another action was set before the next one.
+    /// Decisions of several rows, during which the log has another action.
     pub changed: ChangedDecisions,
 }
 
 /// Rows of a log, ascending, that have no reward from which an agent could learn.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RowsWithoutReward {
-    /// Those in which a value is missing.
+    /// Rows in which a value is missing.
     pub missing: Vec<usize>,
-    /// Those whose reward is infinite in single precision.
+    /// Rows whose reward is infinite in single precision.
     pub infinite: Vec<usize>,
-    /// How many of `missing` are terminals, which are lost.
+    /// Number of `missing` rows that are terminals. These terminals are lost.
     pub missing_terminals: usize,
-    /// Terminals of the log to which an action leads, lost or not.
+    /// Terminals of the log to which an action leads, including lost ones.
     pub terminals: usize,
 }
 
-/// Decisions after which another action was set before the next one.
+/// Decisions during which another action was set before the next decision.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChangedDecisions {
-    /// How many.
+    /// Number of such decisions.
     pub count: usize,
-    /// Of so many decisions.
+    /// Number of all decisions.
     pub decisions: usize,
-    /// The row of the log, in the first one, with the other action.
+    /// The row of the log with the other action, in the first such decision.
     pub first: Option<usize>,
 }
 
-/// What is known of every row of a log.
+/// The columns of a log with one value per row.
 struct LogRows {
     acted: Vec<Vec<f64>>,
     rewards: Vec<f32>,
@@ -73,7 +74,7 @@ struct LogRows {
 }
 
 impl LogRows {
-    /// Whether an action is taken in a row that does not end its episode.
+    /// Returns whether a row has an action and does not end its episode.
     fn leads_on(&self, row: usize) -> bool {
         leads_on(&self.acted, &self.endings, row)
     }
@@ -82,7 +83,7 @@ impl LogRows {
         self.rewards[row].is_finite()
     }
 
-    /// How many terminals an action leads to.
+    /// Returns the number of terminals to which an action leads.
     fn terminals(&self, segments: &Segments) -> usize {
         let later = segments.iter().flat_map(|segment| segment.rows().skip(1));
         later.filter(|&row| self.endings[row] == Ending::Terminal && self.leads_on(row - 1)).count()
@@ -94,14 +95,14 @@ fn leads_on(acted: &[Vec<f64>], endings: &[Ending], row: usize) -> bool {
 }
 
 impl DecisionRows {
-    /// The decisions of a log whose columns [`ControlConfig::columns`] were recorded as `recorded`, `[columns][rows]`, NaN being missing, in
-    /// rows of `segments`.
+    /// Returns the decisions of a log whose columns [`ControlConfig::columns`] were recorded as `recorded`, `[columns][rows]`, with NaN for
+    /// missing values. The rows form `segments`.
     ///
     /// # Errors
     /// If no episode is as long as one decision.
     ///
     /// # Panics
-    /// If there is not one list a column, and one value a row.
+    /// If there is not one list per column, or not one value per row.
     pub fn new(
         config: &ControlConfig,
         recorded: Vec<Vec<f64>>,
@@ -117,7 +118,7 @@ impl DecisionRows {
         }
     }
 
-    /// The decisions of a log whose rows have the reward and the terminal of the step that led to them.
+    /// Returns the decisions of a log whose rows hold the reward and the terminal of the step that led to them.
     fn of_states(
         config: &ControlConfig,
         mut recorded: Vec<Vec<f64>>,
@@ -174,7 +175,7 @@ impl DecisionRows {
         self
     }
 
-    /// A decision in every `config.every`-th row of each episode.
+    /// Returns a decision for every `config.every`-th row of each episode.
     fn thinned(
         log: &LogRows,
         config: &ControlConfig,
@@ -187,7 +188,7 @@ impl DecisionRows {
         let mut rows = Vec::new();
         let mut rewards = Vec::new();
         let mut lengths = Vec::new();
-        // Rows in which an episode ends, by their places in `rows`: nothing is decided there.
+        // Positions in `rows` of the ends of episodes, where nothing is decided.
         let mut lasts = Vec::new();
         for episode in episodes(segments, |row| log.leads_on(row), |row| log.has_reward(row)) {
             let decisions = decisions(&episode, every, &log.endings);
@@ -225,10 +226,10 @@ impl DecisionRows {
         })
     }
 
-    /// What was observed in these rows, of the states of all rows.
+    /// Returns the states of these rows, given the states of all rows.
     ///
     /// # Errors
-    /// None: what was a state is one.
+    /// Never: values of valid states form valid states.
     pub fn states(&self, states: &States) -> Result<States, ControlError> {
         if self.rows.iter().copied().eq(0..states.rows()) {
             return Ok(states.clone());
@@ -238,7 +239,7 @@ impl DecisionRows {
     }
 }
 
-/// What was decided in each row, if the log shows it `lag` rows later.
+/// Returns the decision of each row, if the log shows it `lag` rows later.
 fn decided(recorded: &[f64], segments: &Segments, endings: &[Ending], lag: usize) -> Vec<f64> {
     let mut decided = vec![f64::NAN; recorded.len()];
     for segment in segments.iter() {
@@ -247,9 +248,9 @@ fn decided(recorded: &[f64], segments: &Segments, endings: &[Ending], lag: usize
     decided
 }
 
-/// Give `take` each of the `rows` of a segment, the last one first, with the row that shows what was decided in it, `lag` rows later. What was
-/// decided before a gap is not shown after it: nobody knows it. What was decided before a terminal counts as what the row of the terminal
-/// shows, for the rows after it are of another episode, and without an action there would be no step to the terminal.
+/// Calls `take` for each of the `rows` of a segment, last row first, with the row that shows its decision `lag` rows later. A decision
+/// before a gap is unknown if it would appear after the gap. A decision before a terminal gets the action that the row of the terminal
+/// shows: the rows after it belong to another episode, and without an action there would be no step to the terminal.
 pub(crate) fn each_shown(
     rows: Range<usize>,
     endings: &[Ending],
@@ -268,7 +269,7 @@ pub(crate) fn each_shown(
     }
 }
 
-/// How the step to each of `rows` rows ends, by the column of terminals; every step goes on where there is none.
+/// Returns how the step to each of `rows` rows ends, by the column of terminals. Without that column every step continues.
 pub(crate) fn endings(terminal: Option<&[f64]>, rows: usize) -> Vec<Ending> {
     let Some(terminal) = terminal else { return vec![Ending::Continues; rows] };
     let values = terminal.iter();
@@ -279,7 +280,7 @@ fn at<T: Copy>(column: &[T], rows: &[usize]) -> Vec<T> {
     rows.iter().map(|&row| column[row]).collect()
 }
 
-/// The decisions of an episode: from the row of each to that of the next, or to the terminal.
+/// Returns the decisions of an episode: each from its row to that of the next one, or to the terminal.
 fn decisions(episode: &Range<usize>, every: usize, endings: &[Ending]) -> Vec<Range<usize>> {
     let last = episode.end - 1;
     let starts = (episode.start..last).step_by(every);
@@ -288,7 +289,8 @@ fn decisions(episode: &Range<usize>, every: usize, endings: &[Ending]) -> Vec<Ra
         .collect()
 }
 
-/// What each column of actions may differ by and still be the same action: half of the way from one level to the next, or nothing.
+/// Returns for each column of actions the largest difference between values that count as the same action: half a step from one
+/// level to the next, or 0 without levels.
 fn tolerances(acted: &[Vec<f64>], levels: Option<usize>) -> Vec<f64> {
     let Some(levels) = levels else { return vec![0.0; acted.len()] };
     let steps = 2.0 * (levels - 1) as f64;
@@ -303,7 +305,7 @@ fn tolerances(acted: &[Vec<f64>], levels: Option<usize>) -> Vec<f64> {
 }
 
 impl ChangedDecisions {
-    /// Count a decision, from its row to that of the next.
+    /// Counts a decision whose rows start at its own and end before the next one.
     fn count(&mut self, acted: &[Vec<f64>], decision: &Range<usize>, tolerances: &[f64]) {
         self.decisions += 1;
         let other = (decision.start + 1..decision.end).find(|&row| {
@@ -323,7 +325,7 @@ mod tests {
 
     const NONE: f64 = f64::NAN;
 
-    /// A log of seven rows of a valve, its reward being 1, 2, 3, … in rows 1, 2, 3, …
+    /// Returns the decisions of a log of seven rows of a valve. Its reward is 1, 2, 3, … in rows 1, 2, 3, …
     fn rows(
         keys: &str,
         valve: [f64; 7],
@@ -360,7 +362,7 @@ mod tests {
         assert_eq!(thinned.rewards[1..], [6.0, 15.0]);
         assert_eq!(thinned.acted[0][..2], [1.0, 2.0]);
         assert!(thinned.acted[0][2].is_nan(), "nothing is decided where an episode ends");
-        // From row 3 on it was 2, 1, 2.
+        // From row 3 on the valve was at 2, 1, 2.
         let changed = ChangedDecisions { count: 1, decisions: 2, first: Some(4) };
         assert_eq!(thinned.changed, changed);
         let states = States::new((0..14).map(|value| value as f32).collect(), 7, 2);
@@ -375,7 +377,7 @@ mod tests {
         assert_eq!(thinned.rows, [0, 3, 4], "rows 5 and 6 are too few");
         assert_eq!(thinned.rewards[1..], [6.0, 4.0]);
         assert_eq!(thinned.endings[1..], [Ending::Continues, Ending::Terminal]);
-        // A gap after row 4 leaves a row over.
+        // A gap after row 4 leaves one row over.
         let thinned = rows("every = 3", [1.0; 7], ON, &[5, 2]).expect("a decision");
         assert_eq!((&thinned.rows[..], thinned.segments.len()), (&[0, 3][..], 1));
         // Without an action in row 1 an episode begins in row 2.
@@ -393,12 +395,12 @@ mod tests {
         let valve = [0.0, 0.4, 10.0, 8.0, 4.0, 0.0, 0.0];
         let keys = "every = 2\nlevels = 6";
         let thinned = rows(keys, valve, ON, &[7]).expect("three decisions");
-        // Levels are 2 apart: 0 and 0.4 are one, 10 and 8 are two, 4 and 0 are two.
+        // Levels are 2 apart: 0 and 0.4 are at one level, 10 and 8 at two, 4 and 0 at two.
         let changed = ChangedDecisions { count: 2, decisions: 3, first: Some(3) };
         assert_eq!(thinned.changed, changed);
     }
 
-    /// What was decided, where there is something.
+    /// Returns the decisions that are known.
     fn known(log: &DecisionRows) -> Vec<f64> {
         log.acted[0].iter().copied().filter(|value| !value.is_nan()).collect()
     }
@@ -409,15 +411,15 @@ mod tests {
         let lagged = rows("lag = 2", valve, ON, &[7]).expect("rows");
         assert_eq!(lagged.acted[0][..5], [1.0, 2.0, 3.0, 4.0, 5.0]);
         assert!(lagged.acted[0][5..].iter().all(|value| value.is_nan()), "not shown any more");
-        // A gap after row 3.
+        // There is a gap after row 3.
         let lagged = rows("lag = 2", valve, ON, &[4, 3]).expect("rows");
         assert_eq!(known(&lagged), [1.0, 2.0, 5.0]);
         assert!(!lagged.acted[0][4].is_nan());
-        // A terminal in row 4, before which rows 3 and 4 of the valve are the last that show anything.
+        // Row 4 is a terminal. Later rows of the valve do not count for decisions before it.
         let terminal = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
         let lagged = rows("lag = 2", valve, terminal, &[7]).expect("rows");
         assert_eq!(known(&lagged), [1.0, 2.0, 3.0, 3.0, 3.0]);
-        // Every row shows what led there.
+        // Every row shows the action that led to it.
         let lagged = rows("lag = 1", valve, terminal, &[7]).expect("rows");
         assert_eq!(lagged.acted[0][..4], [9.0, 1.0, 2.0, 3.0]);
     }
@@ -455,7 +457,7 @@ mod tests {
         let text = "actions = ['valve']\nreward = 'gain'\nterminal = 'end'";
         let config: ControlConfig = toml::from_str(text).expect("valid");
         let gain = vec![0.0, 1.0, NONE, NONE, 1.0, NONE, 2.0];
-        // A plant that stays at its terminal has one, and no action leads to the next row.
+        // A plant that stays at its terminal has only one terminal, because no action leads to the next row.
         let end = vec![0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0];
         let segments = Segments::from_lengths([7]).expect("rows");
         let log = DecisionRows::new(&config, vec![vec![1.0; 7], gain, end], &segments);

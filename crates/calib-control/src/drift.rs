@@ -1,4 +1,4 @@
-//! How far walks are moved by jumps from where they were to the sources of other transitions.
+//! Measures how far jumps move rollouts: from their state to the sources of other transitions.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ pub struct Drift {
 }
 
 impl Drift {
-    /// Count an episode.
+    /// Counts an episode.
     pub(crate) fn count(&mut self, displacement: &[f32]) {
         self.sums.resize(displacement.len(), 0.0);
         self.squares.resize(displacement.len(), 0.0);
@@ -32,7 +32,7 @@ impl Drift {
         }
     }
 
-    /// Both together.
+    /// Returns the sum of both.
     #[must_use]
     pub fn and(mut self, other: &Self) -> Self {
         let columns = self.sums.len().max(other.sums.len());
@@ -44,7 +44,7 @@ impl Drift {
         self
     }
 
-    /// Mean displacement of an episode, of each column, and its standard error; nothing of fewer than two episodes.
+    /// Returns the mean displacement per episode of each column, and its standard error. The list is empty for fewer than two episodes.
     pub fn means(&self) -> Vec<[f64; 2]> {
         if self.episodes < 2 {
             return Vec::new();

@@ -1,8 +1,8 @@
-//! What an agent acts in.
+//! Environments in which agents act.
 
 use calib_core::Rng;
 
-/// What an action led to, beside the next state.
+/// The outcome of an action, without the next state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
     /// The reward of the step.
@@ -11,40 +11,41 @@ pub struct Outcome {
     pub ending: Ending,
 }
 
-/// Whether an episode goes on.
+/// Whether an episode continues.
 ///
-/// The end of a log, and of a run that was cut after so many steps, is not an ending: what would have followed has a value, which
-/// agents take from their estimate. After a terminal nothing follows, and the value is zero.
+/// The end of a log, or the cut of a run after so many steps, is not an ending: the state there still has a value, which agents
+/// estimate. After a terminal nothing follows, and the value is zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ending {
-    /// It does.
+    /// The episode continues.
     #[default]
     Continues,
-    /// Nothing follows.
+    /// The episode ends: nothing follows.
     Terminal,
 }
 
 impl Ending {
-    /// A terminal, or none.
+    /// Returns `Terminal` if `is_terminal`, and `Continues` otherwise.
     pub(crate) fn terminal_if(is_terminal: bool) -> Self {
         if is_terminal { Self::Terminal } else { Self::Continues }
     }
 }
 
-/// What an agent acts in: a simulator, or a model of a log. States are `f32 [columns]`, scaled to about 0 to 1 a column.
+/// An environment in which an agent acts: a simulator, or a model of a log. States are `f32 [columns]`, each column
+/// scaled to about 0 to 1.
 pub trait Environment {
-    /// Number of actions.
+    /// Returns the number of actions.
     fn actions(&self) -> usize;
 
-    /// Number of columns of a state.
+    /// Returns the number of columns of a state.
     fn columns(&self) -> usize;
 
-    /// Begin an episode: its first state is put in `state`.
+    /// Begins an episode, and writes its first state to `state`.
     fn start(&mut self, rng: &mut Rng, state: &mut [f32]);
 
-    /// Take `action`: the next state is put in `state`.
+    /// Takes `action`, and writes the next state to `state`.
     fn step(&mut self, action: usize, rng: &mut Rng, state: &mut [f32]) -> Outcome;
 
-    /// Add what a log has of the last step beside state and reward.
+    /// Appends the logged values of the last step, beside state and reward.
     fn log(&self, _logged: &mut Vec<f64>) {}
 }

@@ -4,29 +4,29 @@ use calib_stats::StatsError;
 
 use crate::Ending;
 
-/// Why something of agents that act cannot be done.
+/// An error of agents that act, their logs or their models.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlError {
-    /// A field of an agent or a model cannot be what it is.
+    /// A field of an agent or a model has a value that is not valid.
     #[error("`{field}` is {got}, expected {expected}")]
     Field {
         /// The field.
         field: &'static str,
-        /// What it is.
+        /// Its value.
         got: f64,
-        /// What it may be.
+        /// The valid values.
         expected: &'static str,
     },
-    /// The same of a section below `[control]`, by the key of a study.
+    /// A field of a section below `[control]` has a value that is not valid.
     #[error("`control.{section}.{field}` is {got}, expected {expected}")]
     SectionField {
         /// The section.
         section: &'static str,
         /// The field.
         field: &'static str,
-        /// What it is.
+        /// Its value.
         got: f64,
-        /// What it may be.
+        /// The valid values.
         expected: &'static str,
     },
     /// A list of the grid is empty.
@@ -35,17 +35,17 @@ pub enum ControlError {
         /// The field.
         field: &'static str,
     },
-    /// A field of the grid that no agent uses.
+    /// A field of the grid that no swept algorithm uses.
     #[error(
         "control.grid.{field} decides nothing: {algorithm} does not use it; leave the key out, or list an algorithm that does"
     )]
     UnusedAxis {
         /// The field.
         field: &'static str,
-        /// What the agents learn by.
+        /// The algorithm of the agents.
         algorithm: &'static str,
     },
-    /// The same value twice in one field of the grid.
+    /// The same value occurs twice in one field of the grid.
     #[error("control.grid.{field} has the value {value} twice; remove one")]
     RepeatedValue {
         /// The field.
@@ -53,10 +53,10 @@ pub enum ControlError {
         /// The value.
         value: String,
     },
-    /// A study does not say which columns are actions.
+    /// A study does not name the columns of actions.
     #[error("`actions` is empty; name the columns of the action that was taken in a row")]
     NoActions,
-    /// A column that is two things.
+    /// A column has two roles.
     #[error(
         "control.{key} names {column}, which control.{before} names already; name another column{}",
         if [*key, *before].contains(&"reward") {
@@ -66,42 +66,42 @@ pub enum ControlError {
         }
     )]
     RepeatedColumn {
-        /// The key that names it again.
+        /// The key that names the column again.
         key: &'static str,
         /// The column.
         column: String,
         /// The key that names it first.
         before: &'static str,
     },
-    /// No kind of model to let agents act in.
+    /// The list of models is empty.
     #[error(
         "control.models is empty; list \"neighbors\", \"increments\" or \"network\", or leave the key out for all of them"
     )]
     NoModels,
-    /// A kind of model twice.
+    /// A kind of model occurs twice.
     #[error("control.models has \"{kind}\" twice; remove one")]
     RepeatedModel {
         /// The kind.
         kind: &'static str,
     },
-    /// A reward without terms.
+    /// A reward has no terms.
     #[error(
         "`reward` has no term; name a column, or list terms such as {{ column = \"flow\", weight = 1 }}"
     )]
     EmptyReward,
-    /// A number in a term of the reward cannot be what it is.
+    /// A number in a term of the reward is not valid.
     #[error("`reward[{term}].{key}` is {got}, expected {expected}")]
     Term {
         /// The number of the term, from 0.
         term: usize,
         /// The key of the term.
         key: &'static str,
-        /// What it is.
+        /// Its value.
         got: f64,
-        /// What it may be.
+        /// The valid values.
         expected: &'static str,
     },
-    /// A term of the reward that means two things.
+    /// A term of the reward has two meanings.
     #[error("reward[{term}] has both {first} and {second}: write two terms, each with one of them")]
     TwoMeanings {
         /// Its number, from 0.
@@ -111,7 +111,7 @@ pub enum ControlError {
         /// A key that cannot stand beside it.
         second: &'static str,
     },
-    /// A term of the reward that is always nought.
+    /// A term of the reward is always zero.
     #[error(
         "the set-point of reward[{term}] is its own column, {column}, from which it never differs; name the column that holds the set-point, or \
          leave set_point out"
@@ -122,13 +122,13 @@ pub enum ControlError {
         /// The column.
         column: String,
     },
-    /// More different actions than are allowed.
+    /// The log has more different actions than are allowed.
     #[error(
         "the log has more than {most} different actions; if a column of them is continuous, set control.levels (7, say), else round it, or raise \
          control.most_actions"
     )]
     ManyActions {
-        /// How many are allowed.
+        /// The number of allowed actions.
         most: usize,
     },
     /// Levels of several columns have more combinations than are allowed.
@@ -136,12 +136,12 @@ pub enum ControlError {
         "the levels of the columns of actions have more than {most} combinations; {remedy}, or raise control.most_actions"
     )]
     ManyLevels {
-        /// How many are allowed.
+        /// The number of allowed combinations.
         most: usize,
-        /// How to have fewer.
+        /// A way to have fewer combinations.
         remedy: &'static str,
     },
-    /// Tile coding of more features than can be numbered.
+    /// Tile coding has more features than can be numbered.
     #[error(
         "states of {columns} columns have {weights} weights of tiles, at most 4294967295 can be numbered; set control.agent.pairs = false, or keep fewer columns"
     )]
@@ -151,10 +151,10 @@ pub enum ControlError {
         /// Features, times actions.
         weights: u128,
     },
-    /// A log of which a member would have nothing to learn from, or nothing to check that by.
+    /// An ensemble member would have no transitions for training, or none for validation.
     #[error("the log has too few transitions for networks of {members} ensemble members")]
     FewTransitions {
-        /// How many members.
+        /// Number of ensemble members.
         members: usize,
     },
     /// A network diverged in training.
@@ -162,20 +162,20 @@ pub enum ControlError {
         "the network of ensemble member {member} diverged; leave \"network\" out of control.models"
     )]
     NetworkDiverged {
-        /// Which member.
+        /// The ensemble member.
         member: usize,
     },
     /// The columns of a log have different lengths.
     #[error("{what}: {got} rows, expected {expected} as the states have")]
     Rows {
-        /// Which column.
+        /// The name of the column.
         what: &'static str,
         /// Rows of the states.
         expected: usize,
-        /// Rows of it.
+        /// Rows of the column.
         got: usize,
     },
-    /// No row of the log leads to another one by an action.
+    /// No action in the log leads from one row to another.
     #[error(
         "the log has no transition: no row with an action is followed by a row of the same episode that has a reward"
     )]
@@ -186,70 +186,70 @@ pub enum ControlError {
          anywhere; name a column that is 0 where an episode goes on"
     )]
     OnlyTerminals,
-    /// Fewer transitions than ensemble members.
+    /// There are fewer transitions than ensemble members.
     #[error(
         "{transitions} transitions cannot be split into {members} blocks; record more, or lower control.model.members"
     )]
     FewForMembers {
         /// Transitions in the log.
         transitions: usize,
-        /// Members asked for.
+        /// Number of ensemble members in the study.
         members: usize,
     },
-    /// No decision of several rows.
+    /// No episode is long enough for a decision of several rows.
     #[error(
         "no recorded episode has more rows than control.every = {every}, nor ends in a terminal; lower control.every, or see where rows lack an action or a reward"
     )]
     NoDecisions {
-        /// Rows of a decision.
+        /// Rows per decision.
         every: usize,
     },
-    /// Probabilities of continuous actions.
+    /// Probabilities are given for continuous actions.
     #[error(
         "control.levels makes actions continuous, and what was set then has no probability but a density; leave control.probability out"
     )]
     ProbabilityOfLevels,
-    /// A probability is none.
+    /// A probability is not above 0 and at most 1.
     #[error(
         "row {row}: the probability of the action that was taken is {got}, expected above 0, up to 1"
     )]
     NoProbability {
         /// The row.
         row: usize,
-        /// What it is.
+        /// Its value.
         got: f64,
     },
-    /// A program whose agents act failed.
+    /// The program of an agent failed.
     #[error(transparent)]
     Program(Box<dyn std::error::Error + Send + Sync>),
-    /// No state to begin episodes in.
+    /// There is no state in which an episode could begin.
     #[error("there is no state to begin episodes in")]
     NoStarts,
-    /// A file of a stored model is not one of it.
+    /// A file of a stored model does not belong to it.
     #[error("{} does not belong to this model: it was damaged or replaced; make the model again", path.display())]
     Damaged {
         /// The file.
         path: std::path::PathBuf,
     },
-    /// What was stored is no agent, or another one.
+    /// The stored file does not hold the expected agent.
     #[error("this is not the stored agent that was expected: {reason}")]
     NoAgent {
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
     /// A file cannot be read.
     #[error(transparent)]
     Files(#[from] calib_files::FileError),
-    /// The search failed.
+    /// The search for neighbours failed.
     #[error(transparent)]
     Knn(KnnError),
-    /// The states are not states.
+    /// The states are not valid.
     #[error(transparent)]
     States(#[from] StatesError),
     /// Segments could not be made.
     #[error(transparent)]
     Segments(#[from] SegmentError),
-    /// A statistic could not be taken.
+    /// A statistic could not be computed.
     #[error(transparent)]
     Stats(#[from] StatsError),
     /// The observer asked to stop.
@@ -258,7 +258,7 @@ pub enum ControlError {
 }
 
 impl ControlError {
-    /// With a field named by its key in this section below `[control]`.
+    /// Names a field by its key in this section below `[control]`.
     pub(crate) fn in_section(self, section: &'static str) -> Self {
         match self {
             Self::Field { field, got, expected } => {
@@ -268,8 +268,8 @@ impl ControlError {
         }
     }
 
-    /// That every row is a terminal, where steps with these endings are none but terminals; else this error, for a log of which no transition
-    /// is left.
+    /// Returns the error that every row is a terminal if all of these endings are terminals. Otherwise returns this error, for a log
+    /// without transitions.
     pub(crate) fn or_only_terminals(self, endings: &[Ending]) -> Self {
         if endings.iter().all(|&ending| ending == Ending::Terminal) {
             Self::OnlyTerminals
@@ -279,10 +279,10 @@ impl ControlError {
     }
 }
 
-/// Check fields in turn: each with its name, its value, whether that is valid, and what is expected.
+/// Checks fields in turn. Each has its name, its value, whether that is valid, and the valid values.
 ///
 /// # Errors
-/// The first field that is not valid.
+/// If a field is not valid. The error names the first one.
 pub(crate) fn check_fields(
     checks: &[(&'static str, f64, bool, &'static str)],
 ) -> Result<(), ControlError> {

@@ -1,47 +1,47 @@
-//! Fitted Q evaluation: the value of a policy from a log, without a model. A baseline.
+//! Fitted Q evaluation: estimates the value of a policy from a log, without a model. It is a baseline.
 
 use calib_core::{States, TransitionIndex};
 
 use crate::{Decisions, Ending, agent::Tiles};
 
-/// Tilings, tiles and step size of the fitted values; fewer tilings than agents have, for the sake of time.
+/// Tilings, tiles and step size of the fitted values. There are fewer tilings than agents have, to save time.
 const TILINGS: usize = 4;
 const TILES: usize = 8;
 const STEP: f64 = 0.3;
-/// States of more columns have tiles of single columns only: pairs would be hundreds of times as many.
+/// States with more columns have tiles of single columns only: pairs would be hundreds of times as many.
 const PAIRED_COLUMNS: usize = 16;
-/// Passes over the log.
+/// Number of passes over the log.
 const PASSES: usize = 20;
 
 /// Values q̂ of a policy π, fitted to a log.
 ///
-/// Fitted Q evaluation (Le, Voloshin & Yue 2019) with values linear in tile coding of their own, with pairs of columns where there are at most 16:
-/// in 20 passes over the log, last transition first, q̂(s, a) ← q̂(s, a) + 0.3 · (r + γ Σ π(a' | s') q̂(s', a') − q̂(s, a)), the target being cut to
-/// what an episode of `timeout` steps can get.
+/// Fitted Q evaluation (Le, Voloshin & Yue 2019). Its values are linear in a separate tile coding, with pairs of columns where there are at
+/// most 16 columns. It makes 20 passes over the log, last transition first, with q̂(s, a) ← q̂(s, a) + 0.3 · (r + γ Σ π(a' | s') q̂(s', a')
+/// − q̂(s, a)). The target is cut to the possible returns of an episode of `timeout` steps.
 #[derive(Clone, Debug)]
 pub(crate) struct FittedQ {
     tiles: Tiles,
     actions: usize,
-    /// `[actions, features]`.
+    /// Shape `[actions, features]`.
     weights: Vec<f64>,
 }
 
-/// Fitted values of a recorded step.
+/// Fitted values of one recorded step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct StepValues {
-    /// q̂(s, a) of the action that was taken.
+    /// q̂(s, a) of the recorded action.
     pub(crate) taken: f64,
     /// v̂(s) = Σ π(a | s) q̂(s, a).
     pub(crate) expected: f64,
 }
 
 impl FittedQ {
-    /// Fit to `log` the values of the policy that has the probabilities `after` in the states that transitions lead to, `[transitions, actions]`.
+    /// Fits the values of a policy to `log`. `after` has its probabilities in the next states of the transitions, `[transitions, actions]`.
     pub(crate) fn fit(log: &Decisions, after: &[f64], gamma: f64, timeout: usize) -> Self {
         let states = log.states();
         let source = |number: usize| log.transitions().source(TransitionIndex::new(number)).get();
         let next = |number: usize| log.transitions().next(TransitionIndex::new(number)).get();
-        // Features are found anew in every pass: those of all rows of a long log would take more memory than the log.
+        // Every pass computes the features again: those of all rows of a long log would take more memory than the log.
         let mut tiles = Self::tiles(states.columns());
         let mut here = Vec::new();
         let mut ahead = Vec::new();
@@ -59,7 +59,7 @@ impl FittedQ {
                 let mut target = f64::from(log.rewards()[number]);
                 if log.endings()[number] == Ending::Continues {
                     let policy = &after[number * actions..][..actions];
-                    // Backwards, the next row is mostly the one that was just looked at.
+                    // In reverse order the next row is mostly the row of the previous step, whose features are in `here`.
                     if row_here == Some(next(number)) {
                         std::mem::swap(&mut here, &mut ahead);
                     } else {
@@ -79,7 +79,7 @@ impl FittedQ {
         Self { tiles, actions, weights }
     }
 
-    /// Memory of the values of a log whose states have so many columns, in bytes.
+    /// Returns the memory of the values for states of this many columns, in bytes.
     pub(crate) fn bytes(columns: usize, actions: usize) -> u64 {
         (Self::tiles(columns).len() * actions * size_of::<f64>()) as u64
     }
@@ -88,7 +88,7 @@ impl FittedQ {
         Tiles::new(TILINGS, TILES, columns, columns <= PAIRED_COLUMNS)
     }
 
-    /// The mean of v̂ over `states`, in which its policy has the probabilities `policies`, `[states, actions]`.
+    /// Returns the mean of v̂ over `states`. `policies` has the policy's probabilities there, `[states, actions]`.
     pub(crate) fn mean_over(&mut self, states: &States, policies: &[f64]) -> f64 {
         let mut features = Vec::new();
         let mut value = 0.0;
@@ -99,7 +99,7 @@ impl FittedQ {
         value / states.rows() as f64
     }
 
-    /// Its values at each step of `log`, where its policy has the probabilities `policies`, `[transitions, actions]`.
+    /// Returns the values at each step of `log`. `policies` has the policy's probabilities there, `[transitions, actions]`.
     pub(crate) fn at_steps(&mut self, log: &Decisions, policies: &[f64]) -> Vec<StepValues> {
         let length = self.tiles.len();
         let mut features = Vec::new();
@@ -117,12 +117,12 @@ impl FittedQ {
     }
 }
 
-/// q̂ of the action with the weights `own` at `features`.
+/// Returns q̂ at `features` for the action with the weights `own`.
 fn sum(own: &[f64], features: &[u32]) -> f64 {
     features.iter().map(|&feature| own[feature as usize]).sum()
 }
 
-/// Σ π(a) q̂(a) at `features`.
+/// Returns Σ π(a) q̂(a) at `features`.
 fn expected(weights: &[f64], policy: &[f64], features: &[u32]) -> f64 {
     let length = weights.len() / policy.len();
     policy
@@ -141,7 +141,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::{AgentConfig, Columns, off_policy_values};
 
-    /// A corridor of ten places, −1 a step, left or right by chance; right of the last is the end.
+    /// Returns a log of random moves in a corridor of ten places, with −1 per step. Right of the last place is the end.
     pub(crate) fn corridor() -> Decisions {
         let mut rng = Seed::new(1).rng();
         let mut states = Vec::new();
@@ -175,7 +175,7 @@ pub(crate) mod tests {
     fn the_better_policy_has_the_higher_value() {
         let log = corridor();
         let starts = States::new(vec![0.5], 1, 1).expect("valid");
-        // One learns to go right, which takes five steps; the other cannot tell left from right.
+        // One policy learns to go right, which takes five steps. The other cannot tell left from right.
         let sharp = AgentConfig { temperature: 0.1, gamma: 0.95, ..AgentConfig::default() };
         let dull = AgentConfig { temperature: 1e6, ..sharp };
         let found =

@@ -43,7 +43,7 @@ pub struct Grid {
     pub target_steps: Option<Vec<usize>>,
 }
 
-/// Make of every candidate that uses a field one for each value of it.
+/// Replaces every setting that uses `field` by one setting per value.
 fn each<T: Copy + PartialEq + Debug>(
     candidates: &mut Vec<AgentConfig>,
     field: &'static str,
@@ -80,8 +80,8 @@ fn each<T: Copy + PartialEq + Debug>(
 }
 
 impl Grid {
-    /// The grid of the literature's protocol: three step sizes, two β₁, three temperatures, three initial weights; 54 candidates (Wang et
-    /// al. 2022).
+    /// Returns the grid of the published protocol: three step sizes, two β₁, three temperatures and three initial weights, which are 54
+    /// settings (Wang et al. 2022).
     pub fn published() -> Self {
         Self {
             step_size: Some(vec![0.003, 0.03, 0.3]),
@@ -92,11 +92,11 @@ impl Grid {
         }
     }
 
-    /// All combinations of the fields that an algorithm uses, the last field changing fastest; every one differs from `agent` only in what
-    /// is swept.
+    /// Returns all combinations of the fields that an algorithm uses. The last field changes fastest. Every setting differs from `agent`
+    /// only in swept fields.
     ///
     /// # Errors
-    /// If a list is empty or has a value twice, no algorithm uses a field, or a value is not one that its field can have.
+    /// If a list is empty or has a value twice, no algorithm uses a field, or a value is not valid for its field.
     pub fn candidates(&self, agent: AgentConfig) -> Result<Vec<AgentConfig>, ControlError> {
         let mut all = vec![agent];
         each(&mut all, "algorithm", self.algorithm.as_ref(), |agent, value| {
@@ -124,14 +124,14 @@ impl Grid {
         Ok(all)
     }
 
-    /// The error with the key of its field: that of the grid, or that of the agent where the field is not swept.
+    /// Names the field of an error by its key: that of the grid if the field is swept, or else that of the agent.
     fn with_key(&self, error: ControlError, agent: &AgentConfig) -> ControlError {
         let ControlError::Field { field, .. } = error else { return error };
         let is_swept = self.told(agent).iter().any(|(swept, _)| *swept == field);
         error.in_section(if is_swept { "grid" } else { "agent" })
     }
 
-    /// The fields of networks.
+    /// Combines the fields of networks.
     fn networks(&self, all: &mut Vec<AgentConfig>) -> Result<(), ControlError> {
         each(all, "hidden_width", self.hidden_width.as_ref(), |agent, value| {
             agent.hidden_width = value;
@@ -146,7 +146,7 @@ impl Grid {
         })
     }
 
-    /// What distinguishes candidates: the names of swept fields and how a candidate has them.
+    /// Returns the names of the swept fields, with the values that `agent` has in them.
     pub fn told(&self, agent: &AgentConfig) -> Vec<(&'static str, String)> {
         let algorithm = agent.algorithm;
         let all = [
@@ -203,7 +203,7 @@ mod tests {
         assert!(twice.contains("grid.step_size") && twice.contains("0.1 twice"), "{twice}");
         let twice = refused(Grid { pairs: Some(vec![true, true]), ..Grid::default() });
         assert!(twice.contains("true twice"), "{twice}");
-        // Of several algorithms those that use a field have its values.
+        // The values of a field apply only to the algorithms that use it.
         let mixed = Grid {
             algorithm: Some(vec![Algorithm::ExpectedSarsa, Algorithm::QLearning]),
             epsilon: Some(vec![0.1, 0.2]),
@@ -223,7 +223,7 @@ mod tests {
         let tiles = Grid { tiles: Some(vec![8, 0]), ..Grid::default() };
         let told = refused(tiles, AgentConfig::default());
         assert_eq!(told, "`control.grid.tiles` is 0, expected from 1 to 64");
-        // The batches of the grid are larger than what the agent keeps.
+        // The batches of the grid are larger than the agent's replay buffer.
         let agent = AgentConfig {
             algorithm: Algorithm::DeepQLearning,
             replay: 100,

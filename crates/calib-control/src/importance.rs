@@ -1,4 +1,5 @@
-//! Importance sampling and the doubly robust estimator: the value of a policy from a log whose policy is known, without a model. Baselines.
+//! Importance sampling and the doubly robust estimator: they estimate the value of a policy from a log whose policy is known, without a
+//! model. They are baselines.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,38 +15,38 @@ pub struct Importance {
     pub effective_episodes: f64,
 }
 
-/// An episode as it was recorded.
+/// A recorded episode.
 #[derive(Clone, Debug)]
 pub(crate) struct Episode<'a> {
     /// ln π(a | s) − ln b(a | s) of each step.
     log_ratios: Vec<f64>,
     rewards: &'a [f32],
-    /// Fitted values of each step; empty without any.
+    /// Fitted values of each step; empty if there are no fitted values.
     values: &'a [StepValues],
     ending: Ending,
 }
 
-/// What an episode counts for at a step.
+/// The weight and the value of an episode at one step.
 #[derive(Clone, Copy, Debug)]
 struct Weighted {
     log_weight: f64,
     value: f64,
 }
 
-/// ln π(a | s) − ln b(a | s) of each transition: `policies` has π(· | s), `[transitions, actions]`, and `logged` b(a | s).
+/// Returns ln π(a | s) − ln b(a | s) of each transition. `policies` has π(· | s), `[transitions, actions]`, and `logged` has b(a | s).
 pub(crate) fn log_ratios(log: &Decisions, logged: &[f64], policies: &[f64]) -> Vec<f64> {
     policies
         .chunks(log.levels())
         .enumerate()
         .map(|(number, policy)| {
             let own = policy[usize::from(log.actions()[number])];
-            // A policy that diverged does nothing that was recorded.
+            // A policy that diverged never takes the recorded action.
             if own > 0.0 { own.ln() - logged[number].ln() } else { f64::NEG_INFINITY }
         })
         .collect()
 }
 
-/// The episodes of `log` with what each transition has: `log_ratios`, and `values` unless they are empty.
+/// Returns the episodes of `log` with the `log_ratios` of their transitions, and with their `values` unless these are empty.
 pub(crate) fn episodes<'a>(
     log: &'a Decisions,
     log_ratios: &[f64],
@@ -61,12 +62,13 @@ pub(crate) fn episodes<'a>(
         .collect()
 }
 
-/// The value of a policy π by weighted per-decision importance sampling. With fitted values it is the doubly robust estimate.
+/// Estimates the value of a policy π by weighted per-decision importance sampling. With fitted values it is the doubly robust estimate.
 ///
-/// With ρᵢₜ = Π π / b over the steps of episode i up to t, the value is Σₜ γᵗ (Σᵢ ρᵢₜ (rᵢₜ − q̂ᵢₜ) / Σᵢ ρᵢₜ + Σᵢ ρᵢₜ₋₁ v̂ᵢₜ / Σᵢ ρᵢₜ₋₁), where q̂ᵢₜ and v̂ᵢₜ are the
-/// values of the action taken and of the state, and 0 without any. Without them it is that of Precup, Sutton & Singh 2000, whose weighted form is consistent
-/// (Thomas & Brunskill 2016). With them it is the recursion v̂ + ρ (r + γ V' − q̂) of Jiang & Li 2016, weighted as in Thomas & Brunskill 2016. After a
-/// terminal an episode goes on with rewards and values of nought and the ratio that it had. One that was cut counts up to there, in all four sums.
+/// With ρᵢₜ = Π π / b over the steps of episode i up to t, the value is Σₜ γᵗ (Σᵢ ρᵢₜ (rᵢₜ − q̂ᵢₜ) / Σᵢ ρᵢₜ + Σᵢ ρᵢₜ₋₁ v̂ᵢₜ / Σᵢ ρᵢₜ₋₁).
+/// Here q̂ᵢₜ and v̂ᵢₜ are the fitted values of the recorded action and of the state, or 0 without fitted values. Without them the estimate
+/// is that of Precup, Sutton & Singh 2000, whose weighted form is consistent (Thomas & Brunskill 2016). With them it is the recursion v̂ +
+/// ρ (r + γ V' − q̂) of Jiang & Li 2016, weighted as in Thomas & Brunskill 2016. After a terminal, an episode continues with rewards and
+/// values of 0 and its last ratio. A cut episode counts up to its cut, in all four sums.
 pub(crate) fn estimate(episodes: &[Episode<'_>], gamma: f64, timeout: usize) -> Importance {
     let longest =
         episodes.iter().map(|episode| episode.rewards.len()).max().unwrap_or(0).min(timeout);
@@ -98,9 +100,9 @@ pub(crate) fn estimate(episodes: &[Episode<'_>], gamma: f64, timeout: usize) -> 
     Importance { value: Some(value), effective_episodes: effective(&log_weights) }
 }
 
-/// Σ w x / Σ w; none if all weights are 0.
+/// Returns Σ w x / Σ w, or `None` if all weights are 0.
 fn mean(all: &[Weighted]) -> Option<f64> {
-    // Products of hundreds of ratios leave the range of numbers: only what they are beside the largest matters.
+    // Products of hundreds of ratios overflow or underflow, so weights are taken relative to the largest.
     let largest = all.iter().map(|one| one.log_weight).fold(f64::NEG_INFINITY, f64::max);
     if largest == f64::NEG_INFINITY {
         return None;
@@ -115,7 +117,7 @@ fn mean(all: &[Weighted]) -> Option<f64> {
     Some(sum / weights)
 }
 
-/// (Σ w)² / Σ w² of weights whose logarithms are given; 0 if all are 0.
+/// Returns (Σ w)² / Σ w² of weights with these logarithms, or 0 if all weights are 0.
 fn effective(log_weights: &[f64]) -> f64 {
     let largest = log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if largest == f64::NEG_INFINITY {

@@ -1,17 +1,17 @@
-//! The levels of a column of continuous actions.
+//! Chooses the levels of a column of continuous actions.
 
 use crate::FEW_STEPS;
 
-/// A cluster of values is at most this share of the range wide. Our choice.
+/// The largest width of a cluster of values, as a share of the range. Our choice.
 const WIDEST: f64 = 0.05;
-/// The empty space beside a cluster is at least so many times as wide as the widest one. Our choice.
+/// The smallest empty space beside a cluster, as a multiple of the widest cluster's width. Our choice.
 const SPACE: f64 = 2.0;
-/// Digits after the point at most of a level that stands for a cluster.
+/// The most decimal places of a level that stands for a cluster.
 const MOST_DIGITS: i32 = 12;
 
-/// Levels of a column, NaN being missing, ascending: its own values where there are no more than `levels`. If all values lie in as few narrow
-/// clusters, as those of a valve that is read back with noise, one value of each. Else an even grid from the least to the largest, without
-/// the levels that are the nearest to no value.
+/// Returns the levels of a column, ascending; NaN stands for missing values. A column with at most `levels` different values keeps these.
+/// If all values lie in at most `levels` narrow clusters, such as those of a valve that is read back with noise, each cluster has one
+/// level. Otherwise the levels are an even grid from the least to the largest value, without levels that are nearest to no value.
 pub(crate) fn of_column(column: &[f64], levels: usize) -> Vec<f64> {
     let mut sorted: Vec<f64> =
         column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
@@ -24,7 +24,7 @@ pub(crate) fn of_column(column: &[f64], levels: usize) -> Vec<f64> {
     clustered(&sorted, levels).unwrap_or_else(|| even(&own, levels))
 }
 
-/// One value of each cluster of ascending values; none if they do not lie in 2 to `most` clusters.
+/// Returns one value per cluster of ascending values, or `None` if they do not lie in 2 to `most` narrow clusters.
 fn clustered(sorted: &[f64], most: usize) -> Option<Vec<f64>> {
     let range = sorted.last()? - sorted.first()?;
     let clusters: Vec<&[f64]> =
@@ -40,24 +40,24 @@ fn clustered(sorted: &[f64], most: usize) -> Option<Vec<f64>> {
     (are_narrow && have_rows).then(|| clusters.iter().map(|cluster| centre(cluster)).collect())
 }
 
-/// From the least to the largest of ascending values.
+/// Returns the range of ascending values.
 fn width(cluster: &[f64]) -> f64 {
     cluster[cluster.len() - 1] - cluster[0]
 }
 
-/// The mean of ascending values, with no more digits than a number between them needs: 0.5 of 0.497 to 0.504.
+/// Returns the mean of ascending values, with only the digits that a number between them needs: 0.5 for 0.497 to 0.504.
 fn centre(cluster: &[f64]) -> f64 {
     let mean = cluster.iter().sum::<f64>() / cluster.len() as f64;
     let between = cluster[0]..=cluster[cluster.len() - 1];
     let mut rounded = (0..=MOST_DIGITS).map(|digits| {
         let unit = 10_f64.powi(digits);
-        // Adding 0 makes one zero of both.
+        // Adding 0 turns −0 into 0.
         (mean * unit).round() / unit + 0.0
     });
     rounded.find(|value| between.contains(value)).unwrap_or(cluster[cluster.len() / 2])
 }
 
-/// An even grid from the least to the largest of ascending values, without the levels that are the nearest to none of them.
+/// Returns an even grid from the least to the largest of ascending values, without levels that are nearest to none of them.
 fn even(own: &[f64], levels: usize) -> Vec<f64> {
     let [low, high] = [own[0], own[own.len() - 1]];
     let last = levels - 1;
@@ -68,7 +68,7 @@ fn even(own: &[f64], levels: usize) -> Vec<f64> {
     }
     let grid = (0..levels).filter(|&level| is_near[level]).map(|level| {
         let value = low + (high - low) * level as f64 / last as f64;
-        // In single precision, as most logs have it, so that names are short.
+        // Levels are rounded to single precision, as most logs store it, so that their names are short.
         f64::from(value as f32)
     });
     grid.collect()
@@ -78,7 +78,7 @@ fn even(own: &[f64], levels: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A valve at one of `levels` in each row, read back with noise of up to `noise`.
+    /// Returns the readings of a valve at one of `levels` in each row, with noise of up to `noise`.
     fn read_back(levels: &[f64], noise: f64, rows: usize) -> Vec<f64> {
         (0..rows)
             .map(|row: usize| {
@@ -104,10 +104,10 @@ mod tests {
     fn what_does_not_lie_in_narrow_clusters_has_an_even_grid() {
         let even = of_column(&read_back(&[50.0], 50.0, 500), 5);
         assert_eq!(even, [0.0, 25.0, 50.0, 75.0, 100.0]);
-        // More clusters than levels.
+        // There are more clusters than levels.
         let valve = read_back(&[0.0, 0.25, 0.5, 0.75, 1.0], 0.009, 600);
         assert_eq!(of_column(&valve, 3).len(), 3);
-        // A cluster of few rows may be slips.
+        // A cluster of few rows may consist of slips.
         let mut rare = read_back(&[0.0, 0.5], 0.009, 600);
         rare.extend([1.0; 29]);
         assert_ne!(of_column(&rare, 7), [0.0, 0.5, 1.0]);
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn a_level_that_is_nearest_to_no_row_is_left_out() {
-        // Off, or anywhere in the upper half.
+        // The pump is off, or anywhere in the upper half.
         let mut pump = read_back(&[75.0], 25.0, 500);
         pump.extend([0.0; 100]);
         assert_eq!(of_column(&pump, 5), [0.0, 50.0, 75.0, 100.0]);

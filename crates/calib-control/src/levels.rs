@@ -2,24 +2,25 @@ use std::cmp::Ordering;
 
 use crate::ControlError;
 
-/// The actions that a log took: every combination of values of its action columns, in ascending order.
+/// The actions of a log: every combination of values of its action columns that occurs, in ascending
+/// order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Levels {
-    /// The values of each action, one a column.
+    /// The values of each action, one per column.
     pub values: Vec<Vec<f64>>,
     /// The action of each row; `None` where a value is missing.
     pub of_rows: Vec<Option<u16>>,
 }
 
 impl Levels {
-    /// The actions of `columns`, `[columns][rows]`, NaN being missing.
+    /// Returns the actions of `columns`, `[columns][rows]`, with NaN for missing values.
     ///
     /// # Errors
     /// If there are more than `most`.
     pub fn new(columns: &[Vec<f64>], most: usize) -> Result<Self, ControlError> {
         let rows = columns.first().map_or(0, Vec::len);
         let of_row = |row: usize| -> Option<Vec<f64>> {
-            // Adding 0 makes one zero of both.
+            // Adding 0 turns −0 into 0.
             let values: Vec<f64> = columns.iter().map(|column| column[row] + 0.0).collect();
             values.iter().all(|value| !value.is_nan()).then_some(values)
         };
@@ -45,7 +46,7 @@ impl Levels {
         Ok(Self { values, of_rows })
     }
 
-    /// What an action is called: its values by column.
+    /// Returns the name of an action: its values by column.
     pub fn name(&self, action: usize, columns: &[String]) -> String {
         let values = columns.iter().zip(&self.values[action]);
         let told: Vec<String> =
@@ -54,13 +55,13 @@ impl Levels {
     }
 }
 
-/// The order of two actions: that of the first values that differ.
+/// Compares two actions by the first values that differ.
 fn compare(a: &[f64], b: &[f64]) -> Ordering {
     let mut orders = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
     orders.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
 }
 
-/// A value with no more digits than it needs.
+/// Formats a value with only the digits that it needs.
 fn short(value: f64) -> String {
     // A log of single precision holds 0.28 as 0.2800000011920929.
     let single = value as f32;

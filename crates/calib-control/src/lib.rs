@@ -1,8 +1,9 @@
 //! Agents that act: logs of decisions, models with actions, control agents, sweeps and verdicts of returns.
 //!
-//! - [`Environment`], [`Outcome`]: what an agent acts in; a simulator and a model look the same to it.
+//! - [`Environment`], [`Outcome`]: the interface to a simulator or a model, which look the same to an agent.
 //! - [`Task`], [`Acrobot`], [`CartPole`], [`Membrane`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
-//! - [`ActionModel`]: a model with actions, in memory or mapped from a folder; [`Walkers`]: many walks through it.
+//! - [`ActionModel`]: a model with actions, in memory or mapped from a folder; [`Walkers`]: many rollouts through
+//!   it.
 //! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding.
 
 mod agent;

@@ -1,4 +1,4 @@
-//! Logs of decisions: what was seen, what was done, what came of it.
+//! Logs of decisions: observations, actions and their outcomes.
 
 use std::ops::Range;
 
@@ -8,38 +8,38 @@ use crate::{ControlError, Ending, Settings};
 
 /// A log with actions, rewards and terminals.
 ///
-/// A row holds what was observed at a time, the reward of the step that led to it, whether it is terminal, and the action that was taken
-/// then. Transition i leads from its row by the action there to the next row, with the reward and the terminal of the next row. After a
-/// terminal row, and after one without an action, an episode is over: nothing leads on from it. Where the log merely ends, has a gap, or does
-/// not know the reward of the next row, the last row is no terminal.
+/// A row holds the observation at a time, the reward of the step that led to it, whether it is terminal, and the action that was then
+/// taken. Transition i leads from its row by the action there to the next row, with the reward and the terminal of the next row. An episode
+/// ends after a terminal row, and after a row without an action. Where the log merely ends, has a gap, or lacks the reward of the next row,
+/// the last row is not a terminal.
 #[derive(Clone, Debug)]
 pub struct Decisions {
     states: States,
     transitions: Transitions,
-    /// One a transition.
+    /// The action of each transition.
     actions: Vec<u16>,
     rewards: Vec<f32>,
     endings: Vec<Ending>,
-    /// That the behaviour took the action of each transition, where that was logged.
+    /// Probability with which the behaviour takes the action of each transition, if it was logged.
     probabilities: Option<Vec<f64>>,
-    /// What was set, where actions are continuous.
+    /// Values of the actions, if these are continuous.
     settings: Option<Settings>,
     levels: usize,
 }
 
-/// The columns of a log beside its states, one value a row.
+/// The columns of a log beside its states, one value per row.
 #[derive(Clone, Copy, Debug)]
 pub struct Columns<'a> {
-    /// Which of `levels` actions was taken.
+    /// The action of each row, below `levels`.
     pub actions: &'a [Option<u16>],
-    /// The reward of the step that led here; NaN where there is none. No step leads to such a row.
+    /// The reward of the step that led to the row; NaN where there is no reward. No step leads to such a row.
     pub rewards: &'a [f32],
-    /// Whether an episode ends here.
+    /// Whether an episode ends in the row.
     pub endings: &'a [Ending],
 }
 
 impl Decisions {
-    /// The log of these rows.
+    /// Returns the log of these rows.
     ///
     /// # Errors
     /// If columns have different lengths, no transition is left, or an action is not below `levels`.
@@ -89,7 +89,7 @@ impl Decisions {
         Ok(Self { states, transitions, actions, rewards, endings, probabilities, settings, levels })
     }
 
-    /// A log that was stored, whose arrays were checked.
+    /// Returns a log that was stored. Its arrays have been checked.
     pub(crate) fn from_parts(
         states: States,
         transitions: Transitions,
@@ -103,10 +103,10 @@ impl Decisions {
         Self { states, transitions, actions, rewards, endings, probabilities, settings, levels }
     }
 
-    /// The same log with the probability, in every row, that the action was taken which was; rows without an action have none.
+    /// Returns the same log with the probability of the action in every row. The values of rows without an action do not count.
     ///
     /// # Errors
-    /// If there is not one a row, or one that counts is not above 0 and up to 1.
+    /// If there is not one value per row, or a value that counts is not above 0 and at most 1.
     pub fn with_probabilities(self, of_rows: &[f64]) -> Result<Self, ControlError> {
         let expected = self.states.rows();
         let got = of_rows.len();
@@ -115,7 +115,7 @@ impl Decisions {
         }
         let sources = self.transitions.sources().iter().map(|&row| row as usize);
         let probabilities = sources.map(|row| match of_rows[row] {
-            // Single precision holds 1 as 1, but a sum of shares may lie a little above.
+            // Single precision holds 1 exactly, but a sum of shares may be slightly larger.
             got if got > 0.0 && got <= 1.0 + 1e-6 => Ok(got.min(1.0)),
             got => Err(ControlError::NoProbability { row, got }),
         });
@@ -123,15 +123,15 @@ impl Decisions {
         Ok(Self { probabilities, ..self })
     }
 
-    /// The probability that the behaviour took the action of each transition, where that was logged.
+    /// Returns the probability with which the behaviour takes the action of each transition, if it was logged.
     pub fn probabilities(&self) -> Option<&[f64]> {
         self.probabilities.as_deref()
     }
 
-    /// The same log with what was set in every row, its actions being the nearest levels.
+    /// Returns the same log with the values that were set in every row. Its actions are the nearest levels.
     ///
     /// # Errors
-    /// If there is not one setting a row, or there are not as many levels as actions.
+    /// If `settings` does not have one row per row of the log, or not as many levels as actions.
     pub fn with_settings(self, settings: Settings) -> Result<Self, ControlError> {
         for (what, expected, got) in [
             ("settings", self.states.rows(), settings.rows()),
@@ -144,12 +144,12 @@ impl Decisions {
         Ok(Self { settings: Some(settings), ..self })
     }
 
-    /// What was set, where actions are continuous.
+    /// Returns the values of the actions, if these are continuous.
     pub fn settings(&self) -> Option<&Settings> {
         self.settings.as_ref()
     }
 
-    /// The transitions of each episode.
+    /// Returns the range of transitions of each episode.
     pub fn episodes(&self) -> impl Iterator<Item = Range<usize>> {
         let mut end = 0;
         self.transitions.segments().iter().filter(|segment| segment.len() > 1).map(move |segment| {
@@ -159,54 +159,54 @@ impl Decisions {
         })
     }
 
-    /// What was observed, `[rows, columns]`.
+    /// Returns the observations, `[rows, columns]`.
     pub fn states(&self) -> &States {
         &self.states
     }
 
-    /// Which rows lead to which.
+    /// Returns which row each transition leads from and to.
     pub fn transitions(&self) -> &Transitions {
         &self.transitions
     }
 
-    /// Number of transitions.
+    /// Returns the number of transitions.
     pub fn len(&self) -> usize {
         self.actions.len()
     }
 
-    /// Never: a log has a transition.
+    /// Returns whether there is no transition. This never happens, because a log has at least one.
     pub fn is_empty(&self) -> bool {
         self.actions.is_empty()
     }
 
-    /// Number of actions that there are, logged or not.
+    /// Returns the number of possible actions, including those that do not occur.
     pub fn levels(&self) -> usize {
         self.levels
     }
 
-    /// The action of each transition.
+    /// Returns the action of each transition.
     pub fn actions(&self) -> &[u16] {
         &self.actions
     }
 
-    /// The reward of each transition.
+    /// Returns the reward of each transition.
     pub fn rewards(&self) -> &[f32] {
         &self.rewards
     }
 
-    /// Whether each transition leads to a terminal.
+    /// Returns for each transition whether it leads to a terminal.
     pub fn endings(&self) -> &[Ending] {
         &self.endings
     }
 
-    /// The states that a transition leads from and to.
+    /// Returns the states that a transition leads from and to.
     pub(crate) fn ends(&self, transition: TransitionIndex) -> [&[f32]; 2] {
         let transitions = &self.transitions;
         [transitions.source(transition), transitions.next(transition)]
             .map(|row| self.states.row(row.get()))
     }
 
-    /// The transitions with `action`, ascending.
+    /// Returns the transitions with `action`, ascending.
     pub(crate) fn with_action(&self, action: usize) -> Vec<u32> {
         self.actions
             .iter()
@@ -216,7 +216,7 @@ impl Decisions {
             .collect()
     }
 
-    /// How many transitions have each action.
+    /// Returns the number of transitions with each action.
     pub fn counts(&self) -> Vec<usize> {
         let mut counts = vec![0; self.levels];
         for &action in &self.actions {
@@ -225,12 +225,12 @@ impl Decisions {
         counts
     }
 
-    /// How many transitions lead to a terminal.
+    /// Returns the number of transitions that lead to a terminal.
     pub fn terminals(&self) -> usize {
         self.endings.iter().filter(|&&ending| ending == Ending::Terminal).count()
     }
 
-    /// The first rows of episodes.
+    /// Returns the first rows of the episodes.
     pub fn starts(&self) -> Vec<RowIndex> {
         let segments = self.transitions.segments().iter();
         segments
@@ -240,14 +240,15 @@ impl Decisions {
     }
 }
 
-/// Stretches of a sample.
+/// Number of stretches in a sample.
 const STRETCHES: usize = 8;
 
 impl Decisions {
-    /// Some `transitions` of the log, or all if it has no more: stretches from all over it, as a log of their own.
+    /// Returns about `transitions` transitions of the log, or all if it has no more. They are stretches from all
+    /// over the log, and form a log of their own.
     ///
     /// # Errors
-    /// If none is asked for.
+    /// If `transitions` is 0.
     pub fn sample(&self, transitions: usize) -> Result<Self, ControlError> {
         let all = self.len();
         if transitions >= all {
@@ -295,7 +296,7 @@ impl Decisions {
     }
 }
 
-/// Rows to which an action leads and which have no reward: episodes end before them.
+/// Returns the rows to which an action leads, and which have no reward. Episodes end before them.
 pub(crate) fn rows_without_reward(
     segments: &Segments,
     leads_on: impl Fn(usize) -> bool,
@@ -306,13 +307,13 @@ pub(crate) fn rows_without_reward(
 }
 
 impl Columns<'_> {
-    /// Whether an action is taken in a row that does not end its episode.
+    /// Returns whether a row has an action and does not end its episode.
     fn leads_on(&self, row: usize) -> bool {
         self.endings[row] != Ending::Terminal && self.actions[row].is_some()
     }
 }
 
-/// The rows of each episode: segments are cut after rows from which no action leads on, and before rows without a reward.
+/// Returns the rows of each episode. Segments are cut after rows from which no action leads on, and before rows without a reward.
 pub(crate) fn episodes(
     segments: &Segments,
     leads_on: impl Fn(usize) -> bool,
@@ -356,7 +357,7 @@ mod tests {
         let actions = [Some(0), Some(1), Some(0), Some(1), Some(1), None, Some(0), Some(1)];
         let rewards = [f32::NAN, 1.0, 2.0, 3.0, f32::NAN, 5.0, f32::NAN, 7.0];
         let log = log(&actions, &rewards, &[ON, ON, END, ON, ON, ON, ON, ON]).expect("valid");
-        // Rows 0-1-2 (terminal), 3 (alone, then a gap), 4-5 (no action), 6-7 (the log ends).
+        // Episodes: rows 0-1-2 (terminal), 3 (alone, then a gap), 4-5 (no action), 6-7 (the log ends).
         assert_eq!(log.transitions().sources(), [0, 1, 4, 6]);
         assert_eq!(log.actions(), [0, 1, 1, 0]);
         assert_eq!(log.rewards(), [1.0, 2.0, 5.0, 7.0]);
@@ -372,7 +373,7 @@ mod tests {
         let endings = [ON; 8];
         let rewards = [f32::NAN, 1.0, f32::NAN, 3.0, f32::NAN, 5.0, 6.0, 7.0];
         let known = log(&actions, &rewards, &endings).expect("valid");
-        // Rows 0-1, 2-3 (then a gap), 4-5-6-7: the first rows of episodes need no reward.
+        // Episodes: rows 0-1, 2-3 (then a gap), 4-5-6-7. The first rows of episodes need no reward.
         assert_eq!(known.transitions().sources(), [0, 2, 4, 5, 6]);
         assert_eq!(known.rewards(), [1.0, 3.0, 5.0, 6.0, 7.0]);
         let segments = Segments::from_lengths([4, 4]).expect("rows");
@@ -394,7 +395,7 @@ mod tests {
         assert_eq!(sample.probabilities().map(<[f64]>::len), Some(80));
         for number in 0..sample.len() {
             let [from, to] = sample.ends(TransitionIndex::new(number)).map(|state| state[0]);
-            // States and rewards are the numbers of the rows.
+            // States and rewards are the row numbers.
             assert_eq!((to, sample.rewards()[number]), (from + 1.0, to));
             assert_eq!(usize::from(sample.actions()[number]), from as usize % 2);
         }

@@ -1,4 +1,4 @@
-//! What the policy that a candidate learns from the log would get, estimated from the log alone. Baselines, which need no model.
+//! Values of the policies that settings learn from the log, estimated from the log alone. They are baselines that need no model.
 
 use calib_core::{Cancelled, Monitor, States, TransitionIndex};
 use rayon::prelude::*;
@@ -10,22 +10,22 @@ use crate::{
     importance::{episodes, estimate, log_ratios},
 };
 
-/// The values of all candidates from the log alone.
+/// The values of all settings, estimated from the log alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OffPolicyValues {
-    /// By fitted Q evaluation, `[candidates]`; −∞ if the candidate diverged.
+    /// Estimate by fitted Q evaluation, `[candidates]`; −∞ if the agent diverged.
     pub fitted_q: Vec<f64>,
-    /// By weighted importance sampling, `[candidates]`; none without candidates, or of a log without probabilities.
+    /// Estimate by weighted importance sampling, `[candidates]`; `None` without settings, or for a log without probabilities.
     pub importance: Option<Vec<Importance>>,
-    /// By the weighted doubly robust estimator, `[candidates]`, on the same episodes; none where importance sampling has none. A candidate has none
-    /// without a value by importance sampling, and if fitted Q evaluation diverged.
+    /// Estimate by the weighted doubly robust estimator, `[candidates]`, on the same episodes; `None` where importance sampling is `None`.
+    /// The value of a setting is `None` if importance sampling has no value for it, or if fitted Q evaluation diverged.
     pub doubly_robust: Option<Vec<Option<f64>>>,
 }
 
-/// The values of one candidate.
+/// The values of one setting.
 struct CandidateValues {
     fitted_q: f64,
-    /// Those that need the logged probabilities.
+    /// Estimates that need the logged probabilities.
     sampled: Option<SampledValues>,
 }
 
@@ -34,17 +34,18 @@ struct SampledValues {
     doubly_robust: Option<f64>,
 }
 
-/// The value of each candidate from the log alone: what it learns from the recorded transitions, evaluated on them.
+/// Estimates the value of each setting from the log alone: its agent learns from the recorded transitions, and its
+/// policy is evaluated on them.
 ///
-/// A candidate learns from the log in the order in which it was recorded, again and again until it has seen `updates` transitions, without
-/// traces (they would follow the behaviour, not the agent). The policy π that it has then is evaluated in three ways:
+/// An agent learns from the log in its recorded order, in several passes until it has seen `updates` transitions. It has no traces,
+/// because they would follow the behaviour instead of the agent. Its final policy π is evaluated in three ways:
 ///
-/// - By fitted Q evaluation (Le, Voloshin & Yue 2019): the mean of Σ π(a | s) q̂(s, a) over `starts`, the states in which episodes begin.
-/// - By weighted per-decision importance sampling (Precup, Sutton & Singh 2000), if the probabilities of the recorded actions were logged: the return
-///   of up to `timeout` steps from where the recorded episodes begin.
+/// - By fitted Q evaluation (Le, Voloshin & Yue 2019): the mean of Σ π(a | s) q̂(s, a) over the start states `starts`.
+/// - By weighted per-decision importance sampling (Precup, Sutton & Singh 2000), if the probabilities of the recorded actions were logged:
+///   the return of up to `timeout` steps from the beginnings of the recorded episodes.
 /// - By the weighted doubly robust estimator (Jiang & Li 2016, Thomas & Brunskill 2016), under the same condition: the same return, with q̂ as control variate.
 ///
-/// π and q̂ were learnt from the same log, which flatters them.
+/// π and q̂ are learned from the same log, so the estimates are optimistic.
 ///
 /// # Errors
 /// If the monitor interrupts.
@@ -77,10 +78,11 @@ pub fn off_policy_values(
     Ok(all)
 }
 
-/// Memory of [`off_policy_values`] beside that of the agent, for one candidate at a time, in bytes.
+/// Returns the memory of [`off_policy_values`] for one setting at a time, without that of the agent, in bytes.
 pub fn off_policy_bytes(log: &Decisions) -> u64 {
     let weights = FittedQ::bytes(log.states().columns(), log.levels());
-    // A probability per transition and action; where they were logged, a ratio, once more in its episode, and two values per transition as well.
+    // The values are a probability per transition and action. With logged probabilities, each transition also has a ratio, its copy in the
+    // episode, and two fitted values.
     let per_transition = log.levels() + if log.probabilities().is_some() { 4 } else { 0 };
     weights + (log.len() * per_transition * size_of::<f64>()) as u64
 }
@@ -97,7 +99,7 @@ fn candidate_values(
     let transitions = || (0..log.len()).map(TransitionIndex::new);
     let after = policies(agent, &config, transitions().map(|at| log.ends(at)[1]));
     let mut fitted = FittedQ::fit(log, &after, gamma, timeout);
-    // It has a number per transition and action, and so has `here`.
+    // `after` has a number per transition and action, and so has `here`.
     drop(after);
     let first = policies(agent, &config, (0..starts.rows()).map(|row| starts.row(row)));
     let value = fitted.mean_over(starts, &first);
@@ -118,7 +120,7 @@ fn candidate_values(
     CandidateValues { fitted_q, sampled }
 }
 
-/// An agent that learnt from `updates` recorded transitions.
+/// Returns an agent that learned from `updates` recorded transitions.
 fn trained_on_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent {
     let config = AgentConfig { lambda: 0.0, ..config };
     let mut agent = Agent::new(config, log.states().columns(), log.levels());
@@ -139,13 +141,13 @@ fn trained_on_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent
     agent
 }
 
-/// π(· | state) of each of `states`, one after the other.
+/// Returns π(· | state) of each of `states`, one after the other.
 fn policies<'a>(
     agent: &mut Agent,
     config: &AgentConfig,
     states: impl Iterator<Item = &'a [f32]>,
 ) -> Vec<f64> {
-    // A vector that grew would take up to three times as much for a moment.
+    // A growing vector would take up to three times as much memory for a moment.
     let mut all = Vec::with_capacity(states.size_hint().0 * agent.actions());
     let mut probabilities = vec![0.0; agent.actions()];
     for state in states {

@@ -1,40 +1,41 @@
 use std::ops::Range;
 
-/// One row in so many may have a value that stands out. Our choice.
+/// One row in this many may have an outlying value. Our choice.
 const ROWS_TO_ONE: usize = 100;
 
-/// Values of a column of continuous actions that stand out from all others, as a slip of the logger does. Levels that reached as far would be
-/// the nearest to no row, and all others would be one level.
+/// Values of a column of continuous actions that are far from all others, such as a logger's slip. Levels over their range would be nearest
+/// to no row, and all other values would share one level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutlyingActions {
-    /// The rows that have them, ascending.
+    /// Rows with outlying values, ascending.
     pub rows: Vec<usize>,
-    /// The least and the largest of these values.
+    /// The least and the largest outlying value.
     pub range: [f64; 2],
-    /// The least and the largest of the others.
+    /// The least and the largest of the other values.
     pub others: [f64; 2],
 }
 
-/// A value of a column, and how many rows have it.
+/// A value of a column, and its number of rows.
 struct CountedValue {
     value: f64,
     rows: usize,
 }
 
-/// The least or the largest of some values.
+/// The least or the largest values of a column, as a candidate group of outlying values.
 struct End {
-    /// How many values.
+    /// Number of different values.
     values: usize,
-    /// How many rows have them.
+    /// Number of rows with these values.
     rows: usize,
-    /// How far the nearest of the other values is; infinite of no value.
+    /// Distance to the nearest of the other values; infinite for an empty group.
     gap: f64,
 }
 
 impl OutlyingActions {
-    /// Those of `column`, NaN being missing; none where nothing stands out, or where its own values are no more than `levels`. Some of the least
-    /// values, some of the largest or both stand out if up to one row in a hundred has them, and either group is farther from the rest than the
-    /// rest are from each other. Of several such choices, that with most rows counts.
+    /// Returns the outlying values of `column`, with NaN for missing values. Returns `None` if no value is outlying, or if the column has
+    /// at most `levels` different values. Some of the least values, some of the largest or both are outlying if at most one row in a
+    /// hundred has them, and each group is farther from the rest than the values of the rest are from each other. Among several such
+    /// choices, the one with the most rows counts.
     pub fn of_column(column: &[f64], levels: usize) -> Option<Self> {
         let mut values: Vec<f64> =
             column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
@@ -57,12 +58,13 @@ impl OutlyingActions {
     }
 }
 
-/// Which of at least three values do not stand out, where up to `most_rows` may.
+/// Returns which of at least three values are not outlying, if at most `most_rows` rows may be.
 fn inner(counted: &[CountedValue], most_rows: usize) -> Range<usize> {
     let all = 0..counted.len();
     let mut low = ends(counted.iter(), most_rows);
     let mut high = ends(counted.iter().rev(), most_rows);
-    // No rest is closer together than what is between the longest ends, so that few ends are left to compare in pairs.
+    // Any rest contains the values between the longest ends. So an end whose gap is not larger than their range cannot
+    // count, and few ends remain to compare in pairs.
     let [below, above] = [&low, &high].map(|ends| ends.last().map_or(0, |end| end.values));
     let least = counted[all.end - 1 - above].value - counted[below].value;
     low.retain(|end| end.gap > least);
@@ -86,7 +88,8 @@ fn inner(counted: &[CountedValue], most_rows: usize) -> Range<usize> {
     inner
 }
 
-/// The ends of ordered values that up to `most_rows` have, the shortest first: no value, the first one, the first two, and so on.
+/// Returns the groups of first values that at most `most_rows` rows have, the shortest first: no value, the first one, the first
+/// two, and so on.
 fn ends<'a>(values: impl Iterator<Item = &'a CountedValue> + Clone, most_rows: usize) -> Vec<End> {
     let mut ends = vec![End { values: 0, rows: 0, gap: f64::INFINITY }];
     let mut rows = 0;
@@ -104,7 +107,7 @@ fn ends<'a>(values: impl Iterator<Item = &'a CountedValue> + Clone, most_rows: u
 mod tests {
     use super::*;
 
-    /// Doses of 0 to 99, over and over, with other values in some rows.
+    /// Returns doses of 0 to 99, repeated, with other values in some rows.
     fn doses(rows: usize, others: &[(usize, f64)]) -> Vec<f64> {
         let mut doses: Vec<f64> = (0..rows).map(|row| (row * 37 % 100) as f64).collect();
         for &(row, value) in others {
@@ -139,14 +142,14 @@ mod tests {
     fn what_many_rows_have_does_not_stand_out() {
         let often: Vec<(usize, f64)> = (0..20).map(|row| (row, 1e6)).collect();
         assert_eq!(OutlyingActions::of_column(&doses(600, &often), 7), None, "20 rows of 600");
-        // One row in forty is more than one in a hundred, and may be a slip all the same.
+        // One row in forty is more than one in a hundred, but may still be a slip.
         assert!(OutlyingActions::of_column(&doses(40, &[(3, 1e6)]), 7).is_some());
-        // A pump that mostly stands still has other values too.
+        // A pump that is mostly constant has other values too.
         let rare: Vec<f64> = (0..600)
             .map(|row| if row % 40 == 0 { 20.0 + f64::from(row / 40) } else { 0.0 })
             .collect();
         assert_eq!(OutlyingActions::of_column(&rare, 7), None);
-        // A pump that is off half of the time runs at 40 to 60, and once at 85: nearer to 60 than 60 is to 0.
+        // A pump that is off half of the time runs at 40 to 60, and once at 85, which is nearer to 60 than 60 is to 0.
         let mut halves: Vec<f64> = (0..600)
             .map(|row| if row % 2 == 0 { 0.0 } else { 40.0 + f64::from(row % 41) / 2.0 })
             .collect();

@@ -1,28 +1,29 @@
-//! Which settings to try at a plant of which nothing is known but its log.
+//! Proposes settings for a plant of which only a log is known.
 
 use crate::{AgentConfig, Algorithm};
 
-/// By how much a value moves in a step, in spreads of recorded returns. Adam moves each weight of a value by about its step size, however
-/// large rewards are, so step sizes have their unit. The second is the default of docs/control.md, "Tasks that are drawn", at four columns.
+/// Changes of a value per step, in spreads of recorded returns. Adam moves each weight of a value by about its step size, however large
+/// rewards are, so step sizes have the unit of returns. The second one is the default of docs/control.md, "Tasks that are drawn", at four
+/// columns.
 const STEPS_OF_VALUES: [f64; 3] = [0.003, 0.03, 0.3];
-/// Step sizes of a network to sweep: Adam's usual one (Kingma & Ba 2015), a tenth of it and ten times as much. Weights of a network are no
-/// values, and those of its hidden layers are of the same size whatever the rewards are, so its step sizes have no unit.
+/// Step sizes of a network to sweep: Adam's usual one (Kingma & Ba 2015), a tenth of it and ten times as much. Weights of a network are
+/// not values, and those of its hidden layers have the same size whatever the rewards are. So its step sizes have no unit.
 const NETWORK_STEP_SIZES: [f64; 3] = [0.0001, 0.001, 0.01];
-/// Temperatures to sweep, in spreads of recorded returns. With the least, an agent nearly always takes the better of two actions that
-/// differ by a twentieth of a spread. With the largest, it takes one that is better by a spread in three of four steps. Our choice.
+/// Temperatures to sweep, in spreads of recorded returns. With the lowest, an agent nearly always takes the better of two actions that
+/// differ by a twentieth of a spread. With the highest, it takes an action that is better by a spread in three of four steps. Our choice.
 const TEMPERATURES: [f64; 3] = [0.01, 0.1, 1.0];
-/// First values to sweep, in spreads of recorded returns: none, and enough to try what was not done yet. Our choice.
+/// First values to sweep, in spreads of recorded returns: zero, and a value that makes the agent try new actions. Our choice.
 const FIRST_VALUES: [f64; 2] = [0.0, 5.0];
-/// The place of the default among step sizes and temperatures.
+/// Position of the default among step sizes and temperatures.
 const DEFAULT: usize = 1;
-/// Agents with a temperature of more spreads choose nearly at random. Our choice.
+/// With a higher temperature, in spreads, agents choose nearly at random. Our choice.
 const MOST_TEMPERATURE: f64 = 1.0;
-/// Agents with first values of more spreads spend their run on unlearning them. Our choice.
+/// With larger first values, in spreads, agents spend their run on unlearning them. Our choice.
 const MOST_FIRST_VALUE: f64 = 100.0;
-/// Columns of the states above which agents go without pairs of columns: most of their time would go into these. Our choice.
+/// With more columns in the states, the proposed agents have no pairs of columns: pairs would take most of their time. Our choice.
 pub const PAIRED_COLUMNS: usize = 32;
 
-/// Settings of agents that act, by the spread of recorded returns
+/// Proposed settings of agents that act, by the spread of recorded returns
 /// ([`Decisions::return_spread`](crate::Decisions::return_spread)), each to two significant digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProposedSettings {
@@ -30,17 +31,17 @@ pub struct ProposedSettings {
     pub step_size: f64,
     /// The default temperature, one of `temperatures`.
     pub temperature: f64,
-    /// Step sizes to sweep, in units of reward; those of a network have no unit.
+    /// Step sizes to sweep, in units of reward. Those of a network have no unit.
     pub step_sizes: [f64; 3],
     /// Temperatures to sweep, in units of reward.
     pub temperatures: [f64; 3],
-    /// Initial weights to sweep, in units of reward, for first values of 0 and of some spreads.
+    /// Initial weights to sweep, in units of reward, for a first value of 0 and for one of several spreads.
     pub initial_weights: [f64; 2],
 }
 
 impl ProposedSettings {
-    /// Those for recorded returns with this standard deviation, a positive number in units of reward, and for agents with the algorithm
-    /// and the pairs of `agent` in states of `columns` columns, one at least.
+    /// Returns the settings for recorded returns with this standard deviation, a positive number in units of reward. The agents have
+    /// the algorithm and the pairs of `agent`, in states of `columns` columns, at least 1.
     pub fn for_spread(spread: f64, agent: &AgentConfig, columns: usize) -> Self {
         let in_units = |share: f64| two_digits(share * spread);
         let weights = agent.initial_weights_in_value(columns);
@@ -60,18 +61,18 @@ impl ProposedSettings {
     }
 }
 
-/// Whether agents with this temperature choose nearly at random where recorded returns have this spread.
+/// Returns whether agents with this temperature choose nearly at random if recorded returns have this spread.
 pub fn is_random(temperature: f64, spread: f64) -> bool {
     temperature > MOST_TEMPERATURE * spread
 }
 
-/// Whether agents whose values begin here ([`AgentConfig::first_value`]) hardly learn what is worth less where recorded returns have this
+/// Returns whether agents with this first value ([`AgentConfig::first_value`]) hardly learn lower values if recorded returns have this
 /// spread.
 pub fn is_beyond_returns(first_value: f64, spread: f64) -> bool {
     first_value.abs() > MOST_FIRST_VALUE * spread
 }
 
-/// To two significant digits: what follows from a log is known no better.
+/// Rounds to two significant digits. A log does not give these numbers more precisely.
 pub fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
@@ -81,7 +82,7 @@ mod tests {
     use super::*;
     use crate::Grid;
 
-    /// Agents whose first value has the initial weights of four columns and six pairs.
+    /// Returns settings for agents whose first value has the initial weights of four columns and six pairs.
     fn proposed(spread: f64) -> ProposedSettings {
         ProposedSettings::for_spread(spread, &AgentConfig::default(), 4)
     }

@@ -1,4 +1,4 @@
-//! What the behaviour of a log got.
+//! The return of a log's behaviour.
 
 use calib_stats::{Interval, ratio_of_sums};
 use schemars::JsonSchema;
@@ -22,26 +22,26 @@ pub struct RecordedReturn {
     pub worst: Option<f64>,
 }
 
-/// A recorded episode, or a part of one.
+/// A recorded episode, or part of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Piece {
-    /// Sum of its rewards.
+    /// Sum of the rewards.
     reward: f64,
-    /// What share of an episode it is.
+    /// Its length as a share of an episode.
     share: f64,
 }
 
 impl Decisions {
-    /// What the behaviour got in episodes of at most `timeout` steps.
+    /// Returns the return of the behaviour in episodes of at most `timeout` steps.
     ///
-    /// Recorded episodes are cut after every `timeout` steps, as those of agents are. A piece is whole if it has so many steps, or if an
-    /// episode began with it and ended in a terminal. What is left of an episode after a cut, and one that a gap, a row without an action or
-    /// the end of the log cut short, counts by its share of `timeout` steps, as the unfinished episode of an agent does
-    /// ([`AgentRun::mean_return`](crate::AgentRun::mean_return)): as a whole one it would make the behaviour look better than it was where rewards
-    /// are negative, and worse where they are positive.
+    /// Recorded episodes are cut after every `timeout` steps, as those of agents are. A piece is whole if it has `timeout` steps, or if it
+    /// begins an episode and ends in a terminal. Other pieces count by their share of `timeout` steps, as the unfinished episode of an
+    /// agent does ([`AgentRun::mean_return`](crate::AgentRun::mean_return)). These are the rest of an episode after a cut, and episodes
+    /// that a gap, a row without an action or the end of the log cut short. As whole episodes they would make the behaviour look better
+    /// than it was where rewards are negative, and worse where they are positive.
     ///
     /// # Errors
-    /// If a reward is not a number.
+    /// If a reward is NaN.
     pub fn recorded_return(&self, timeout: usize) -> Result<RecordedReturn, ControlError> {
         let pieces = self.pieces(timeout.max(1));
         let rewards: Vec<f64> = pieces.iter().map(|piece| piece.reward).collect();
@@ -57,12 +57,12 @@ impl Decisions {
         })
     }
 
-    /// Standard deviation of the discounted return from each recorded step on, in units of reward: to the end of its episode, or to
-    /// where an agent's would be cut. It is the unit of what an agent has to tell apart, so temperatures and first values are
-    /// proposed in it. None where all returns are alike.
+    /// Returns the standard deviation of the discounted return from each recorded step on, in units of reward. A return extends to
+    /// the end of its episode, or to the step at which an agent's episode would be cut. Agents have to tell apart returns of this
+    /// size, so it is the unit of proposed temperatures and first values. `None` if all returns are equal.
     ///
-    /// Where no recorded episode ends in a terminal, rewards count less their mean: what every step gets alike is no matter of actions,
-    /// and makes returns differ by the steps that are left before a cut. With terminals actions decide how many steps there are.
+    /// If no recorded episode ends in a terminal, rewards count less their mean. A reward that every step has does not depend on
+    /// actions, and makes returns differ by the steps that remain before a cut. With terminals, actions decide how many steps there are.
     pub fn return_spread(&self, gamma: f64, timeout: usize) -> Option<f64> {
         let every_step = if self.terminals() == 0 { self.mean_reward() } else { 0.0 };
         let mut returns = Vec::with_capacity(self.len());
@@ -81,7 +81,7 @@ impl Decisions {
         (spread.is_finite() && spread > 0.0).then_some(spread)
     }
 
-    /// Mean reward of a recorded step; exactly the reward that all have, where they are equal.
+    /// Returns the mean reward of a recorded step. If all rewards are equal, it is exactly that reward.
     pub fn mean_reward(&self) -> f64 {
         let first = f64::from(self.rewards()[0]);
         let beyond: f64 = self.rewards().iter().map(|&reward| f64::from(reward) - first).sum();
@@ -110,12 +110,12 @@ pub(crate) mod tests {
     use super::*;
     use crate::Columns;
 
-    /// Episodes of so many steps of −1, each of which ends in a terminal if so.
+    /// Returns a log of episodes with rewards of −1. Each has a number of steps, and an ending.
     pub(crate) fn log(episodes: &[(usize, Ending)]) -> Decisions {
         log_of(episodes, |_| -1.0)
     }
 
-    /// Episodes of so many steps, with the reward of each step of an episode.
+    /// Returns a log of episodes with a number of steps and an ending, and with the reward of each step of an episode.
     fn log_of(episodes: &[(usize, Ending)], reward: impl Fn(usize) -> f32) -> Decisions {
         let mut actions = Vec::new();
         let mut rewards = Vec::new();
@@ -149,10 +149,10 @@ pub(crate) mod tests {
 
     #[test]
     fn what_is_left_after_a_cut_is_no_whole_episode() {
-        // 150 steps an episode, cut after 100: an agent's next episode would begin anew.
+        // An episode has 150 steps and is cut after 100. An agent's next episode would start from a start state.
         assert_near(mean(&[(150, ON); 4], 100), -100.0);
         assert_near(mean(&[(150, END); 4], 100), -100.0);
-        // One that the end of the log cut after a fifth.
+        // The end of the log cuts the last episode after a fifth.
         assert_near(mean(&[(100, ON), (100, ON), (20, ON)], 100), -100.0);
         // Terminals end whole episodes, however short.
         let recorded =
@@ -160,12 +160,12 @@ pub(crate) mod tests {
         assert_near(recorded.mean, -125.0 / 2.25);
         assert_near(recorded.episodes, 2.25);
         assert_eq!((recorded.best, recorded.worst), (Some(-40.0), Some(-60.0)));
-        // Parts have the rewards of their steps, and are small shares of an episode that terminals end early.
+        // Parts count with the rewards of their steps, and are small shares of an episode, although terminals end episodes early.
         let recorded =
             log(&[(10, END), (12, END), (8, ON), (8, ON)]).recorded_return(100).expect("numbers");
         assert_near(recorded.mean, -38.0 / 2.16);
         assert!(recorded.worst.is_some_and(|worst| recorded.mean < worst), "{recorded:?}");
-        // Less than an episode is not told as one.
+        // Less than one episode is not reported as one.
         let recorded = log(&[(25, ON)]).recorded_return(100).expect("numbers");
         assert_near(recorded.mean, -100.0);
         assert_eq!((recorded.best, recorded.worst, recorded.interval), (None, None, None));
@@ -173,15 +173,15 @@ pub(crate) mod tests {
 
     #[test]
     fn the_spread_is_that_of_returns_from_each_step_on() {
-        // Returns of -1, -2, -3 without discount: a variance of 2/3.
+        // Returns are -1, -2, -3 without discount, which gives a variance of 2/3.
         let spread = log(&[(3, END)]).return_spread(1.0, 100).expect("unlike");
         assert_near(spread, (2.0_f64 / 3.0).sqrt());
-        // Cut after two steps: -2, -1, -1.
+        // Cut after two steps, returns are -2, -1, -1.
         let spread = log(&[(3, END)]).return_spread(1.0, 2).expect("unlike");
         assert_near(spread, (2.0_f64 / 9.0).sqrt());
-        // Without a future every step is alike.
+        // With a discount of 0 every step has the same return.
         assert_eq!(log(&[(3, END)]).return_spread(0.0, 100), None);
-        // -1, -1.5.
+        // Returns are -1, -1.5.
         assert_near(log(&[(2, END)]).return_spread(0.5, 100).expect("unlike"), 0.25);
     }
 
@@ -193,7 +193,7 @@ pub(crate) mod tests {
             });
             log.return_spread(1.0, 50).expect("unlike")
         };
-        // Returns are 0 and -1 in turn.
+        // Returns alternate between 0 and -1.
         assert_near(spread(ON, 0.0), 0.5);
         assert_near(spread(ON, 100.0), 0.5);
         assert!(spread(END, 100.0) > 1000.0, "what ends an episode loses 100 a step");

@@ -19,7 +19,7 @@ pub enum Reward {
     Terms(Vec<Term>),
 }
 
-/// Written by hand because serde's untagged enumerations do not say what is wrong with a value.
+/// Written by hand because serde's untagged enumerations do not report what is wrong with a value.
 impl<'de> Deserialize<'de> for Reward {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct ColumnOrTerms;
@@ -102,7 +102,7 @@ pub enum SetPoint {
     Column(String),
 }
 
-/// Written by hand because serde's untagged enumerations do not say what is wrong with a value.
+/// Written by hand because serde's untagged enumerations do not report what is wrong with a value.
 impl<'de> Deserialize<'de> for SetPoint {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct NumberOrColumn;
@@ -133,14 +133,14 @@ impl<'de> Deserialize<'de> for SetPoint {
     }
 }
 
-/// What a log recorded in the columns that a reward is made of.
+/// The recorded columns from which a reward is computed.
 #[derive(Clone, Copy, Debug)]
 pub struct RewardColumns<'a> {
-    /// Names of columns.
+    /// Names of the columns.
     pub names: &'a [String],
     /// `[names][rows]`, in the unit of each column; NaN where a value is missing.
     pub values: &'a [Vec<f64>],
-    /// The first so many are columns of actions.
+    /// Number of columns of actions, which come first.
     pub actions: usize,
 }
 
@@ -158,20 +158,20 @@ impl RewardColumns<'_> {
         place < self.actions
     }
 
-    /// What the reward of `row` sees of a column: its value there. What a step cost is what was done in it, so of an action it is the
-    /// action of the row before, from which the step led to `row`; the first row has none.
+    /// Returns the value of a column that the reward of `row` uses. For most columns it is the value in `row`. For an action it is
+    /// the value in the row before, because that action made the step to `row`; the first row has none.
     fn seen(&self, place: usize, row: usize) -> f64 {
         self.seen_row(place, row).map_or(f64::NAN, |seen| self.values[place][seen])
     }
 
-    /// The row of the value that the reward of `row` sees of a column.
+    /// Returns the row whose value of a column the reward of `row` uses.
     fn seen_row(&self, place: usize, row: usize) -> Option<usize> {
         if self.is_action(place) { row.checked_sub(1) } else { Some(row) }
     }
 }
 
 impl Term {
-    /// The value of a column, as it stands.
+    /// Returns a term that is the value of a column.
     fn plain(column: &str) -> Self {
         Self {
             column: column.to_owned(),
@@ -184,7 +184,7 @@ impl Term {
         }
     }
 
-    /// The columns that it is made of.
+    /// Returns the columns that the term uses.
     fn columns(&self) -> impl Iterator<Item = &String> {
         std::iter::once(&self.column).chain(self.set_point_column())
     }
@@ -196,21 +196,21 @@ impl Term {
         }
     }
 
-    /// Whether it counts changes of an action.
+    /// Returns whether the term is the change of an action.
     fn is_change_of_action(&self, columns: &RewardColumns<'_>) -> bool {
         self.change && columns.is_action(columns.place(&self.column))
     }
 
-    /// What the term adds to the rewards of `rows`, outside which it sees nothing before.
+    /// Adds the term to the rewards of `rows`. It uses no value before these rows.
     fn add(&self, columns: &RewardColumns<'_>, rows: Range<usize>, rewards: &mut [f64]) {
         let place = columns.place(&self.column);
         let set_point_place = self.set_point_column().map(|column| columns.place(column));
         let first = rows.start;
-        // The first row has no row before it.
+        // A change has no value in the first row, which has no row before it.
         for row in rows.skip(usize::from(self.change)) {
             let target = match (&self.set_point, set_point_place) {
                 _ if self.change => {
-                    // The first step of an episode has no step before it: its action has changed from itself.
+                    // The first step of an episode has no step before it, so its action counts as unchanged.
                     let before = columns.seen_row(place, row).map(|seen| seen.max(first + 1) - 1);
                     before.map(|before| columns.values[place][before])
                 }
@@ -222,8 +222,8 @@ impl Term {
         }
     }
 
-    /// What counts of the value `x` of its column: its distance from `target`, where there is one. NaN where a value is missing, which is no
-    /// reward of nought.
+    /// Returns the counted part of the value `x` of the column: for instance its distance from `target`, if there is one. A missing value
+    /// gives NaN, because 0 would be a reward.
     fn counted(&self, x: f64, target: Option<f64>) -> f64 {
         let distance = match (target, self.low, self.high) {
             _ if x.is_nan() => f64::NAN,
@@ -237,7 +237,7 @@ impl Term {
         distance.powi(self.power.into())
     }
 
-    /// Check the term, which is number `place` of its reward.
+    /// Checks the term, which has position `place` in its reward.
     fn check(&self, place: usize) -> Result<(), ControlError> {
         let set_point = match self.set_point {
             Some(SetPoint::Number(number)) => Some(number),
@@ -294,7 +294,7 @@ impl Reward {
         }
     }
 
-    /// The column that holds it, if one does.
+    /// Returns the column that holds the reward, if there is one.
     pub(crate) fn recorded_column(&self) -> Option<&String> {
         match self {
             Self::Column(column) => Some(column),
@@ -302,7 +302,7 @@ impl Reward {
         }
     }
 
-    /// The columns that it is made of, one of several terms more than once.
+    /// Returns the columns that the reward uses. A column of several terms comes more than once.
     pub fn columns(&self) -> impl Iterator<Item = &String> {
         let (column, terms) = match self {
             Self::Column(column) => (Some(column), &[][..]),
@@ -311,7 +311,7 @@ impl Reward {
         column.into_iter().chain(terms.iter().flat_map(Term::columns))
     }
 
-    /// The key below `[control]` that names this column first, such as `reward[2].set_point`: terms are numbered from 0.
+    /// Returns the key below `[control]` that names this column first, such as `reward[2].set_point`. Terms are numbered from 0.
     pub fn key_of(&self, column: &str) -> Option<String> {
         let terms = match self {
             Self::Column(own) => return (own == column).then(|| "reward".to_owned()),
@@ -327,9 +327,9 @@ impl Reward {
         })
     }
 
-    /// The reward of every row, of the step that led there; NaN where a value is missing. `leads_on` says whether an action is taken in a row
-    /// that does not end its episode: with rewards that are missing, this decides where episodes begin, which changes of actions do not
-    /// cross.
+    /// Returns for every row the reward of the step that led to it; NaN if a value is missing. `leads_on` returns whether a row has an
+    /// action and does not end its episode. Together with missing rewards, it decides where episodes begin, and changes of actions do not
+    /// cross these beginnings.
     pub fn of_rows(
         &self,
         columns: &RewardColumns<'_>,
@@ -343,7 +343,7 @@ impl Reward {
         for term in others {
             segments.iter().for_each(|segment| term.add(columns, segment.rows(), &mut rewards));
         }
-        // Changes of actions are never missing inside an episode, so the others decide which rewards are.
+        // Changes of actions are never missing within an episode, so the other terms decide which rewards are missing.
         let episodes = episodes(segments, leads_on, |row| (rewards[row] as f32).is_finite());
         for term in changes {
             for rows in &episodes {
@@ -353,7 +353,7 @@ impl Reward {
         rewards.into_iter().map(|reward| reward as f32).collect()
     }
 
-    /// Check that there is a term with a weight, that numbers are finite, and that every term means one thing.
+    /// Checks that there is a term with a weight, that numbers are finite, and that every term has one meaning.
     pub(crate) fn check(&self) -> Result<(), ControlError> {
         let Self::Terms(terms) = self else { return Ok(()) };
         if terms.is_empty() {

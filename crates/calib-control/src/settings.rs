@@ -1,29 +1,30 @@
-//! Actions that are numbers: levels of the recorded range, and what was really set.
+//! Continuous actions: levels of the recorded range, and the values that were set.
 
 use calib_core::{States, TransitionIndex};
 
 use crate::{ControlError, Decisions, LEAST_LEVELS, Levels, level_grid::of_column};
 
-/// What a log of continuous actions set, and the levels that an agent chooses among; each column as a share of its recorded range.
+/// The recorded values of continuous actions, and the levels that an agent chooses among. Each column is a share of its recorded range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     columns: usize,
-    /// `[rows, columns]`; 0 in rows without an action.
+    /// Recorded values, `[rows, columns]`; 0 in rows without an action.
     of_rows: Vec<f32>,
-    /// `[levels, columns]`.
+    /// Levels, `[levels, columns]`.
     of_levels: Vec<f32>,
 }
 
 impl Levels {
-    /// Levels of continuous actions, `[columns][rows]`, NaN being missing, and what was set: every combination of up to `levels` values a column,
-    /// which are its own where it has no more, one value of each of its narrow clusters, or an even grid over its recorded range without the
-    /// levels that are nearest to no row. The action of a row is the level that is nearest to what was set, in shares of the ranges.
+    /// Returns the levels of continuous actions, and the recorded values, given `[columns][rows]` with NaN for missing values. Levels are
+    /// all combinations of up to `levels` values per column. These are the column's own values if it has at most so many, one value per
+    /// narrow cluster, or an even grid over its recorded range without the levels that are nearest to no row. The action of a row is the
+    /// level that is nearest to its values, in shares of the ranges.
     ///
     /// # Errors
     /// If there are more than `most` combinations.
     ///
     /// # Panics
-    /// If there are fewer than two levels.
+    /// If `levels` is less than two.
     pub fn of_range(
         columns: &[Vec<f64>],
         levels: usize,
@@ -78,7 +79,7 @@ impl Levels {
     }
 }
 
-/// The level nearest to what was set, the first of several.
+/// Returns the level nearest to the values that were set, or the first of several.
 fn nearest_of(levels: &[f32], set: &[f32]) -> u16 {
     let distances = levels
         .chunks(set.len())
@@ -90,52 +91,52 @@ fn nearest_of(levels: &[f32], set: &[f32]) -> u16 {
 }
 
 impl Settings {
-    /// What was read back from a file: `[rows, columns]` and `[levels, columns]`.
+    /// Returns settings read from a file: `[rows, columns]` and `[levels, columns]`.
     pub(crate) fn from_parts(of_rows: Vec<f32>, of_levels: Vec<f32>, levels: usize) -> Self {
         Self { columns: of_levels.len() / levels, of_rows, of_levels }
     }
 
-    /// Columns of actions.
+    /// Returns the number of columns of actions.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// What was set in each row, `[rows, columns]`; 0 in rows without an action.
+    /// Returns the values that were set in each row, `[rows, columns]`; 0 in rows without an action.
     pub fn of_rows(&self) -> &[f32] {
         &self.of_rows
     }
 
-    /// The levels, `[levels, columns]`.
+    /// Returns the levels, `[levels, columns]`.
     pub fn of_levels(&self) -> &[f32] {
         &self.of_levels
     }
 
-    /// What was set in a row.
+    /// Returns the values that were set in a row.
     pub fn of_row(&self, row: usize) -> &[f32] {
         &self.of_rows[row * self.columns..][..self.columns]
     }
 
-    /// A level.
+    /// Returns the values of a level.
     pub fn of_level(&self, level: usize) -> &[f32] {
         &self.of_levels[level * self.columns..][..self.columns]
     }
 
-    /// Rows that it has.
+    /// Returns the number of rows.
     pub(crate) fn rows(&self) -> usize {
         self.of_rows.len() / self.columns
     }
 
-    /// Levels that it has.
+    /// Returns the number of levels.
     pub(crate) fn levels(&self) -> usize {
         self.of_levels.len() / self.columns
     }
 
-    /// `metric` with what was set in each row as further columns, times `weight`.
+    /// Returns `metric` with the values that were set in each row as further columns, times `weight`.
     pub(crate) fn taken(&self, metric: &States, weight: f64) -> Result<States, ControlError> {
         joined(metric.rows(), self.columns, |row| (metric.row(row), self.of_row(row)), weight)
     }
 
-    /// `metric` with a level as further columns, times `weight`.
+    /// Returns `metric` with the values of a level as further columns, times `weight`.
     pub(crate) fn at_level(
         &self,
         metric: &States,
@@ -163,7 +164,7 @@ fn joined<'a>(
     Ok(States::new(values, rows, width)?)
 }
 
-/// The next state of every transition, in `metric`.
+/// Returns the next state of every transition, in `metric`.
 pub(crate) fn next_states(log: &Decisions, metric: &States) -> Result<States, ControlError> {
     let mut values = Vec::with_capacity(log.len() * metric.columns());
     for number in 0..log.len() {

@@ -1,10 +1,10 @@
-//! Logs of steps: the reward and the end of a step stand in the row of its action.
+//! Converts logs of steps, in which the row of an action holds the reward and the end of its step.
 
 use calib_core::Segments;
 
 use crate::{ControlConfig, ControlError, Ending, decision_rows::endings};
 
-/// The columns of a log of steps, as one whose rows have the reward and the end of the step that led to them.
+/// The columns of a log of steps, converted to rows that hold the reward and the end of the step that led to them.
 ///
 /// A row that ends its episode comes twice, because the log does not have the state that its step led to: first as the row of the action, and
 /// then as the terminal. Neighbours and agents take nothing from the state of a terminal, because nothing follows. Increments and networks
@@ -12,29 +12,29 @@ use crate::{ControlConfig, ControlError, Ending, decision_rows::endings};
 pub(crate) struct StepRows {
     /// The columns [`ControlConfig::columns`], `[columns][rows]`.
     pub(crate) recorded: Vec<Vec<f64>>,
-    /// Unbroken pieces of these rows.
+    /// Unbroken segments of these rows.
     pub(crate) segments: Segments,
-    /// The row of the log that each one is.
+    /// The row of the log that each row comes from.
     pub(crate) rows: Vec<usize>,
     /// The row of the log with the reward of the step that led to each one; the row itself if no step did.
     pub(crate) rewarded: Vec<usize>,
 }
 
-/// A row, as the others see it.
+/// A converted row.
 struct Row {
     /// Its number in the log.
     number: usize,
-    /// The row of the step that led to it, if one did.
+    /// The row of the step that led to it; `None` if there is no such step.
     step: Option<usize>,
-    /// Whether it is the end of an episode, and not the row of an action.
+    /// Whether it is the end of an episode instead of the row of an action.
     is_end: bool,
 }
 
 impl StepRows {
-    /// The rows of a log whose columns [`ControlConfig::columns`] were recorded as `recorded`, `[columns][rows]`, in rows of `segments`.
+    /// Converts a log whose columns [`ControlConfig::columns`] were recorded as `recorded`, `[columns][rows]`. The rows form `segments`.
     ///
     /// # Errors
-    /// None: what was divided into segments is.
+    /// Never: rows of valid segments form valid segments.
     pub(crate) fn new(
         config: &ControlConfig,
         recorded: &[Vec<f64>],
@@ -69,7 +69,7 @@ impl StepRows {
     }
 }
 
-/// What `rows` have of the column `name`.
+/// Returns the values of the column `name` in `rows`.
 fn shown(config: &ControlConfig, name: &str, column: &[f64], rows: &[Row]) -> Vec<f64> {
     let is_action = config.actions.iter().any(|action| action == name);
     let is_decided = is_action || config.probability.as_deref() == Some(name);
@@ -146,7 +146,7 @@ mod tests {
     fn the_reward_of_a_step_is_in_the_row_of_its_action() {
         let log = decisions("");
         assert_eq!(log.rows, [0, 1, 2, 2, 3, 4, 5]);
-        // No step led to the first rows of episodes and pieces.
+        // No step led to the first rows of episodes and segments.
         let got: Vec<f32> = log.rewards.iter().copied().filter(|got| got.is_finite()).collect();
         assert_eq!(got, [10.0, 20.0, 30.0, 40.0]);
         assert!([0, 4, 6].iter().all(|&row| log.rewards[row].is_nan()), "{:?}", log.rewards);

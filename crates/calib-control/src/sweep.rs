@@ -1,4 +1,4 @@
-//! Every candidate in every member.
+//! Runs every setting in every ensemble member.
 
 use calib_core::{Cancelled, Monitor, Seed};
 use rayon::prelude::*;
@@ -9,55 +9,55 @@ use crate::{
     Environment, ModelEnvironment as _, RunLength, run_agent,
 };
 
-/// What came of one candidate in one run of one member.
+/// The result of one training run: one setting in one ensemble member.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// What the member is.
+    /// The kind of model.
     #[serde(default)]
     pub kind: ActionModelKind,
-    /// The member.
+    /// The ensemble member.
     pub member: usize,
-    /// Which run in it.
+    /// The number of the run in it.
     pub run: usize,
-    /// The candidate.
+    /// The setting.
     pub candidate: usize,
-    /// Mean return an episode, learning included; −∞ if it diverged (`"-inf"` in files).
+    /// Mean return per episode, including the learning phase; −∞ if the agent diverged (`"-inf"` in files).
     #[serde(with = "calib_stats::diverged")]
     pub mean_return: f64,
     /// Episodes that ended or were cut at the timeout.
     pub episodes: usize,
-    /// Of these, those that ended in a terminal.
+    /// Number of these episodes that ended in a terminal.
     pub terminals: usize,
-    /// What its steps rested on.
+    /// Coverage of its steps.
     pub coverage: Coverage,
-    /// Mean return of the episodes in each tenth of its episodes, in order: how it learnt. Empty with fewer than ten.
+    /// Mean return of each tenth of its episodes, in order, as a learning curve. Empty with fewer than ten episodes.
     pub curve: Vec<f64>,
-    /// How far its episodes were moved by jumps between transitions.
+    /// Displacement of its episodes by jumps between transitions.
     #[serde(default)]
     pub drift: Drift,
 }
 
-/// Which run it is.
+/// The identity of a training run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunId {
-    /// What the member is.
+    /// The kind of model.
     pub kind: ActionModelKind,
-    /// The member.
+    /// The ensemble member.
     pub member: usize,
-    /// Which run in it.
+    /// The number of the run in it.
     pub run: usize,
-    /// The candidate.
+    /// The setting.
     pub candidate: usize,
 }
 
 impl Run {
-    /// Which run it is.
+    /// Returns the identity of the run.
     pub fn id(&self) -> RunId {
         let Self { kind, member, run, candidate, .. } = *self;
         RunId { kind, member, run, candidate }
     }
 
-    /// The run of an agent that could not go on: as of one that diverged before its first step.
+    /// Returns the run of an agent that could not continue, as if it had diverged before its first step.
     #[must_use]
     pub fn failed(self) -> Self {
         Self {
@@ -72,24 +72,25 @@ impl Run {
     }
 }
 
-/// Whoever keeps runs, so that a sweep that was stopped goes on from them.
+/// Stores finished runs, so that an interrupted sweep can resume.
 pub trait RunKeeper: Sync {
-    /// What came of this run, if it was kept.
+    /// Returns the stored result of this run, if there is one.
     fn known(&self, id: RunId) -> Option<Run>;
 
-    /// Keep a run.
+    /// Stores a run.
     ///
     /// # Errors
-    /// If it cannot be kept.
+    /// If it cannot be stored.
     fn keep(&self, run: &Run) -> Result<(), ControlError>;
 
-    /// Whether the run with this number, in the order of kinds of models, members, runs and candidates, is to be made here.
+    /// Returns whether this process makes the run with this number. Runs are numbered in the order of kinds of models,
+    /// ensemble members, runs and settings.
     fn has(&self, _number: usize) -> bool {
         true
     }
 }
 
-/// Nothing is kept.
+/// Stores no runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NotKept;
 
@@ -103,15 +104,15 @@ impl RunKeeper for NotKept {
     }
 }
 
-/// The agents that are compared: calib's own, or those of somebody else.
+/// The agents that are compared: calib's own, or those of another program.
 pub trait ActingAgents: Sync {
-    /// How many there are.
+    /// Returns the number of agents.
     fn count(&self) -> usize;
 
-    /// Let agent `candidate`, which knows nothing of earlier runs, act and learn in `environment`.
+    /// Lets agent `candidate`, which has learned nothing in earlier runs, act and learn in `environment`.
     ///
     /// # Errors
-    /// If the monitor interrupts, or no agent can go on.
+    /// If the monitor interrupts, or no agent can continue.
     fn run(
         &self,
         candidate: usize,
@@ -121,7 +122,7 @@ pub trait ActingAgents: Sync {
         monitor: &dyn Monitor,
     ) -> Result<AgentRun, ControlError>;
 
-    /// Whether agent `candidate` could not go on in some run. What came of it then is not kept.
+    /// Returns whether agent `candidate` could not continue in some run. The result of such a run is not stored.
     fn has_failed(&self, _candidate: usize) -> bool {
         false
     }
@@ -144,19 +145,20 @@ impl ActingAgents for &[AgentConfig] {
     }
 }
 
-/// How much is run.
+/// The number and length of the training runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// Runs of each setting in each ensemble member.
     pub runs: usize,
-    /// Each of them.
+    /// Length of each run.
     pub span: RunLength,
 }
 
-/// Let every candidate learn anew in every member, in `extent.runs` runs; in the order of members, runs and candidates.
+/// Lets every setting learn from scratch in every ensemble member, in `extent.runs` runs. Returns the runs in the order
+/// of members, runs and settings.
 ///
-/// Candidates act differently, so each walks its own way: a unit is one candidate in one run of one member. Candidates of a run draw from
-/// equal seeds, so that chance differs as little as it can. The result does not depend on the number of threads.
+/// Settings act differently, so each has its own rollout. The unit of work is one setting in one run of one member. All settings of a run
+/// start from the same seed, so that random numbers differ as little as possible. The result does not depend on the number of threads.
 ///
 /// # Errors
 /// If the monitor interrupts.
@@ -171,8 +173,8 @@ pub fn sweep<M: Ensemble>(
     sweep_keeping(model, &candidates, ids, extent.span, seed, &NotKept, monitor)
 }
 
-/// The runs of a kind of models that `keeper` wants made here, in the order of members, runs and candidates. Of each member there are
-/// `runs` of each candidate.
+/// Returns the runs of a kind of models that `keeper` assigns to this process, in the order of ensemble members, runs and settings.
+/// Each member has `runs` runs of each setting.
 pub fn runs_here(
     kind: ActionModelKind,
     members: usize,
@@ -192,10 +194,10 @@ pub fn runs_here(
     .collect()
 }
 
-/// These runs of [`sweep`], in their order, with a `keeper`: those that it knows are not made again.
+/// Makes these runs of [`sweep`], in their order. Runs that `keeper` has stored are not made again.
 ///
 /// # Errors
-/// If the monitor interrupts, an agent cannot go on, or a run cannot be kept.
+/// If the monitor interrupts, an agent cannot continue, or a run cannot be stored.
 pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
     model: &M,
     agents: &A,
@@ -243,7 +245,8 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
         .collect()
 }
 
-/// The mean return of every candidate in an environment whose truth is known, `[runs][candidates]`; each run begins with `make`.
+/// Returns the mean return of every setting in an environment with known truth, `[runs][candidates]`. Each run starts in a new
+/// environment from `make`.
 ///
 /// # Errors
 /// If the monitor interrupts.
@@ -271,7 +274,7 @@ pub fn truth<E: Environment>(
     Ok(flat?.chunks(candidates.len()).map(<[f64]>::to_vec).collect())
 }
 
-/// What run `run` of member `member` draws from, whatever acts in it: all candidates, and constant actions, meet the same chance.
+/// Returns the seed of run `run` in ensemble member `member`. All settings and constant actions have the same one.
 pub(crate) fn run_seed(seed: Seed, member: usize, run: usize) -> Seed {
     seed.child("member").number(member as u64).number(run as u64)
 }

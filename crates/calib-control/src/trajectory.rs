@@ -1,4 +1,4 @@
-//! What an agent did in the last steps of a run.
+//! Records the last steps of an agent's run.
 
 use calib_core::{Monitor, Rng, Seed};
 
@@ -20,14 +20,15 @@ pub struct Trajectory {
     pub actions: Vec<usize>,
     /// The reward of each step.
     pub rewards: Vec<f64>,
-    /// Whether an episode begins with the step.
+    /// Whether an episode begins with each step.
     pub begins: Vec<bool>,
 }
 
-/// Repeat the first run of `candidate` in the first member of `model`, as [`sweep`](crate::sweep) made it, and keep its last `kept` steps.
+/// Repeats the first run of `candidate` in the first ensemble member of `model`, as [`sweep`](crate::sweep) made it, and keeps its last
+/// `kept` steps.
 ///
 /// # Errors
-/// If the monitor interrupts, or the agent cannot go on.
+/// If the monitor interrupts, or the agent cannot continue.
 pub fn trajectory<M: Ensemble, A: ActingAgents + ?Sized>(
     model: &M,
     agents: &A,
@@ -54,10 +55,10 @@ pub fn trajectory<M: Ensemble, A: ActingAgents + ?Sized>(
     Ok(Trajectory { run, columns: environment.columns(), states, actions, rewards, begins })
 }
 
-/// An environment whose steps are written down.
+/// An environment that records its steps.
 struct Recorded<'e> {
     environment: &'e mut dyn Environment,
-    /// Steps to go before the first that is kept.
+    /// Number of steps before the first one that is kept.
     left_out: usize,
     /// The present state, and whether an episode begins with it.
     state: Vec<f32>,

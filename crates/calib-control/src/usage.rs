@@ -1,20 +1,20 @@
-//! What a log did, and where.
+//! Describes which actions a log took, and in which states.
 
 use calib_core::TransitionIndex;
 use calib_stats::quantile;
 
 use crate::{ActionModel, ControlError, Decisions};
 
-/// In which states an action was taken: the 5 %, 50 % and 95 % quantiles of a column.
+/// The states in which an action was taken: the 5 %, 50 % and 95 % quantiles of a column.
 pub type Spread = [f64; 3];
 
-/// Steps with an action below which little is known of it. Our choice.
+/// An action with fewer steps is hardly known. Our choice.
 pub const FEW_STEPS: usize = 30;
 
-/// One step in so many is a share above which an action of a short log is not rare. Our choice: 5 %.
+/// An action with at least one step in this many is not rare in a short log. Our choice: 5 %.
 const STEPS_TO_ONE: usize = 20;
 
-/// The actions of `counts`, which has the steps of each, that were taken in a few steps only, which are a small share of all, or in none.
+/// Returns the actions that were taken in no step, or in few steps that are a small share of all. `counts` has the steps of each action.
 pub fn hardly_taken(counts: &[usize]) -> Vec<usize> {
     let steps: usize = counts.iter().sum();
     let taken = counts.iter().copied().enumerate();
@@ -25,10 +25,10 @@ pub fn hardly_taken(counts: &[usize]) -> Vec<usize> {
 }
 
 impl Decisions {
-    /// In which states each action was taken, `[actions][columns]`; no columns for an action that never was.
+    /// Returns the states in which each action was taken, `[actions][columns]`. An action that was never taken has no columns.
     ///
     /// # Errors
-    /// If a state is not a number.
+    /// If a state is NaN.
     pub fn spreads(&self) -> Result<Vec<Vec<Spread>>, ControlError> {
         (0..self.levels()).map(|action| self.spread(action)).collect()
     }
@@ -53,24 +53,24 @@ impl Decisions {
     }
 }
 
-/// Where along one column the log says what each action does.
+/// The coverage of each action along one column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoverageMap {
-    /// Parts of the column by its quantiles: the upper bound of each, as states are scaled.
+    /// Upper bound of each part of the column, in scaled units. Parts are bounded by quantiles.
     pub upper: Vec<f64>,
-    /// Recorded states in each part, over all members.
+    /// Number of recorded states in each part, over all ensemble members.
     pub states: Vec<usize>,
     /// Share of the states of a part that have a transition with the action within the radius, `[actions][parts]`.
     pub covered: Vec<Vec<f64>>,
 }
 
 impl ActionModel {
-    /// Where along `column` the log says what each action does: the recorded states in `parts` parts that hold about as many each.
+    /// Computes the coverage of each action along `column`: the recorded states form `parts` parts with about as many states each.
     ///
     /// Parts that would be empty, because many values are equal, are left out.
     ///
     /// # Errors
-    /// If a state is not a number.
+    /// If a state is NaN.
     ///
     /// # Panics
     /// If there is no such column.
@@ -110,7 +110,7 @@ mod tests {
     use super::*;
     use crate::{ActionModelConfig, Columns, Ending, Starts};
 
-    /// Action 1 only in the upper half of a column from 0 to 1.
+    /// Returns a log in which action 1 occurs only in the upper half of a column from 0 to 1.
     fn log() -> Decisions {
         let mut rng = Seed::new(1).rng();
         let rows = 1200;
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(map.covered[2], [0.0; 5]);
         assert!(map.covered[0].iter().all(|&share| share > 0.9), "{map:?}");
         assert!(map.covered[1][0] == 0.0 && map.covered[1][4] > 0.8, "{map:?}");
-        // The parts together are the whole.
+        // The parts together give the coverage of the whole log.
         let all: usize = map.states.iter().sum();
         for (action, whole) in model.covered().into_iter().enumerate() {
             let parts = map.covered[action].iter().zip(&map.states);

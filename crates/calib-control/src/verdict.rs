@@ -1,4 +1,4 @@
-//! What a sweep of agents that act says.
+//! Judges a sweep of agents that act.
 
 mod ahead;
 mod evidence;
@@ -23,23 +23,24 @@ use floors::{best_constant, random_actions};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
 
-/// Of fewer candidates any order is soon the same by chance. Our choice.
+/// With fewer settings, kinds often have the same order by chance. Our choice.
 const FEWEST_ORDERED: usize = 4;
 
-/// Kinds of models that agree less on the order of the candidates say nothing of it. Our choice: docs/control.md.
+/// Kinds of models with a lower agreement do not support an order of the settings. Our choice: docs/control.md.
 pub const KINDS_AGREE: f64 = 0.5;
 
-/// When a choice is refused.
+/// The limits below which a choice is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Support {
-    /// Most share of the chosen candidate's steps that the log may leave uncovered.
+    /// The largest share of the chosen setting's steps that the log may leave uncovered.
     pub most_uncovered: f64,
-    /// Fewest terminals of the log; 0 of a task that has none.
+    /// The fewest terminals of the log; 0 for a task without terminals.
     pub fewest_terminals: usize,
 }
 
 impl Default for Support {
-    /// Half of the steps, and ten terminals. Our choice: over the logs of docs/control.md, limits from a third to six tenths keep choices that are as good.
+    /// Half of the steps, and ten terminals. Our choice: over the logs of docs/control.md, limits from a third to six tenths keep choices
+    /// of the same quality.
     fn default() -> Self {
         Self { most_uncovered: 0.5, fewest_terminals: 10 }
     }
@@ -181,29 +182,30 @@ pub struct KindReturns {
     pub members: Vec<Vec<f64>>,
 }
 
-/// What is asked of the runs of a sweep.
+/// The options of a judgement about the runs of a sweep.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
     /// The log of the models.
     pub log: &'a Decisions,
     /// Steps after which an episode was cut.
     pub timeout: usize,
-    /// How many candidates there are.
+    /// Number of settings.
     pub candidates: usize,
-    /// The one that would be deployed without a choice, if the grid has it.
+    /// The setting that would be deployed without a choice, if the grid has it.
     pub default: Option<usize>,
-    /// How to choose.
+    /// The rule that chooses a setting.
     pub rule: RankRule,
-    /// When a choice is refused.
+    /// The limits below which a choice is refused.
     pub support: Support,
-    /// How often members and runs are drawn anew.
+    /// Number of bootstrap resamples of ensemble members and runs.
     pub resamples: usize,
-    /// What constant actions get in the members of each kind of model; empty if they were not tried.
+    /// Returns of constant actions in the ensemble members of each kind of model; empty if they were not tried.
     pub constants: &'a [ConstantReturns],
 }
 
 impl<'a> Question<'a> {
-    /// Of `candidates` candidates none of which is the default, by the default rule and limits, with 200 resamples.
+    /// Returns the default options for `candidates` settings, none of which is the default setting: the default
+    /// rule and limits, with 200 resamples.
     pub fn new(log: &'a Decisions, timeout: usize, candidates: usize) -> Self {
         Self {
             log,
@@ -219,13 +221,13 @@ impl<'a> Question<'a> {
 }
 
 impl ReturnVerdict {
-    /// Whether the log supports the choice.
+    /// Returns whether the log supports the choice.
     pub fn is_supported(&self) -> bool {
         self.doubts.is_empty()
     }
 
-    /// Whether the chosen candidate is ahead of the default in the models, whatever else speaks against deploying it. Models rank better
-    /// than they promise: docs/control.md has the regret of such choices.
+    /// Returns whether the chosen setting is ahead of the default in the models, whatever other doubts there are about its deployment.
+    /// Models rank better than they promise: docs/control.md has the regret of such choices.
     pub fn is_ahead_of_default(&self) -> bool {
         self.default.is_some_and(|default| default != self.chosen)
             && !self.doubts.iter().any(|doubt| {
@@ -233,9 +235,9 @@ impl ReturnVerdict {
             })
     }
 
-    /// How far the kinds of models agree on the order of the candidates: Spearman's correlation of their mean ranks, as a mean over pairs of
-    /// kinds; a kind that ranks all alike agrees with none. `None` for one kind, or too few candidates to tell. Choices on which kinds
-    /// agree have little regret (docs/control.md).
+    /// Returns the agreement of the kinds of models on the order of the settings: Spearman's correlation of their mean ranks, as a mean
+    /// over pairs of kinds. A kind that ranks all settings alike agrees with none. Returns `None` for one kind, or for too few settings.
+    /// Choices on which kinds agree have little regret (docs/control.md).
     pub fn kinds_agreement(&self) -> Option<f64> {
         if self.kinds.len() < 2 || self.selection.mean_ranks.len() < FEWEST_ORDERED {
             return None;
@@ -259,13 +261,13 @@ impl ReturnVerdict {
     }
 }
 
-/// Judge the runs of a sweep.
+/// Judges the runs of a sweep.
 ///
-/// Each member of each kind of model ranks the candidates by mean return, the highest first, and the choice is made from all these ranks by
-/// the rule ([`select_by`]). Where a candidate diverged its return is −∞.
+/// Each ensemble member of each kind of model ranks the settings by mean return, the highest first. The rule makes the choice from all
+/// these ranks ([`select_by`]). A setting that diverged has a return of −∞.
 ///
 /// # Errors
-/// If there are no runs, or not one of every candidate in every run of a member of every kind.
+/// If there are no runs, or a setting is missing in a run of an ensemble member of some kind.
 pub fn judge(
     runs: &[Run],
     question: &Question<'_>,
@@ -275,7 +277,7 @@ pub fn judge(
     let mut kinds: Vec<ActionModelKind> = runs.iter().map(|run| run.kind).collect();
     kinds.sort_unstable();
     kinds.dedup();
-    // Members of different kinds that lack the same block stand and fall together, and so do runs with the same draws.
+    // Members of different kinds that lack the same block are dependent, and so are runs with the same random numbers.
     let nested = Nested::new(by_block(runs, &kinds, candidates))?;
     let blocks = nested.whole().means();
     let selection = select_by(rule, &of_all_kinds(&blocks, candidates), HIGHER)?;
@@ -287,7 +289,8 @@ pub fn judge(
     };
     let random: Vec<f64> =
         members.iter().map(|returns| returns.iter().sum::<f64>() / candidates as f64).collect();
-    // Of the first kind: neighbours, where there are any, which alone know what a step rests on and how far it jumps.
+    // Coverage and drift come from the first kind, which is neighbours if there are any: only they know the coverage
+    // of a step and its jump.
     let first = runs.iter().filter(|run| run.kind == kinds[0]);
     let coverage = coverage_of(first, candidates);
     let over_default = match default {
@@ -298,7 +301,7 @@ pub fn judge(
         Some(default) => ranks_ahead(&selection.ranks, [chosen, default], members.len())?,
         None => None,
     };
-    // A kind whose agents could not be tried says nothing.
+    // A kind whose agents could not be tried is left out.
     let constants: Vec<&ConstantReturns> =
         constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
     let constant = best_constant(&constants, &of_candidate(chosen), support.most_uncovered)?;
@@ -345,7 +348,7 @@ pub fn judge(
     })
 }
 
-/// What the members of each kind say, of `[blocks][kinds × candidates]`.
+/// Returns the results of each kind, from `[blocks][kinds × candidates]`.
 fn of_each_kind(
     blocks: &[Vec<f64>],
     kinds: &[ActionModelKind],
@@ -360,7 +363,7 @@ fn of_each_kind(
     each.collect()
 }
 
-/// How often each candidate is chosen when members and runs are drawn anew.
+/// Returns how often each setting is chosen in bootstrap resamples of ensemble members and runs.
 fn chosen_again(
     nested: &Nested,
     question: &Question<'_>,
@@ -380,7 +383,7 @@ fn chosen_again(
     Ok(shares.counts)
 }
 
-/// How far these runs moved, together.
+/// Returns the sum of the displacements of these runs.
 fn drift_of<'a>(runs: impl Iterator<Item = &'a &'a Run>) -> Drift {
     runs.fold(Drift::default(), |all, run| all.and(&run.drift))
 }
@@ -389,7 +392,7 @@ fn mean(returns: &[f64]) -> f64 {
     returns.iter().sum::<f64>() / returns.len() as f64
 }
 
-/// What the steps of each candidate rested on, over these runs.
+/// Returns the coverage of each setting's steps, over these runs.
 fn coverage_of<'a>(runs: impl Iterator<Item = &'a Run>, candidates: usize) -> Vec<Coverage> {
     let mut coverage = vec![Coverage::default(); candidates];
     for run in runs {
@@ -398,7 +401,7 @@ fn coverage_of<'a>(runs: impl Iterator<Item = &'a Run>, candidates: usize) -> Ve
     coverage
 }
 
-/// Mean returns `[block][run][kind × candidates + candidate]`.
+/// Returns mean returns as `[block][run][kind × candidates + candidate]`.
 fn by_block(runs: &[Run], kinds: &[ActionModelKind], candidates: usize) -> Vec<Vec<Vec<f64>>> {
     let mut blocks: Vec<Vec<Vec<f64>>> = Vec::new();
     for run in runs {
@@ -415,18 +418,18 @@ fn by_block(runs: &[Run], kinds: &[ActionModelKind], candidates: usize) -> Vec<V
     blocks
 }
 
-/// The mean returns of one kind, `[blocks][candidates]`, of `[blocks][kinds × candidates]`.
+/// Returns the mean returns of one kind, `[blocks][candidates]`, from `[blocks][kinds × candidates]`.
 fn of_kind(blocks: &[Vec<f64>], kind: usize, candidates: usize) -> Vec<Vec<f64>> {
     blocks.iter().map(|block| block[kind * candidates..][..candidates].to_vec()).collect()
 }
 
-/// The mean returns of all members, `[kinds × blocks][candidates]`.
+/// Returns the mean returns of all ensemble members, `[kinds × blocks][candidates]`.
 fn of_all_kinds(blocks: &[Vec<f64>], candidates: usize) -> Vec<Vec<f64>> {
     let kinds = blocks.first().map_or(0, |block| block.len() / candidates);
     (0..kinds).flat_map(|kind| of_kind(blocks, kind, candidates)).collect()
 }
 
-/// The mean over kinds of the returns of each candidate in one block.
+/// Returns the mean over kinds of each setting's returns in one block.
 fn over_kinds(block: &[f64], candidates: usize) -> Vec<f64> {
     let kinds = (block.len() / candidates) as f64;
     (0..candidates)
@@ -434,10 +437,10 @@ fn over_kinds(block: &[f64], candidates: usize) -> Vec<f64> {
         .collect()
 }
 
-/// What `own` is more than `other`, `[members]` each; none where both diverged, so that there is no difference.
+/// Returns the mean of `own` minus `other`, `[members]` each; `None` if both diverged in a member, so that there is no difference.
 ///
-/// Members lack one block of the log each and share all others, so that their interval is the jackknife's over blocks: as if they
-/// were independent it would hold another log's difference the less often, the more runs there are.
+/// Each ensemble member lacks one block of the log and shares all others, so the interval is the jackknife's over blocks. An
+/// interval that treated members as independent would contain another log's difference the less often, the more runs there are.
 fn beyond(own: &[f64], other: &[f64]) -> Result<Option<Difference>, StatsError> {
     let members: Vec<usize> = (0..own.len()).collect();
     let difference = match paired_difference(&members, own, other) {
@@ -458,17 +461,17 @@ pub struct Regret {
     pub percentile: f64,
 }
 
-/// The regret of `chosen` by the true mean returns of all candidates.
+/// Returns the regret of `chosen` by the true mean returns of all settings.
 ///
 /// # Panics
-/// If there is no such candidate.
+/// If there is no such setting.
 pub fn regret(truth: &[f64], chosen: usize) -> Regret {
     let best = truth.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let own = truth[chosen];
     let below = truth.iter().filter(|&&other| other < own).count() as f64;
     let alike = truth.iter().filter(|&&other| other == own).count() as f64 - 1.0;
     let others = (truth.len() as f64 - 1.0).max(1.0);
-    // Where all are −∞, nothing is lost.
+    // If all returns are −∞, the regret is 0.
     let regret = if own == best { 0.0 } else { best - own };
     Regret { regret, percentile: (below + alike / 2.0) / others }
 }

@@ -1,4 +1,4 @@
-//! Many walks through a model at once: what an environment of many agents, or of one agent with many places, steps.
+//! Many rollouts through a model at once, for an environment of many agents, or of one agent in many places.
 
 use std::sync::Arc;
 
@@ -10,75 +10,75 @@ use crate::{
     Outcome, Rules, Step, Target,
 };
 
-/// What a step of a walk does.
+/// The way in which a rollout takes a step.
 #[derive(Clone, Debug, Default)]
 pub enum StepModel {
-    /// It goes to the recorded next state of a neighbour.
+    /// It moves to the recorded next state of a neighbour.
     #[default]
     Recorded,
     /// It adds the recorded change of a neighbour.
     Increments(Arc<Increments>),
-    /// It goes where a network says; actions are levels.
+    /// It moves to the prediction of a network; actions are levels.
     Network(Arc<NetworkModel>, Box<NetworkWorkplace>),
 }
 
 impl StepModel {
-    /// By networks.
+    /// Returns steps by these networks.
     pub fn by_network(networks: Arc<NetworkModel>) -> Self {
         let place = Box::new(networks.workplace());
         Self::Network(networks, place)
     }
 }
 
-/// Walks through members of a model, each with its own draws.
+/// Rollouts through ensemble members of a model, each with its own random numbers.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Walkers {
     walks: Vec<Walker>,
     columns: usize,
-    /// Sum over the steps of each episode of how far the source of the drawn transition is from where the walk was, `[walks, columns]`.
+    /// Sum of the jumps in the present episode, from the rollout's state to the source of the drawn transition, `[walks, columns]`.
     displacements: Vec<f32>,
-    /// The same over the episodes that were over.
+    /// The same sums over finished episodes.
     drift: Drift,
-    /// Where walks that leave recorded rows are, `[walks, columns]`; nothing of others.
+    /// The states of rollouts that leave recorded rows, `[walks, columns]`; empty for other rollouts.
     #[serde(default)]
     states: Vec<f32>,
     #[serde(skip)]
     step_model: StepModel,
 }
 
-/// One walk.
+/// One rollout.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Walker {
-    /// The member.
+    /// The ensemble member.
     pub member: usize,
-    /// Where it is.
+    /// The place of the rollout.
     pub at: At,
-    /// Steps of the episode.
+    /// Steps of the present episode.
     pub steps: u64,
-    /// Whether the episode is over, so that the next step begins another one.
+    /// Whether the episode is over. The next step then begins another one.
     pub over: bool,
-    /// What its steps rested on so far.
+    /// Coverage of its steps so far.
     pub coverage: Coverage,
     rng: Rng,
 }
 
-/// What the last step of a walk was.
+/// The result of a rollout's last step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WalkerStep {
-    /// The reward; 0 where an episode began.
+    /// The reward; 0 if an episode began.
     pub reward: f64,
-    /// Whether it ended in a terminal.
+    /// Whether the episode ended in a terminal.
     pub terminated: bool,
-    /// Whether it was cut at the timeout.
+    /// Whether the episode was cut at the timeout.
     pub truncated: bool,
-    /// From where the walk was to the source of the transition, in the model's metric.
+    /// Distance from the rollout's state to the source of the transition, in the model's metric.
     pub distance: f32,
     /// Whether the log covers the step.
     pub covered: bool,
 }
 
 impl WalkerStep {
-    /// An episode began.
+    /// The result of a step that began an episode.
     pub const BEGAN: Self =
         Self { reward: 0.0, terminated: false, truncated: false, distance: 0.0, covered: true };
 }
@@ -88,7 +88,7 @@ fn draws(seed: u64) -> Rng {
 }
 
 impl Walkers {
-    /// Walks through these members of `model`, whose episodes have not begun; walk i draws as if it was seeded with i.
+    /// Returns rollouts through these ensemble members of `model`, without an episode yet. Rollout i has the seed i.
     pub fn new(model: &ActionModel, members: &[usize]) -> Self {
         let columns = model.log().states().columns();
         let walks: Vec<Walker> = members
@@ -109,7 +109,7 @@ impl Walkers {
         Self { walks, columns, displacements, drift, states, step_model: StepModel::Recorded }
     }
 
-    /// The same, whose steps are those of `step_model`, which is of the same model.
+    /// Returns the same rollouts with the steps of `step_model`, which must belong to the same model.
     #[must_use]
     pub fn with_step_model(self, step_model: StepModel) -> Self {
         let states = match step_model {
@@ -121,10 +121,10 @@ impl Walkers {
         Self { states, step_model, ..self }
     }
 
-    /// What is observed where walk `number` is.
+    /// Returns the observation of rollout `number`.
     ///
     /// # Panics
-    /// If there is no such walk.
+    /// If there is no such rollout.
     pub fn observed<'a>(&'a self, model: &'a ActionModel, number: usize) -> &'a [f32] {
         if self.states.is_empty() {
             return model.observed(self.walks[number].at);
@@ -132,22 +132,23 @@ impl Walkers {
         &self.states[number * self.columns..][..self.columns]
     }
 
-    /// The walks.
+    /// Returns the rollouts.
     pub fn walks(&self) -> &[Walker] {
         &self.walks
     }
 
-    /// Sum over the steps of each episode of how far the source of the drawn transition is from where the walk was, `[walks, columns]`.
+    /// Returns the sum of the jumps in each present episode, from the rollout's state to the source of the drawn transition,
+    /// `[walks, columns]`.
     pub fn displacements(&self) -> &[f32] {
         &self.displacements
     }
 
-    /// What all steps rested on so far.
+    /// Returns the coverage of all steps so far.
     pub fn coverage(&self) -> Coverage {
         self.walks.iter().fold(Coverage::default(), |all, walk| all.and(walk.coverage))
     }
 
-    /// How far the episodes that are over were moved by jumps; those that are not, where none is.
+    /// Returns how far jumps moved the finished episodes, or the unfinished ones if no episode is finished.
     pub fn drift(&self) -> Drift {
         let mut drift = self.drift.clone();
         if drift.episodes == 0 {
@@ -157,15 +158,16 @@ impl Walkers {
         drift
     }
 
-    /// Let walk `number` draw anew from `seed`.
+    /// Seeds the random numbers of rollout `number`.
     ///
     /// # Panics
-    /// If there is no such walk.
+    /// If there is no such rollout.
     pub fn seed(&mut self, number: usize, seed: u64) {
         self.walks[number].rng = draws(seed);
     }
 
-    /// These walks, which were stored, where they could be walks through the same members of `model` as `like`.
+    /// Returns these stored rollouts with the steps of `like`, or `None` if they cannot be rollouts through the
+    /// same ensemble members of `model`.
     pub fn restored(self, model: &ActionModel, like: &Self) -> Option<Self> {
         self.fits(model, like).then(|| Self { step_model: like.step_model.clone(), ..self })
     }
@@ -182,15 +184,15 @@ impl Walkers {
             })
     }
 
-    /// The member of each walk.
+    /// Returns the ensemble member of each rollout.
     fn members(&self) -> impl Iterator<Item = usize> {
         self.walks.iter().map(|walk| walk.member)
     }
 
-    /// Begin an episode of walk `number`.
+    /// Begins an episode of rollout `number`.
     ///
     /// # Panics
-    /// If there is no such walk.
+    /// If there is no such rollout.
     pub fn begin(&mut self, model: &ActionModel, number: usize) -> WalkerStep {
         let walker = &mut self.walks[number];
         walker.at = At::Start(walker.rng.below(model.starts().rows()) as u32);
@@ -203,10 +205,10 @@ impl Walkers {
         WalkerStep::BEGAN
     }
 
-    /// A step of walk `number`, whose episode is cut after `timeout` steps; one whose episode is over begins another one.
+    /// Takes a step of rollout `number`. Its episode is cut after `timeout` steps. If its episode is over, the step begins another one.
     ///
     /// # Panics
-    /// If there is no such walk or action, or a network is told settings.
+    /// If there is no such rollout or action, or a network is given settings.
     pub fn step(
         &mut self,
         model: &ActionModel,
@@ -276,7 +278,7 @@ mod tests {
         ..ActionModelConfig::DEFAULT
     };
 
-    /// A tank whose level rises by what was set, in episodes of twenty rows.
+    /// Returns the model of a tank whose level rises by the value that is set, in episodes of twenty rows.
     fn model(levels: Option<usize>) -> ActionModel {
         let mut rng = Seed::new(3).rng();
         let rows = 600;
@@ -445,7 +447,7 @@ mod tests {
         }
     }
 
-    /// 900 steps of three walks, where they led, and the walks.
+    /// Takes 900 steps of three rollouts. Returns their results and places, and the rollouts.
     fn way(model: &ActionModel) -> (Vec<(WalkerStep, At)>, Walkers) {
         let mut walkers = Walkers::new(model, &[0, 1, 2]);
         let mut seen = Vec::new();

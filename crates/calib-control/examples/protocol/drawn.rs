@@ -1,5 +1,5 @@
-//! Tasks on which no default can be known: each is a classic task with a reward scale, a share of random actions, a length of steps and a
-//! discount of its own. docs/control.md, "Tasks that are drawn", has the protocol, and `scripts/drawn_protocol.py` makes its table.
+//! Tasks for which no default can be known in advance. Each is a classic task with its own reward scale, share of random actions, length
+//! of a step and discount. docs/control.md, "Tasks that are drawn", has the protocol, and `scripts/drawn_protocol.py` makes its table.
 
 use std::{
     fs::{self, OpenOptions},
@@ -18,13 +18,13 @@ use serde_json::{Value, json};
 
 use super::{Outcome, STEPS, Study, behaviour, best_of, means, pooled, starts, with};
 
-/// Runs of each candidate whose mean is its true return.
+/// Runs per setting. Their mean is its true return.
 const TRUTH_RUNS: usize = 8;
-/// Steps of the two logs of a task.
+/// Numbers of steps of a task's two logs.
 const LENGTHS: [usize; 2] = [500, 5000];
 const DISCOUNTS: [f64; 4] = [0.9, 0.95, 0.99, 1.0];
 
-/// A task with rewards of another size, in which some actions are random ones.
+/// A task with scaled rewards, in which some actions are replaced by random ones.
 #[derive(Clone)]
 struct Drawn<T> {
     task: T,
@@ -60,13 +60,13 @@ impl<T: Task> Task for Drawn<T> {
     }
 }
 
-/// What distinguishes a task from the others of its kind.
+/// The properties in which a task differs from the others of its kind.
 struct Variant {
     kind: TaskKind,
     number: usize,
     reward_scale: f64,
     slip: f64,
-    /// Length of a step, in times of the classic one.
+    /// Length of a step, as a multiple of the classic one.
     longer_steps: f64,
     gamma: f64,
     quality: Quality,
@@ -91,7 +91,7 @@ impl Variant {
     }
 }
 
-/// Two logs of each of these tasks of each kind, a line each; those that are there are not made again.
+/// Writes two logs of each of these tasks of each kind, one line per log. Existing lines are kept.
 pub(super) fn run(path: &Path, numbers: Range<usize>) -> Outcome<()> {
     for number in numbers {
         let [cart_pole, puddle_world, acrobot] =
@@ -127,7 +127,7 @@ fn logs<T: Task>(path: &Path, variant: &Variant, task: T) -> Outcome<()> {
     Ok(())
 }
 
-/// The mean return of each agent in the task itself.
+/// Returns the mean return of each agent in the task itself.
 fn true_returns<T: Task>(
     variant: &Variant,
     task: &Drawn<T>,
@@ -150,7 +150,7 @@ fn one_log<T: Task>(
     let timeout = kind.timeout();
     let seed = variant.seed().number(length as u64);
     let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
-    // As good as the best candidate is on average, learning included.
+    // The behaviour should be as good as the best setting is on average, including the learning phase.
     let wanted = returns.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let best = best_of(candidates, returns);
     let mut behaviour = behaviour(quality, (best, wanted), timeout, &mut world, seed);
@@ -178,8 +178,8 @@ fn one_log<T: Task>(
     Ok(line)
 }
 
-/// An agent whose step size, temperature and first value are in units of the spread of recorded returns. Adam moves a value by about a
-/// step size at each step, whatever the size of rewards, so that step sizes too have the unit of returns.
+/// An agent whose step size, temperature and first value are in units of the spread of recorded returns. Adam moves a value by about
+/// one step size per step, whatever the size of the rewards. So step sizes have the unit of returns too.
 #[derive(Clone, Copy)]
 struct InUnits {
     step_size: f64,

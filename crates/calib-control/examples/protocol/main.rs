@@ -1,15 +1,16 @@
-//! The published protocol of choosing hyperparameters from logs, for agents that act (Wang et al. 2022), repeated:
+//! Repeats the published protocol of choosing hyperparameters of control agents from logs (Wang et al. 2022):
 //!
 //! ```sh
 //! cargo run --release -p calib-control --example protocol -- DIR [LOGS|FIRST..END] [TRUTH_RUNS] [nearest|minimum_return] [TASK,TASK] \
 //!     [--model euclidean|laplacian|network|pool|drawn]
 //! ```
 //!
-//! `DIR/truth-TASK.json` has the true mean returns of the 54 candidates, `DIR/logs.jsonl` a line for every log and model: what each way to
-//! choose chose, and the return that it promised. With `--model pool`, `DIR/pool.jsonl` has for every log the return of every candidate in
-//! every member of three kinds of models (neighbours, increments, networks), so that rules of choice can be compared; `scripts/pool_protocol.py`
-//! does. With `--model drawn` every log is of a task of its own ([`drawn`]). What is there is not done again; all models have the same logs. `docs/control` is such a folder;
-//! `scripts/control_protocol.py docs/control` makes the table and the figure of docs/control.md.
+//! `DIR/truth-TASK.json` holds the true mean returns of the 54 settings. `DIR/logs.jsonl` has one line per log and model: the choice of
+//! each selection method, and the return that it promised. With `--model pool`, `DIR/pool.jsonl` has for every log the return of every
+//! setting in every ensemble member of three kinds of models (neighbours, increments, networks). `scripts/pool_protocol.py` compares
+//! selection rules on them. With `--model drawn` every log comes from its own task ([`drawn`]). Finished lines are not computed again, and
+//! all models have the same logs. `docs/control` is such a folder; `scripts/control_protocol.py docs/control` makes the table and the
+//! figure of docs/control.md.
 
 mod drawn;
 
@@ -34,13 +35,13 @@ use serde_json::{Value, json};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// Steps that an agent learns for, in a model and in the truth.
+/// Steps for which an agent learns, in a model and in the task itself.
 const STEPS: usize = 15_000;
-/// Steps after which behaviour that is not as good as wanted stops learning.
+/// Steps after which a behaviour stops learning even if it has not reached the wanted return.
 const LEARNING: usize = 200_000;
 const STARTS: usize = 30;
 
-/// The representation of the literature, but for its batch, which is ours: 128 pairs.
+/// The representation in the literature. Only its batch of 128 pairs is our choice.
 fn laplacian() -> LaplacianConfig {
     LaplacianConfig {
         kappa: 0.8,
@@ -53,7 +54,7 @@ fn laplacian() -> LaplacianConfig {
     }
 }
 
-/// What agents learn in.
+/// The model in which agents learn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Model {
     /// Neighbours in the states themselves.
@@ -62,9 +63,9 @@ enum Model {
     Laplacian,
     /// A network.
     Network,
-    /// Neighbours, increments and networks, whose estimates are all kept.
+    /// Neighbours, increments and networks. The file keeps all their estimates.
     Pool,
-    /// The same, of tasks that are drawn.
+    /// The same three kinds, for tasks that are drawn.
     Drawn,
 }
 
@@ -82,7 +83,7 @@ impl Model {
         }
     }
 
-    /// The file with a line a log.
+    /// Returns the name of the file that has one line per log.
     fn file(self) -> &'static str {
         match self {
             Self::Pool => "pool.jsonl",
@@ -91,7 +92,7 @@ impl Model {
         }
     }
 
-    /// Whether a line is of this model; those of the first one do not name it.
+    /// Returns whether a line belongs to this model. Lines of the Euclidean model do not name it.
     fn is_of(self, line: &Value) -> bool {
         line["model_kind"].as_str().unwrap_or("euclidean") == self.name()
     }
@@ -163,7 +164,7 @@ impl Study<'_> {
         Ok(Grid::published().candidates(AgentConfig::default())?)
     }
 
-    /// True mean return of each candidate.
+    /// Returns the true mean return of each setting. Reads it from its file, or computes it and writes it there.
     fn truth<T: Task>(&self, kind: TaskKind, task: &T) -> Outcome<Vec<f64>> {
         let path = self.directory.join(format!("truth-{}.json", kind.name()));
         if !path.exists() {
@@ -183,7 +184,7 @@ impl Study<'_> {
         Ok(means(&runs))
     }
 
-    /// One log of each behaviour and length.
+    /// Processes one log per behaviour and length.
     fn log<T: Task>(&self, kind: TaskKind, task: &T, number: usize, truth: &[f64]) -> Outcome<()> {
         for quality in Quality::PUBLISHED {
             for length in [500, 5000] {
@@ -198,7 +199,7 @@ impl Study<'_> {
                     .collect();
                 let done = of_log.iter().any(|line| line["rule"] == rule && self.model.is_of(line));
                 if !done {
-                    // It does not depend on the model.
+                    // The choice by fitted Q evaluation does not depend on the model.
                     let fitted = of_log.iter().find_map(|line| line["fitted"].as_u64());
                     let line = self.one(kind, task, (quality, length, number), truth, fitted)?;
                     let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
@@ -261,7 +262,7 @@ impl Study<'_> {
         Ok(line)
     }
 
-    /// Every candidate in the model of the log.
+    /// Runs every setting in the model of the log.
     fn runs(
         &self,
         kind: TaskKind,
@@ -300,7 +301,7 @@ impl Study<'_> {
         Ok(ActionModel::build(log, metric, begin, &config, worst, &Silent)?)
     }
 
-    /// What every candidate gets in every member of three kinds of models.
+    /// Returns the mean return of every setting in every ensemble member of three kinds of models.
     fn pool(
         &self,
         kind: TaskKind,
@@ -318,7 +319,7 @@ impl Study<'_> {
     }
 }
 
-/// The mean over runs of each candidate, of `[runs][candidates]`.
+/// Returns the mean over runs for each candidate, from `[runs][candidates]`.
 fn means(runs: &[Vec<f64>]) -> Vec<f64> {
     (0..runs[0].len())
         .map(|candidate: usize| {
@@ -327,13 +328,13 @@ fn means(runs: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
-/// The candidate with the highest true return.
+/// Returns the setting with the highest true return.
 fn best_of(candidates: &[AgentConfig], truth: &[f64]) -> AgentConfig {
     let best = (0..truth.len()).max_by(|&a, &b| truth[a].total_cmp(&truth[b])).unwrap_or(0);
     candidates[best]
 }
 
-/// The policy of this quality: what an agent has learnt when its mean return is as wanted.
+/// Returns the policy of this quality: that of an agent which learned until its mean return reached `wanted`.
 fn behaviour(
     quality: Quality,
     (agent, wanted): (AgentConfig, f64),
@@ -350,7 +351,7 @@ fn behaviour(
         .perturbed(quality.random_share())
 }
 
-/// What every candidate gets in every member of neighbours, increments and networks.
+/// Returns the mean return of every setting in every ensemble member of neighbours, increments and networks.
 fn pooled(
     model: &ActionModel,
     candidates: &[AgentConfig],
@@ -382,11 +383,11 @@ fn pooled(
     }))
 }
 
-/// ψ of the states of a log and of those in which episodes begin, trained on pairs along its episodes.
+/// Returns ψ for the states of a log and for its start states. It is trained on pairs along the log's episodes.
 fn represented(log: &Decisions, starts: &States, seed: Seed) -> Outcome<[States; 2]> {
     let states = log.states();
     let segments = log.transitions().segments();
-    // All of it: nothing is chosen between representations.
+    // No representation is chosen, so all rows serve for training.
     let split = Split { training: 0..states.rows(), validation: 0..states.rows() };
     let config = laplacian();
     let mut training = Training::new(&config, states, segments, &split, seed)?;
@@ -397,8 +398,8 @@ fn represented(log: &Decisions, starts: &States, seed: Seed) -> Outcome<[States;
     Ok([encode(encoder, states)?, encode(encoder, starts)?])
 }
 
-/// Of a kind of models: `returns[member][candidate]`, and of each candidate the share of its steps that the log does not cover, its terminals a
-/// step, and how far its episodes are moved.
+/// Returns the results of one kind of model: `returns[member][candidate]` and, per setting, the share of uncovered steps, the terminals per
+/// step, and how far jumps move its episodes.
 fn told(runs: &[Run]) -> Value {
     let candidates = 1 + runs.iter().map(|run| run.candidate).max().unwrap_or(0);
     let members = 1 + runs.iter().map(|run| run.member).max().unwrap_or(0);
@@ -424,12 +425,12 @@ fn told(runs: &[Run]) -> Value {
     })
 }
 
-/// How far episodes are moved in the column in which that is most, on average.
+/// Returns the largest mean displacement of an episode among the columns.
 fn furthest(drift: &Drift) -> f64 {
     drift.means().into_iter().map(|[mean, _]| mean.abs()).fold(0.0, f64::max)
 }
 
-/// Five significant digits; nothing where it diverged.
+/// Rounds to five significant digits. A value that is not finite becomes null.
 fn rounded(value: f64) -> Value {
     if value.is_finite() {
         json!(format!("{value:.4e}").parse::<f64>().unwrap_or(value))
@@ -438,13 +439,13 @@ fn rounded(value: f64) -> Value {
     }
 }
 
-/// The line with its name.
+/// Adds the name to the line.
 fn with(mut line: Value, name: &str) -> Value {
     line["name"] = json!(name);
     line
 }
 
-/// States in which episodes begin: known, as in the literature.
+/// Returns start states. They are known, as in the literature.
 fn starts(world: &mut dyn Environment, seed: Seed) -> Outcome<States> {
     let mut rng = seed.rng();
     let columns = world.columns();

@@ -58,7 +58,7 @@ pub enum Algorithm {
 }
 
 impl Algorithm {
-    /// What it is called in a study.
+    /// Returns the name in a study.
     pub fn name(self) -> &'static str {
         match self {
             Self::ExpectedSarsa => "expected_sarsa",
@@ -67,7 +67,7 @@ impl Algorithm {
         }
     }
 
-    /// Whether the field of an agent decides anything.
+    /// Returns whether an agent with this algorithm uses the field.
     pub fn uses(self, field: &str) -> bool {
         match field {
             "temperature" | "lambda" => self == Self::ExpectedSarsa,
@@ -105,10 +105,10 @@ impl Default for AgentConfig {
 }
 
 impl AgentConfig {
-    /// Whether every field can be what it is.
+    /// Checks that every field has a valid value.
     ///
     /// # Errors
-    /// The first field that cannot, with what it may be.
+    /// If a field is not valid. The error names the first one and its valid values.
     pub fn check(&self) -> Result<(), ControlError> {
         let checks = [
             ("step_size", self.step_size, is_positive(self.step_size), "a positive number"),
@@ -134,7 +134,8 @@ impl AgentConfig {
         check_fields(&checks)
     }
 
-    /// Memory of an agent for states of so many columns, in bytes: weights with their moments, or networks and what they replay.
+    /// Returns the memory of an agent for states of this many columns, in bytes. It covers weights with their moments, or
+    /// networks and their replay buffer.
     ///
     /// # Errors
     /// If tile coding has more features than can be numbered, 2³² − 1.
@@ -149,12 +150,12 @@ impl AgentConfig {
         Ok(Weights::bytes(weights as usize))
     }
 
-    /// The value of every action before the agent learns, in states of so many columns; of a network, about that value.
+    /// Returns the value of every action before the agent learns, in states of this many columns. For a network it is an approximate value.
     pub fn first_value(&self, columns: usize) -> f64 {
         self.initial_weight * self.initial_weights_in_value(columns)
     }
 
-    /// The first value of an agent whose initial weight is 1: the features that are active in a tiling, or 1 of a network.
+    /// Returns the first value of an agent whose initial weight is 1: the active features per tiling, or 1 for a network.
     pub(crate) fn initial_weights_in_value(&self, columns: usize) -> f64 {
         if self.algorithm == Algorithm::DeepQLearning {
             1.0
@@ -163,7 +164,7 @@ impl AgentConfig {
         }
     }
 
-    /// Its tile coding of states of so many columns.
+    /// Returns the tile coding for states of this many columns.
     pub(super) fn tiling(&self, columns: usize) -> Tiles {
         Tiles::new(self.tilings, self.tiles, columns, self.pairs)
     }
@@ -177,7 +178,7 @@ fn is_positive(value: f64) -> bool {
     value > 0.0 && value.is_finite()
 }
 
-/// The check of a field that counts: its name, what it is, whether that is in `range`, and what is expected.
+/// Returns the check of an integer field: its name, its value, whether that is in `range`, and the expected range.
 fn whole(
     field: &'static str,
     value: usize,
@@ -191,7 +192,7 @@ fn whole(
 mod tests {
     use super::*;
 
-    /// Memory of an agent for states of four columns and three actions.
+    /// Returns the memory of an agent for states of four columns and three actions.
     fn bytes_of(config: AgentConfig) -> u64 {
         config.bytes(4, 3).expect("few")
     }
@@ -199,7 +200,7 @@ mod tests {
     #[test]
     fn memory_follows_from_what_is_tiled() {
         let tiles = AgentConfig::default();
-        // 16 tilings of nine tiles a column and 81 a pair; a weight, two moments and the place of a trace.
+        // 16 tilings with 9 tiles per column and 81 per pair. Each weight has a value, two moments and the place of its trace.
         assert_eq!(bytes_of(tiles), 3 * 16 * (4 * 9 + 6 * 81) * 16);
         assert_eq!(bytes_of(AgentConfig { pairs: false, ..tiles }), 3 * 16 * 4 * 9 * 16);
         let network = AgentConfig { algorithm: Algorithm::DeepQLearning, ..tiles };

@@ -7,19 +7,19 @@ use super::{
 };
 use crate::{ControlError, Ending, Outcome};
 
-/// Values that are linear in tile coding: q(s, a) = Σ of the weights of action a's features of s. Traces of the features of (s, a) become 1, and all
-/// weights change by Adam on −δe.
+/// Values that are linear in tile coding: q(s, a) = Σ of the weights of action a's features in s. A step sets the traces of the features of
+/// (s, a) to 1. Adam then changes all weights that have a trace, with −δe as the gradient.
 #[derive(Clone, Debug)]
 pub(super) struct Linear {
     tiles: Tiles,
     weights: Weights,
-    /// Features of the state that it is in, and of the one that follows.
+    /// Features of the present state, and of the next one.
     here: Vec<u32>,
     next: Vec<u32>,
     /// q of the next state, and the policy there.
     next_values: Vec<f64>,
     policy: Vec<f64>,
-    /// β₁ and β₂ to the number of updates.
+    /// β₁ and β₂, each to the power of the number of updates.
     powers: [f64; 2],
 }
 
@@ -53,10 +53,10 @@ impl Linear {
         }
     }
 
-    /// Be what was stored.
+    /// Takes over stored weights and moments.
     ///
     /// # Errors
-    /// If it is of another agent.
+    /// If the tensors belong to another agent.
     pub(super) fn restore(&mut self, tensors: &Tensors) -> Result<(), ControlError> {
         let count = self.next_values.len() * self.tiles.len();
         let [values, means, squares] =
@@ -66,12 +66,12 @@ impl Linear {
         Ok(())
     }
 
-    /// End all traces.
+    /// Ends all traces.
     pub(super) fn forget(&mut self) {
         self.weights.forget();
     }
 
-    /// Be in `state`, whose values are put in `values`.
+    /// Moves to `state`, and writes its action values to `values`.
     pub(super) fn go_on(&mut self, state: &[f32], values: &mut [f64]) {
         self.tiles.put_features(state, &mut self.here);
         self.weights.sums(self.tiles.len(), &self.here, values);
@@ -83,7 +83,8 @@ impl Linear {
         self.weights.sums(self.tiles.len(), &features, values);
     }
 
-    /// Learn from what `action` led to, and be in `next`; `values` are those of the state before, and then those of `next`.
+    /// Learns from the outcome of `action`, and moves to `next`. `values` holds the action values of the state before, and
+    /// then those of `next`.
     pub(super) fn learn(
         &mut self,
         config: &AgentConfig,
@@ -104,7 +105,7 @@ impl Linear {
         self.weights.sums(self.tiles.len(), &self.here, values);
     }
 
-    /// v(s') from q(s', ·).
+    /// Returns v(s') from q(s', ·).
     fn next_value(&mut self, config: &AgentConfig) -> f64 {
         match config.algorithm {
             Algorithm::ExpectedSarsa => {

@@ -1,4 +1,4 @@
-//! Agents that act: values of actions, linear in tile coding or from a network.
+//! Agents that act. Their action values are linear in tile coding, or come from a network.
 
 mod config;
 mod linear;
@@ -16,16 +16,17 @@ pub(crate) use tiles::Tiles;
 
 use crate::Outcome;
 
-/// An agent that acts and learns from what follows.
+/// An agent that acts, and learns from the outcomes of its actions.
 ///
-/// After (s, a, r, s') the error of its values q is δ = r + γ v(s') − q(s, a), v(s') being the mean of q(s', ·) under the policy (Expected Sarsa) or its
-/// maximum (Q-learning), and 0 after a terminal. Values are linear in tile coding, or those of a network that learns from replayed transitions.
+/// After (s, a, r, s') the error of its values q is δ = r + γ v(s') − q(s, a), and v is 0 after a terminal. v(s') is the mean of q(s', ·)
+/// under the policy (Expected Sarsa) or its maximum (Q-learning). Values are linear in tile coding, or come from a network that learns from
+/// replayed transitions.
 #[derive(Clone, Debug)]
 pub struct Agent {
     config: AgentConfig,
     actions: usize,
     learner: Learner,
-    /// q of the state that it is in.
+    /// q of the present state.
     values: Vec<f64>,
     policy: Vec<f64>,
 }
@@ -37,12 +38,12 @@ enum Learner {
 }
 
 impl Agent {
-    /// An agent that has seen nothing, for states of so many columns. Only networks draw what they begin with, here always the same.
+    /// Returns an untrained agent for states of this many columns. Only networks start from random values, here always with the same seed.
     pub fn new(config: AgentConfig, columns: usize, actions: usize) -> Self {
         Self::seeded(config, columns, actions, Seed::new(0))
     }
 
-    /// The same; what a network begins with, and what it replays, follows from `seed`.
+    /// Returns an untrained agent. `seed` determines the first weights of a network, and the transitions that it replays.
     pub fn seeded(config: AgentConfig, columns: usize, actions: usize, seed: Seed) -> Self {
         let learner = match config.algorithm {
             Algorithm::DeepQLearning => {
@@ -56,7 +57,7 @@ impl Agent {
         Self { config, actions, learner, values: none.clone(), policy: none }
     }
 
-    /// Look at `state`, the first of an episode.
+    /// Starts an episode in `state`.
     pub fn look(&mut self, state: &[f32]) {
         if let Learner::Linear(linear) = &mut self.learner {
             linear.forget();
@@ -64,7 +65,7 @@ impl Agent {
         self.go_on(state);
     }
 
-    /// Draw an action in the state that it is in. `None` if it has diverged.
+    /// Draws an action in the present state. Returns `None` if the agent has diverged.
     pub fn act(&mut self, rng: &mut Rng) -> Option<usize> {
         if !self.values.iter().all(|value| value.is_finite()) {
             return None;
@@ -77,22 +78,22 @@ impl Agent {
             }
             left -= probability;
         }
-        // Rounding can use up the last bit; then the last possible action is meant.
+        // Rounding can leave a rest after the last action; then the last action with a positive probability is meant.
         self.policy.iter().rposition(|&probability| probability > 0.0)
     }
 
-    /// The probability of each action in the state that it is in.
+    /// Returns the probability of each action in the present state.
     pub fn policy(&mut self) -> &[f64] {
         policy(&self.config, &self.values, &mut self.policy);
         &self.policy
     }
 
-    /// The value of each action in the state that it is in.
+    /// Returns the value of each action in the present state.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// The value of each action in `state`, while it stays where it is.
+    /// Returns the value of each action in `state`. The present state does not change.
     pub fn values_in(&self, state: &[f32]) -> Vec<f64> {
         let mut values = vec![0.0; self.actions];
         match &self.learner {
@@ -102,7 +103,7 @@ impl Agent {
         values
     }
 
-    /// Learn from what `action` led to, and be in `next`.
+    /// Learns from the outcome of `action`, and moves to `next`.
     pub fn learn(&mut self, action: usize, outcome: Outcome, next: &[f32]) {
         let Self { config, values, .. } = self;
         match &mut self.learner {
@@ -111,7 +112,7 @@ impl Agent {
         }
     }
 
-    /// Be in `next` without learning.
+    /// Moves to `next` without learning.
     pub fn go_on(&mut self, next: &[f32]) {
         match &mut self.learner {
             Learner::Linear(learner) => learner.go_on(next, &mut self.values),
@@ -119,13 +120,13 @@ impl Agent {
         }
     }
 
-    /// Number of actions.
+    /// Returns the number of actions.
     pub fn actions(&self) -> usize {
         self.actions
     }
 }
 
-/// The probability of each action from the values of all.
+/// Computes the probability of each action from the values of all actions.
 pub(crate) fn policy(config: &AgentConfig, values: &[f64], probabilities: &mut [f64]) {
     let best = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     match config.algorithm {

@@ -8,16 +8,17 @@ use super::{
 };
 use crate::{ControlError, Ending, Outcome};
 
-/// Values from a multilayer perceptron, q(s, ·) being its outputs, learnt by Q-learning from replayed transitions (Mnih et al. 2015).
+/// Action values that are the outputs of a multilayer perceptron, q(s, ·). It learns by Q-learning from replayed transitions (Mnih et
+/// al. 2015).
 ///
-/// Every step one batch is drawn from the last `replay` transitions, each as likely, and Adam steps down the mean of ½(q(s, a) − y)² with
-/// y = r + γ max q⁻(s', ·), or r at a terminal. The target network q⁻ becomes the other one every `target_steps` steps.
+/// Every step draws one batch uniformly from the last `replay` transitions. Adam then steps down the mean of ½(q(s, a) − y)² with y = r +
+/// γ max q⁻(s', ·), or y = r at a terminal. Every `target_steps` steps the target network q⁻ becomes a copy of the online one.
 #[derive(Clone, Debug)]
 pub(super) struct Network {
     online: Mlp,
     target: Mlp,
     adam: Adam,
-    /// Of one state, and of a batch.
+    /// Workspaces for one state, and for a batch.
     one: Workspace,
     batch: Workspace,
     replay: Replay,
@@ -27,7 +28,7 @@ pub(super) struct Network {
     drawn: Drawn,
 }
 
-/// The latest transitions; the oldest is replaced.
+/// The replay buffer: the latest transitions. A new one replaces the oldest.
 #[derive(Clone, Debug)]
 struct Replay {
     columns: usize,
@@ -36,17 +37,17 @@ struct Replay {
     states: Vec<f32>,
     nexts: Vec<f32>,
     taken: Vec<(usize, Outcome)>,
-    /// The target network's max q⁻(s', ·), which stays until that network is renewed; NaN where it is not known.
+    /// max q⁻(s', ·) of each transition, valid until the target network changes; NaN where it is not computed yet.
     bests: Vec<f32>,
 }
 
-/// A batch.
+/// A batch of replayed transitions.
 #[derive(Clone, Debug, Default)]
 struct Drawn {
-    /// Which transitions.
+    /// Positions of the transitions in the replay buffer.
     numbers: Vec<usize>,
     states: Vec<f32>,
-    /// Those whose next state has no known value, and these states.
+    /// Transitions whose next state has no known value. `nexts` holds these next states.
     unknown: Vec<usize>,
     nexts: Vec<f32>,
     gradients: Vec<f32>,
@@ -87,7 +88,7 @@ impl Replay {
         }
     }
 
-    /// y of a transition whose next state has a known value.
+    /// Returns y of a transition whose next state has a known value.
     fn target(&self, number: usize, gamma: f64) -> f64 {
         let (_, outcome) = self.taken[number];
         match outcome.ending {
@@ -101,7 +102,7 @@ impl Network {
     pub(super) fn new(config: &AgentConfig, columns: usize, actions: usize, seed: Seed) -> Self {
         let sizes = sizes(config, columns, actions);
         let mut online = Mlp::new(&sizes, seed.child("network"));
-        // Values begin near the initial weight: optimism, as of tiles.
+        // Values begin near the initial weight, which makes the agent optimistic, as with tiles.
         let bias = online.layers().last().map(|layer| layer.bias.clone()).unwrap_or_default();
         online.parameters_mut()[bias]
             .iter_mut()
@@ -142,10 +143,10 @@ impl Network {
         Tensors { tensors, metadata }
     }
 
-    /// Be what was stored.
+    /// Takes over stored networks and moments.
     ///
     /// # Errors
-    /// If it is of another agent.
+    /// If the tensors belong to another agent.
     pub(super) fn restore(&mut self, tensors: &Tensors) -> Result<(), ControlError> {
         let [one, two, steps] = progress_of(tensors)?;
         let moments = moments_of(tensors, self.online.parameter_count(), (one, two))?;
@@ -156,20 +157,21 @@ impl Network {
         Ok(())
     }
 
-    /// Weights and biases of each of the two networks.
+    /// Returns the number of weights and biases of each of the two networks.
     pub(super) fn parameters(config: &AgentConfig, columns: usize, actions: usize) -> usize {
         let sizes = sizes(config, columns, actions);
         sizes.windows(2).map(|layer| (layer[0] + 1) * layer[1]).sum()
     }
 
-    /// Memory of one whose replay is full: both networks, two moments, two gradients and two transposes, and what is replayed.
+    /// Returns the memory of an agent with a full replay buffer, in bytes: both networks, two moments, two gradients, two
+    /// transposes, and the buffer.
     pub(super) fn bytes(config: &AgentConfig, columns: usize, actions: usize) -> u64 {
         let parameters = Self::parameters(config, columns, actions);
         let transition = (2 * columns + 1) * size_of::<f32>() + size_of::<(usize, Outcome)>();
         (8 * parameters * size_of::<f32>() + config.replay * transition) as u64
     }
 
-    /// Be in `state`, whose values are put in `values`.
+    /// Moves to `state`, and writes its action values to `values`.
     pub(super) fn go_on(&mut self, state: &[f32], values: &mut [f64]) {
         self.state.copy_from_slice(state);
         let outputs = self.online.forward(&self.state, &mut self.one);
@@ -182,7 +184,7 @@ impl Network {
         values.iter_mut().zip(outputs).for_each(|(value, &output)| *value = f64::from(output));
     }
 
-    /// Learn from what `action` led to, among others, and be in `next`, whose values are put in `values`.
+    /// Stores the outcome of `action`, learns from a batch, and moves to `next`, whose action values it writes to `values`.
     pub(super) fn learn(
         &mut self,
         config: &AgentConfig,
@@ -208,7 +210,7 @@ impl Network {
         self.replay.draw(config.batch, &mut self.rng, drawn);
         let actions = self.online.outputs();
         if let (&[number], true) = (&drawn.unknown[..], config.batch > 1) {
-            // Wide layers sum a single row in another order than several.
+            // Wide layers sum a single row in another order than several rows.
             drawn.unknown.push(number);
             drawn.nexts.extend_from_within(..);
         }
@@ -231,7 +233,7 @@ impl Network {
     }
 }
 
-/// Units of each layer, columns first and actions last.
+/// Returns the units of each layer: columns first, actions last.
 fn sizes(config: &AgentConfig, columns: usize, actions: usize) -> Vec<usize> {
     let hidden = vec![config.hidden_width; config.hidden_layers];
     [vec![columns], hidden, vec![actions]].concat()
@@ -277,7 +279,7 @@ mod tests {
         assert!(drawn.unknown.iter().all(|&number| number == 1) && drawn.numbers.contains(&3));
         assert_eq!(drawn.nexts.len(), drawn.unknown.len());
         assert_eq!([0, 2, 3].map(|number| replay.target(number, 0.5)), [2.0, 1.0, 3.0]);
-        // Another transition in its place.
+        // Another transition takes its place.
         replay.keep(&[0.0], 0, outcome, &[0.0]);
         assert!(replay.bests[3].is_nan());
     }

@@ -1,4 +1,4 @@
-//! Agents as named arrays, so that they outlive a process.
+//! Agents as named arrays, so that they can be stored and restored.
 
 use calib_core::Seed;
 use calib_files::{Tensor, Tensors};
@@ -7,12 +7,13 @@ use calib_nn::{LayoutError, Mlp, Moments, Naming};
 use super::{Agent, AgentConfig, Algorithm, Learner, Network};
 use crate::ControlError;
 
-/// The free text of a file that has β₁ᵗ and β₂ᵗ, and of networks the steps since the target network was renewed.
+/// The key of the metadata that holds β₁ᵗ and β₂ᵗ and, for networks, the steps since the last update of the target network.
 const PROGRESS: &str = "progress";
 
 impl Agent {
-    /// What it has learnt. Tiles: `weights`, `mean` and `square` of Adam, `[actions, features]`. Networks: `online.layers.0.weight` and so on
-    /// as PyTorch lays them out, the same of `target`, and Adam's `mean` and `square`. Traces of an episode, and transitions to replay, stay behind.
+    /// Returns the learned arrays. Tiles: `weights`, and Adam's `mean` and `square`, `[actions, features]`. Networks:
+    /// `online.layers.0.weight` and so on in the layout of PyTorch, the same for `target`, and Adam's `mean` and `square`. Traces and
+    /// replayed transitions are not stored.
     pub fn to_tensors(&self) -> Tensors {
         match &self.learner {
             Learner::Linear(linear) => linear.to_tensors(self.actions),
@@ -20,10 +21,10 @@ impl Agent {
         }
     }
 
-    /// The agent that [`to_tensors`](Self::to_tensors) was called of, at the beginning of an episode. What it draws next follows from `seed`.
+    /// Returns the agent that [`to_tensors`](Self::to_tensors) stored, at the beginning of an episode. `seed` determines its further draws.
     ///
     /// # Errors
-    /// If the tensors are not those of such an agent.
+    /// If the tensors are not those of such an agent, or the settings are not valid.
     pub fn from_tensors(
         config: AgentConfig,
         columns: usize,
@@ -33,7 +34,7 @@ impl Agent {
     ) -> Result<Self, ControlError> {
         config.check()?;
         config.bytes(columns, actions)?;
-        // Before anything of the size that the settings describe is made.
+        // This comes before the allocation of arrays, whose size the settings describe.
         if !has_size_of(&config, columns, actions, tensors) {
             let reason = "its settings describe another size than its numbers have".to_owned();
             return Err(ControlError::NoAgent { reason });
@@ -47,7 +48,7 @@ impl Agent {
     }
 }
 
-/// Whether the moments have a number for each weight that the settings describe.
+/// Returns whether the moments have one number per weight that the settings describe.
 fn has_size_of(config: &AgentConfig, columns: usize, actions: usize, tensors: &Tensors) -> bool {
     let weights = if config.algorithm == Algorithm::DeepQLearning {
         Network::parameters(config, columns, actions)
@@ -57,13 +58,13 @@ fn has_size_of(config: &AgentConfig, columns: usize, actions: usize, tensors: &T
     tensors.get("mean").is_some_and(|mean| mean.values.len() == weights)
 }
 
-/// Adam's progress, as a text that keeps every digit.
+/// Formats Adam's progress as text that keeps every digit.
 pub(super) fn progress(numbers: &[f64]) -> (String, String) {
     let numbers: Vec<String> = numbers.iter().map(ToString::to_string).collect();
     (PROGRESS.to_owned(), numbers.join(" "))
 }
 
-/// The same numbers again.
+/// Parses the text of [`progress`].
 pub(super) fn progress_of<const N: usize>(tensors: &Tensors) -> Result<[f64; N], ControlError> {
     let text = tensors.metadata.get(PROGRESS).map_or("", String::as_str);
     let numbers: Option<Vec<f64>> = text.split(' ').map(|number| number.parse().ok()).collect();
@@ -72,7 +73,7 @@ pub(super) fn progress_of<const N: usize>(tensors: &Tensors) -> Result<[f64; N],
     })
 }
 
-/// The values of a tensor with this many.
+/// Returns the values of a tensor, which must have `count` of them.
 pub(super) fn values_of<'t>(
     tensors: &'t Tensors,
     name: &str,
@@ -87,7 +88,7 @@ pub(super) fn values_of<'t>(
     }
 }
 
-/// A network with a prefix to its names, of the shape of `like`.
+/// Returns the network whose tensor names have this prefix. It must have the shape of `like`.
 pub(super) fn network_of(tensors: &Tensors, prefix: &str, like: &Mlp) -> Result<Mlp, ControlError> {
     let network = Mlp::from_tensors(tensors, prefix, Naming::Layers).map_err(ControlError::from)?;
     let sizes = |network: &Mlp| -> Vec<[usize; 2]> {
@@ -100,13 +101,13 @@ pub(super) fn network_of(tensors: &Tensors, prefix: &str, like: &Mlp) -> Result<
     Ok(network)
 }
 
-/// A network's layers with a prefix to their names.
+/// Returns the layers of a network, with a prefix to their names.
 pub(super) fn named(network: &Mlp, prefix: &str) -> Vec<Tensor> {
     let layers = network.to_tensors(Naming::Layers).into_iter();
     layers.map(|tensor| Tensor { name: format!("{prefix}{}", tensor.name), ..tensor }).collect()
 }
 
-/// Adam's moments of so many parameters.
+/// Returns Adam's moments of `count` parameters.
 pub(super) fn moments_of(
     tensors: &Tensors,
     count: usize,
@@ -130,7 +131,7 @@ mod tests {
     use super::*;
     use crate::{Ending, Outcome};
 
-    /// An agent after some steps of a made-up episode, and what it did in them.
+    /// Takes steps of a made-up episode, and returns the agent's actions.
     fn after(agent: &mut Agent, steps: usize, seed: Seed) -> Vec<usize> {
         let mut rng = seed.rng();
         agent.look(&[0.5, 0.5]);
@@ -176,7 +177,7 @@ mod tests {
             again.look(&[0.2, 0.9]);
             assert_eq!(again.values(), agent.values());
             assert_eq!(again.values(), values);
-            // What networks replay stayed behind, so only tiles learn the same from here on.
+            // Replayed transitions are not stored, so only tiles learn the same from here on.
             if algorithm != Algorithm::DeepQLearning {
                 let seed = Seed::new(2);
                 assert_eq!(after(&mut again, 30, seed), after(&mut agent, 30, seed));

@@ -1,7 +1,8 @@
 use super::*;
 use crate::{Ending, Environment};
 
-/// Five places in a row, from the middle; right of the last is the end with reward 1, left of the first the end with 0.
+/// Five places in a row. Episodes start in the middle. Right of the last place an episode ends with reward 1, left of
+/// the first one with 0.
 struct Row(i32);
 
 impl Environment for Row {
@@ -62,7 +63,7 @@ fn learnt(config: AgentConfig) -> Agent {
     agent
 }
 
-/// q of going right from each place: γ to the number of further steps if the agent goes right almost always.
+/// q of going right from each place is γ to the power of the further steps, if the agent nearly always goes right.
 #[test]
 fn both_algorithms_find_the_values_of_a_row() {
     let shared = AgentConfig {

@@ -1,21 +1,21 @@
-/// Tile coding of single columns and, if wanted, of pairs of columns.
+/// Tile coding of single columns and optionally of pairs of columns.
 ///
-/// Each of `tilings` tilings cuts every column, whose range is 0 to 1, into `tiles` tiles, and is shifted by its own share of a tile: tiling
-/// `t` shifts column `c` by `((1 + 2c) · t mod tilings) / tilings` tiles (Sutton & Barto 2018, section 9.5.4). A state of `d` columns has one
-/// feature a tiling for each column and for each pair of columns: `tilings · (d + d(d − 1)/2)` active features in all, or `tilings · d` without pairs. What lies outside
-/// the range is in the first or the last tile. Pairs rather than all columns at once keep weights few: the choice of the public code of the
-/// literature's experiments.
+/// Each of `tilings` tilings cuts every column, whose range is 0 to 1, into `tiles` tiles. Its own shift is a share of a tile: tiling `t`
+/// shifts column `c` by `((1 + 2c) · t mod tilings) / tilings` tiles (Sutton & Barto 2018, section 9.5.4). A state of `d` columns has one
+/// feature per tiling for each column and for each pair of columns. So `tilings · (d + d(d − 1)/2)` features are active in all, or
+/// `tilings · d` without pairs. Values outside the range are in the first or the last tile. Pairs, instead of all columns at once, keep the
+/// weights few, as in the public code of the literature's experiments.
 #[derive(Clone, Debug)]
 pub(crate) struct Tiles {
     tilings: usize,
-    /// Tiles of a column in a tiling.
+    /// Tiles per column in a tiling.
     cuts: usize,
     columns: usize,
-    /// Whether pairs of columns are tiled beside single ones.
+    /// Whether pairs of columns have tiles too.
     has_pairs: bool,
-    /// By how many tiles each tiling shifts each column.
+    /// Shift of each column in each tiling, in tiles.
     shifts: Vec<f32>,
-    /// Where each column of the current tiling falls.
+    /// The tile of each column in the current tiling.
     at: Vec<u32>,
 }
 
@@ -31,7 +31,7 @@ impl Tiles {
         Self { tilings, cuts: tiles, columns, has_pairs, shifts, at: vec![0; columns] }
     }
 
-    /// Tiles of one column in one tiling; one more than asked for, because tilings are shifted.
+    /// Returns the tiles of one column in one tiling: one more than `cuts`, because tilings are shifted.
     fn per_column(&self) -> usize {
         self.cuts + 1
     }
@@ -40,23 +40,23 @@ impl Tiles {
         if self.has_pairs { self.columns * self.columns.saturating_sub(1) / 2 } else { 0 }
     }
 
-    /// Number of features.
+    /// Returns the number of features.
     pub(crate) fn len(&self) -> usize {
         let per = self.per_column();
         self.tilings * (self.columns * per + self.pairs() * per * per)
     }
 
-    /// Features that are active at a time.
+    /// Returns the number of features that are active at a time.
     pub(crate) fn active(&self) -> usize {
         self.tilings * self.active_per_tiling()
     }
 
-    /// Those of one tiling.
+    /// Returns the number of active features in one tiling.
     pub(crate) fn active_per_tiling(&self) -> usize {
         self.columns + self.pairs()
     }
 
-    /// Put the features of `state` in `features`.
+    /// Writes the active features of `state` to `features`.
     pub(crate) fn put_features(&mut self, state: &[f32], features: &mut Vec<u32>) {
         features.clear();
         let per = self.per_column() as u32;
@@ -102,7 +102,7 @@ mod tests {
         }
     }
 
-    /// How many features both have.
+    /// Returns the number of features that both have.
     fn shared(a: &[u32], b: &[u32]) -> usize {
         a.iter().filter(|one| b.contains(one)).count()
     }

@@ -1,20 +1,20 @@
 use pulp::Arch;
 
-/// The second-moment decay of Adam, and what keeps its division finite.
+/// Adam's decay of the second moment, and the term that keeps its division finite.
 const BETA2: f32 = 0.999;
 const EPSILON: f32 = 1e-8;
-/// Traces below this end: with γλ = 0.8 after 16 steps.
+/// Smaller traces end: with γλ = 0.8 after 16 steps.
 const SMALLEST_TRACE: f32 = 0.03;
-/// Of a weight without a trace.
+/// The place of a weight without a trace.
 const NOWHERE: u32 = u32::MAX;
 
-/// Weights with replacing traces, learnt by Adam.
+/// Weights with replacing traces, learned by Adam.
 ///
-/// Only weights with a trace change. They are kept side by side, apart from the others, so that an update is one pass over plain arrays,
-/// whatever the width of the processor's vectors: nothing is summed, so the numbers are the same.
+/// Only weights with a trace change. They are kept contiguously, apart from the others, so that an update is one pass over plain arrays.
+/// The update sums nothing, so the numbers do not depend on the width of the processor's vectors.
 #[derive(Clone, Debug)]
 pub(crate) struct Weights {
-    /// All of them as they are now.
+    /// The present values of all weights. The moments of those with a trace are in `traced`.
     values: Vec<f32>,
     moments: Vec<Moments>,
     traced: Traced,
@@ -24,7 +24,7 @@ pub(crate) struct Weights {
 struct Moments {
     mean: f32,
     square: f32,
-    /// Its place among those with a trace.
+    /// Its place among the weights with a trace.
     place: u32,
 }
 
@@ -37,8 +37,8 @@ struct Traced {
     trace: Vec<f32>,
 }
 
-/// How the weights change: w ← w − `step` · m / (√(v · `unbias`) + 1e-8), with g = −`error` · e, m ← `beta1` m + (1 − `beta1`) g and
-/// v ← 0.999 v + 0.001 g²; then e ← `decay` · e.
+/// The change of the weights in one step: w ← w − `step` · m / (√(v · `unbias`) + 1e-8), with g = −`error` · e, m ← `beta1` m + (1 −
+/// `beta1`) g and v ← 0.999 v + 0.001 g². Then e ← `decay` · e.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Change {
     pub(crate) error: f32,
@@ -49,7 +49,7 @@ pub(crate) struct Change {
 }
 
 impl Change {
-    /// The second-moment decay that `unbias` makes up for.
+    /// The decay of the second moment, which `unbias` corrects for.
     pub(crate) const BETA2: f64 = BETA2 as f64;
 }
 
@@ -59,7 +59,7 @@ impl Weights {
         Self { values: vec![value; count], moments: vec![none; count], traced: Traced::default() }
     }
 
-    /// Of so many values, with the moments of each.
+    /// Returns weights with these values and moments, without traces.
     pub(crate) fn with_moments(values: &[f32], means: &[f32], squares: &[f32]) -> Self {
         let moments = means.iter().zip(squares);
         Self {
@@ -71,7 +71,7 @@ impl Weights {
         }
     }
 
-    /// Values, means and squares of all of them, once their traces have ended.
+    /// Ends all traces, and returns the values, means and squares of all weights.
     pub(crate) fn parts(mut self) -> [Vec<f32>; 3] {
         self.forget();
         let means = self.moments.iter().map(|moments| moments.mean).collect();
@@ -79,15 +79,15 @@ impl Weights {
         [self.values, means, squares]
     }
 
-    /// Memory of so many of them.
+    /// Returns the memory of this many weights, in bytes.
     pub(crate) fn bytes(count: usize) -> u64 {
         (count * (size_of::<f32>() + size_of::<Moments>())) as u64
     }
 
-    /// The sums of the weights of `features` of each action, whose weights are `length` after those of the one before.
+    /// Writes for each action the sum of its weights at `features`. Each action has `length` weights, one action after the other.
     pub(crate) fn sums(&self, length: usize, features: &[u32], sums: &mut [f64]) {
         sums.fill(0.0);
-        // Side by side, because each sum waits for its last addition.
+        // Four sums run side by side, because each sum waits for its last addition.
         let mut rest = &self.values[..];
         for sums in sums.chunks_mut(4) {
             let own = |action: usize| rest.get(action * length..).unwrap_or_default();
@@ -102,7 +102,7 @@ impl Weights {
         }
     }
 
-    /// Set the traces of `features`, each moved by `base`, to 1.
+    /// Sets the traces of `features`, each shifted by `base`, to 1.
     pub(crate) fn trace(&mut self, base: usize, features: &[u32]) {
         for &feature in features {
             let number = base + feature as usize;
@@ -120,7 +120,7 @@ impl Weights {
         }
     }
 
-    /// Change every weight that has a trace; traces that have become small end.
+    /// Changes every weight that has a trace, and ends traces that have become small.
     pub(crate) fn change(&mut self, change: Change) {
         let traced = &mut self.traced;
         let value = &mut traced.value[..];
@@ -154,14 +154,14 @@ impl Weights {
         }
     }
 
-    /// End all traces, as at the end of an episode.
+    /// Ends all traces, as at the end of an episode.
     pub(crate) fn forget(&mut self) {
         while !self.traced.number.is_empty() {
             self.end(self.traced.number.len() - 1);
         }
     }
 
-    /// End the trace in `place`; the last one takes its place.
+    /// Ends the trace in `place`. The last trace moves there.
     fn end(&mut self, place: usize) {
         let traced = &mut self.traced;
         traced.value.swap_remove(place);
@@ -177,7 +177,7 @@ impl Weights {
     }
 }
 
-/// Add the weights of `features` to the sum of each action.
+/// Sums the weights of `features` for each action, and writes the sums.
 fn add<const N: usize>(values: [&[f32]; N], features: &[u32], sums: [&mut f64; N]) {
     let mut own = [0.0; N];
     for &feature in features {
@@ -196,7 +196,7 @@ mod tests {
 
     use super::*;
 
-    /// The same by the formula, one weight after the other.
+    /// Computes the same change by the formula, one weight after the other.
     fn plain(
         weights: &mut [[f32; 4]],
         features: &[u32],
@@ -241,7 +241,7 @@ mod tests {
                         weight[3] = 0.0;
                     }
                 }
-                // As 40 actions of one weight each.
+                // Reads the 40 weights as 40 actions with one weight each.
                 let mut got = [0.0; 40];
                 weights.sums(1, &[0], &mut got);
                 for (number, weight) in expected.iter().enumerate() {

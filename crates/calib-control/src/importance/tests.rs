@@ -12,12 +12,12 @@ fn episode<'a>(ratios: &[f64], rewards: &'a [f32], ending: Ending) -> Episode<'a
 fn a_small_case_by_hand() {
     let ended = episode(&[2.0, 0.5], &[1.0, 3.0], Ending::Terminal);
     let cut = episode(&[0.5], &[2.0], Ending::Continues);
-    // First step: (2·1 + 0.5·2) / 2.5; second: the first episode alone.
+    // The first step is (2·1 + 0.5·2) / 2.5. The second one is the first episode alone.
     let estimated = estimate(&[ended.clone(), cut.clone()], 0.5, 100);
     assert!((estimated.value.expect("a value") - (1.2 + 0.5 * 3.0)).abs() < 1e-12, "{estimated:?}");
-    // Whole episodes weigh 1 and 0.5.
+    // Whole episodes have the weights 1 and 0.5.
     assert!((estimated.effective_episodes - 2.25 / 1.25).abs() < 1e-12, "{estimated:?}");
-    // After a terminal nought is got: 1·3 of 1.5.
+    // After a terminal the reward is 0: 1·3 of 1.5.
     let other = Episode { ending: Ending::Terminal, ..cut };
     let estimated = estimate(&[ended.clone(), other], 0.5, 100);
     assert!((estimated.value.expect("a value") - (1.2 + 0.5 * 2.0)).abs() < 1e-12, "{estimated:?}");
@@ -46,7 +46,8 @@ fn products_beyond_the_range_of_numbers_still_count() {
     assert!((estimated.effective_episodes - 1.0).abs() < 1e-6, "{estimated:?}");
 }
 
-/// Places 0 to 3, −1 a step; action 1 leads on, action 0 back; after place 3 it ends. Action 1 is taken with probability `forth`.
+/// Draws an episode through places 0 to 3 with −1 per step. Action 1 leads on, action 0 back, and place 3 leads to the end.
+/// Action 1 has probability `forth`.
 fn walk(forth: f64, rng: &mut Rng) -> Vec<(usize, usize)> {
     let mut place = 0_usize;
     let mut steps = Vec::new();
@@ -58,9 +59,9 @@ fn walk(forth: f64, rng: &mut Rng) -> Vec<(usize, usize)> {
     steps
 }
 
-/// The true value of leading on with probability `forth`, from place 0.
+/// Returns the true value at place 0 of the policy that takes action 1 with probability `forth`.
 fn value_of_chain(forth: f64) -> f64 {
-    // v(3) = −1 + q v(2), and so on; solved by going over it.
+    // v(3) = −1 + q v(2), and so on, solved by iteration.
     let mut values = [0.0_f64; 5];
     for _ in 0..1000 {
         for place in 0..4_usize {
@@ -100,7 +101,7 @@ fn the_value_of_another_policy_is_the_truth_of_a_chain() {
     );
 }
 
-/// So many walks through the same chain as a log of decisions, a place being `place / scale` there.
+/// Returns `count` episodes through the same chain as a log of decisions, in which a place has the state `place / scale`.
 fn log_of_walks(count: usize, scale: f32, seed: Seed) -> Decisions {
     let mut rng = seed.rng();
     let mut states = Vec::new();
@@ -145,12 +146,12 @@ fn who_learns_to_lead_on_is_better() {
         off_policy_values(&log, &starts, &[sharp, dull], 20_000, 100, &Silent).expect("run");
     let values = found.importance.expect("probabilities are logged");
     let value_at = |at: usize| values[at].value.expect("a value");
-    // Straight on it takes four steps; by chance 20 in the mean, which the discount shortens.
+    // Going straight on takes four steps. Random actions take 20 on average, which the discount shortens.
     assert!(value_at(0) > -7.0 && value_at(1) < -11.0, "{values:?}");
     assert!(values.iter().all(|value| value.effective_episodes > 20.0), "{values:?}");
     let robust = found.doubly_robust.expect("probabilities are logged");
     for (robust, fitted) in robust.into_iter().zip(found.fitted_q) {
-        // Every place has tiles of its own, and what an action does is certain: the fitted values are right.
+        // Every place has its own tiles, and the outcomes of actions are certain, so the fitted values are right.
         let robust = robust.expect("a value");
         assert!((robust - fitted).abs() < 1e-3, "{robust} and {fitted}");
     }
@@ -167,7 +168,7 @@ fn probabilities_are_checked() {
     assert!(log.clone().with_probabilities(&[0.5]).is_err(), "one row");
 }
 
-/// Two episodes of 3 and 2 steps, the second of which ends so.
+/// Returns two episodes of 3 and 2 steps. The second one ends with `ending`.
 fn two_with_values(ending: Ending) -> [Episode<'static>; 2] {
     const LONG: [StepValues; 3] = [
         StepValues { taken: 1.0, expected: 1.5 },
@@ -181,7 +182,8 @@ fn two_with_values(ending: Ending) -> [Episode<'static>; 2] {
     [Episode { values: &LONG, ..long }, Episode { values: &SHORT, ..short }]
 }
 
-/// Weights of whole episodes from the first step on, Π π / b and then those of the last step again, up to `longest` steps: `[steps][episodes]`.
+/// Returns the weights Π π / b from the first step on, which stay as they are after an episode's last step, for up to `longest` steps:
+/// `[steps][episodes]`.
 fn plain_weights(episodes: &[Episode<'_>], longest: usize) -> Vec<Vec<f64>> {
     let mut all = vec![vec![1.0; episodes.len()]];
     for step in 0..longest {
@@ -196,7 +198,7 @@ fn plain_weights(episodes: &[Episode<'_>], longest: usize) -> Vec<Vec<f64>> {
     all
 }
 
-/// Σᵢ Σₜ γᵗ (wᵢₜ r − wᵢₜ q̂ + wᵢₜ₋₁ v̂) over episodes that ended, as in Thomas & Brunskill 2016.
+/// Computes Σᵢ Σₜ γᵗ (wᵢₜ r − wᵢₜ q̂ + wᵢₜ₋₁ v̂) over episodes that ended, as in Thomas & Brunskill 2016.
 fn plain_doubly_robust(episodes: &[Episode<'_>], gamma: f64) -> f64 {
     let longest = episodes.iter().map(|episode| episode.rewards.len()).max().expect("episodes");
     let weights = plain_weights(episodes, longest);
@@ -214,7 +216,7 @@ fn plain_doubly_robust(episodes: &[Episode<'_>], gamma: f64) -> f64 {
     value
 }
 
-/// Σₜ γᵗ Σᵢ ρᵢₜ rᵢₜ / Σᵢ ρᵢₜ over episodes that ended.
+/// Computes Σₜ γᵗ Σᵢ ρᵢₜ rᵢₜ / Σᵢ ρᵢₜ over episodes that ended.
 fn plain_importance_sampling(episodes: &[Episode<'_>], gamma: f64) -> f64 {
     let longest = episodes.iter().map(|episode| episode.rewards.len()).max().expect("episodes");
     let weights = plain_weights(episodes, longest);
@@ -233,14 +235,14 @@ fn assert_near(got: f64, expected: f64) {
     assert!((got - expected).abs() < 1e-12, "{got}, not {expected}");
 }
 
-/// What was drawn for an episode.
+/// Random numbers of one episode.
 struct DrawnEpisode {
     ratios: Vec<f64>,
     rewards: Vec<f32>,
     values: Vec<StepValues>,
 }
 
-/// Episodes of 1 to 9 steps, with whatever values.
+/// Draws episodes of 1 to 9 steps with random values.
 fn drawn_episodes(seed: u64) -> Vec<DrawnEpisode> {
     let mut rng = Seed::new(seed).rng();
     let mut all = Vec::new();
@@ -268,14 +270,14 @@ fn a_doubly_robust_case_by_hand() {
     let ended = two_with_values(Ending::Terminal);
     let estimated = estimate(&ended, 0.5, 100);
     let got = estimated.value.expect("a value");
-    // Weights are 2 and 0.5, then 1 and 0.75, then 3 and 0.75. The first step is 1.75 + (2·0 + 0.5·1.5) / 2.5, the second 1.1 + 0.25 / 1.75,
-    // the third 0.25 / 1.75 − 4.5 / 3.75.
+    // The weights are 2 and 0.5, then 1 and 0.75, then 3 and 0.75. The first step is 1.75 + (2·0 + 0.5·1.5) / 2.5, the second one 1.1 +
+    // 0.25 / 1.75, and the third one 0.25 / 1.75 − 4.5 / 3.75.
     assert_near(got, 2.05 + 0.5 * (1.1 + 1.0 / 7.0) + 0.25 * (1.0 / 7.0 - 1.2));
     assert_near(got, plain_doubly_robust(&ended, 0.5));
-    // It rests on the episodes that importance sampling rests on.
+    // It uses the same episodes as importance sampling.
     let alone = ended.map(|episode| Episode { values: &[], ..episode });
     assert_eq!(estimated.effective_episodes, estimate(&alone, 0.5, 100).effective_episodes);
-    // Where the second was cut, the third step is that of the first episode alone: 0.25 − 1.5.
+    // If the second episode is cut, the third step is that of the first episode alone: 0.25 − 1.5.
     let cut = two_with_values(Ending::Continues);
     let got = estimate(&cut, 0.5, 100).value.expect("a value");
     assert_near(got, 2.05 + 0.5 * (1.1 + 1.0 / 7.0) - 0.25 * 1.25);
@@ -314,7 +316,7 @@ fn of_the_behaviour_itself_it_is_the_mean_return() {
         let mut drawn = drawn_episodes(seed);
         let mut returns = 0.0;
         for one in &mut drawn {
-            // A behaviour that always does what it did: its ratios are 1, and v̂ is q̂ of that action.
+            // The evaluated policy is the behaviour, which always takes the recorded action: ratios are 1, and v̂ is q̂ of that action.
             one.ratios.fill(1.0);
             for values in &mut one.values {
                 values.expected = values.taken;
@@ -326,7 +328,7 @@ fn of_the_behaviour_itself_it_is_the_mean_return() {
         let logged: Vec<Episode<'_>> = drawn.iter().map(DrawnEpisode::logged).collect();
         let got = estimate(&logged, 0.9, 100).value.expect("a value");
         assert_near(got, returns / drawn.len() as f64);
-        // Cut episodes count as without fitted values.
+        // Cut episodes count as they do without fitted values.
         let mut cut = logged;
         for one in &mut cut {
             if one.rewards.len().is_multiple_of(2) {
@@ -368,7 +370,7 @@ fn coarse_fitted_values_bring_the_estimate_nearer_to_the_truth() {
     let mut fitted_error = 0.0;
     let mut robust_error = 0.0;
     for seed in 0..40 {
-        // Neighbouring places share tiles, so that no fitted values are right.
+        // Neighbouring places share tiles, so the fitted values are wrong.
         let log = log_of_walks(20, 64.0, Seed::new(seed));
         let policies = [1.0 - other, other].repeat(log.len());
         let ratios = log_ratios(&log, log.probabilities().expect("logged"), &policies);
@@ -389,7 +391,7 @@ fn coarse_fitted_values_bring_the_estimate_nearer_to_the_truth() {
 fn what_diverged_has_no_doubly_robust_value() {
     let log = log();
     let starts = States::new(vec![0.0], 1, 1).expect("valid");
-    // Too large for the single precision of its weights.
+    // This is too large for the single precision of the agent's weights.
     let diverged = AgentConfig { initial_weight: 1e300, ..AgentConfig::default() };
     let candidates = [diverged, AgentConfig::default()];
     let found = off_policy_values(&log, &starts, &candidates, 1000, 100, &Silent).expect("run");

@@ -5,14 +5,14 @@ use calib_knn::{Blocks, IndexKind, NeighborLists, Queries, Sources, Weights};
 use super::{ActionModel, ActionModelConfig, ActionTable, FillingTable, Rules, Starts, radius};
 use crate::{ControlError, Decisions, settings::next_states};
 
-/// Neighbours of a state: no more than there are transitions.
+/// Returns the neighbours per state: at most one per transition.
 fn neighbors(log: &Decisions, config: &ActionModelConfig) -> usize {
     config.neighbors.min(log.len())
 }
 
 impl ActionModel {
-    /// Memory that the tables of a model take, and the lists of an action while they are searched, in bytes; `starts` is how many
-    /// states episodes begin in.
+    /// Returns the memory of a model's tables in bytes, including the lists of one action during the search. `starts` is the
+    /// number of start states.
     pub fn bytes(log: &Decisions, starts: usize, config: &ActionModelConfig) -> u64 {
         let entry = size_of::<u32>() + size_of::<f32>();
         let tables = log.levels().saturating_add(1);
@@ -21,13 +21,13 @@ impl ActionModel {
             .fold(1, |product, factor| product.saturating_mul(factor as u64))
     }
 
-    /// Build the model of `log`, whose distances are those of `metric`, `[rows, d]`: the states, or their representation.
+    /// Builds the model of `log`. Distances are those of `metric`, `[rows, d]`: the states, or their representation.
     ///
-    /// The search is the one of models without actions, once an action, among the transitions that have it; a table is
-    /// `[transitions, actions, k]`, and a step does not search. Episodes begin in one of `starts`, each as likely.
+    /// For each action, the search of models without actions runs among the transitions with that action. A table is
+    /// `[transitions, actions, k]`, so a step needs no search. Episodes begin in one of `starts`, chosen uniformly.
     ///
     /// # Errors
-    /// If a field cannot be what it is, there are no starts, the numbers of rows or columns disagree, or the monitor interrupts.
+    /// If a field is not valid, there are no starts, the numbers of rows or columns disagree, or the monitor interrupts.
     pub fn build(
         log: Decisions,
         metric: &States,
@@ -84,7 +84,7 @@ impl ActionModel {
         })
     }
 
-    /// Which transitions each member has.
+    /// Returns the blocks of the log, and so the transitions of each ensemble member.
     pub fn blocks(&self) -> &Blocks {
         &self.blocks
     }
@@ -94,7 +94,7 @@ fn finished(tables: Vec<FillingTable>) -> Vec<ActionTable> {
     tables.into_iter().map(FillingTable::finished).collect()
 }
 
-/// The tables of a model while they are made, one a member.
+/// The tables of a model during the build, one per ensemble member.
 struct FillingTables<'a> {
     k: usize,
     tables: &'a mut [FillingTable],
@@ -102,7 +102,7 @@ struct FillingTables<'a> {
 }
 
 impl FillingTables<'_> {
-    /// The neighbours for every action are among the transitions that have it.
+    /// Fills the lists of every action from the transitions with that action.
     fn of_actions(
         &mut self,
         sources: &Sources<'_>,
@@ -124,7 +124,7 @@ impl FillingTables<'_> {
         Ok(())
     }
 
-    /// Those for a level are among all transitions; `sources` and both queries have the action as further columns.
+    /// Fills the lists of one level from all transitions. `sources` and both queries have the action as further columns.
     fn of_level(
         &mut self,
         sources: &Sources<'_>,
@@ -139,7 +139,7 @@ impl FillingTables<'_> {
     }
 }
 
-/// Find the lists of all queries for one action and put them in the tables of the members.
+/// Finds the lists of all queries for one action, and writes them to the tables of the ensemble members.
 fn fill(
     sources: &Sources<'_>,
     queries: &Queries<'_>,

@@ -31,10 +31,10 @@ pub enum ActionModelKind {
 }
 
 impl ActionModelKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 3] = [Self::Neighbors, Self::Increments, Self::Network];
 
-    /// As studies name it.
+    /// Returns the name in studies.
     pub fn name(self) -> &'static str {
         match self {
             Self::Neighbors => "neighbors",
@@ -44,32 +44,33 @@ impl ActionModelKind {
     }
 }
 
-/// Models of one log that agents act in, one for each member. A sweep treats all kinds alike.
+/// Models of one log in which agents act, one per ensemble member. A sweep treats all kinds alike.
 pub trait Ensemble: Sync {
-    /// A walk in one of them.
+    /// A rollout in one of the models.
     type Walk<'a>: ModelEnvironment
     where
         Self: 'a;
 
-    /// What they are.
+    /// Returns the kind of model.
     fn kind(&self) -> ActionModelKind;
 
-    /// Number of members.
+    /// Returns the number of ensemble members.
     fn members(&self) -> usize;
 
-    /// A walk in member `member`.
+    /// Returns a rollout in ensemble member `member`.
     ///
     /// # Panics
     /// If there is no such member.
     fn walk(&self, member: usize) -> Self::Walk<'_>;
 }
 
-/// A member of a model as an environment, which knows what its steps rested on.
+/// An ensemble member of a model as an environment, which records the coverage of its steps.
 pub trait ModelEnvironment: Environment {
-    /// What they rested on so far.
+    /// Returns the coverage of the steps so far.
     fn coverage(&self) -> Coverage;
 
-    /// How far its whole episodes were moved by jumps, or the one that is not over; nothing where steps are no jumps.
+    /// Returns how far jumps moved its finished episodes, or the unfinished one if no episode is finished. Empty if
+    /// steps are not jumps.
     fn drift(&self) -> Drift {
         Drift::default()
     }

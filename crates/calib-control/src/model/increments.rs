@@ -1,4 +1,5 @@
-//! Neighbours whose recorded change is added to where a walk is, instead of their recorded next state.
+//! Models that add the recorded change of a neighbour to the state, instead of moving to its recorded
+//! next state.
 
 use calib_core::{Monitor, Rng, States, TransitionIndex};
 use calib_knn::{Blocks, Sources};
@@ -9,42 +10,42 @@ use super::{
 };
 use crate::{ControlError, Decisions, Environment, Outcome};
 
-/// Transitions by which it is decided which columns keep their offset; more change little.
+/// The most transitions that decide which columns keep their offset. More change little.
 const MOST_COMPARED: usize = 4_000;
 
-/// What a walk that adds recorded changes needs beside the model of the same log.
+/// The data that a rollout by recorded changes needs beside the model of the same log.
 ///
-/// From state s, one of the k transitions with the action is drawn whose source `s_j` is nearest in the
-/// scaled states. It leads to s plus the recorded change, `s + (s'_j − s_j)`, cut to the range of the log:
-/// the locally incremental analog operator of Lguensat et al. (2017). Reward and ending are those of the
-/// transition.
+/// A step from state s draws one of the k transitions with the action whose sources `s_j` are nearest in
+/// the scaled states. It leads to s plus the recorded change, `s + (s'_j − s_j)`, cut to the range of the
+/// log. This is the locally incremental analog operator of Lguensat et al. (2017). Reward and ending are
+/// those of the transition.
 ///
-/// A smooth column keeps its offset from the neighbour from one step to the next, a noisy one forgets it.
-/// So a column is moved by increments only where they predict better than the recorded next value, over
-/// the log and the nearest neighbours in other blocks; elsewhere it takes that value, as in [`ActionModel`].
-/// A share of the offset between all and nothing, fitted by least squares, chose worse: an error of 3 % in
-/// it is an offset that is forgotten within some thirty steps.
+/// A smooth column keeps its offset from the neighbour from one step to the next, and a noisy one forgets
+/// it. So increments move a column only where they predict better than the recorded next value, over the log
+/// and the nearest neighbours in other blocks. Other columns take the recorded next value, as in
+/// [`ActionModel`]. A share of the offset between all and nothing, fitted by least squares, chose worse: an
+/// error of 3 % in it forgets the offset within some thirty steps.
 ///
-/// Such a walk leaves recorded rows, though never the range of a column.
+/// Such a rollout leaves recorded rows, but never the range of a column.
 #[derive(Clone, Debug)]
 pub struct Increments {
     /// Whether each column keeps its offset from the neighbour.
     keeps: Vec<bool>,
     /// Least and largest recorded value of each column.
     extremes: [Vec<f32>; 2],
-    /// One an action, or one of all where actions are numbers.
+    /// One group per action, or a single group of all transitions if actions are continuous.
     groups: Vec<ActionSources>,
-    /// As that of the model, in the scaled states.
+    /// Radius of coverage, as in the model, but measured in the scaled states.
     radius: f32,
 }
 
-/// The sources of some transitions, one after the other in memory.
+/// The sources of a group of transitions, contiguous in memory.
 #[derive(Clone, Debug)]
 struct ActionSources {
-    /// `[transitions, columns]`.
+    /// Shape `[transitions, columns]`.
     points: Vec<f32>,
     columns: usize,
-    /// In ascending order.
+    /// Numbers of the transitions, ascending.
     transitions: Vec<u32>,
 }
 
@@ -55,7 +56,7 @@ impl ActionSources {
         Self { points: rows.flatten().copied().collect(), columns: points.columns(), transitions }
     }
 
-    /// The transitions nearest to `here` that `member` has.
+    /// Offers the transitions of `member` to `found`, which keeps those nearest to `here`.
     fn search(&self, here: &[f32], blocks: &Blocks, member: usize, found: &mut Nearest) {
         let dropped = blocks.dropped(member);
         let from = self.transitions.partition_point(|&number| number < dropped.start);
@@ -75,8 +76,8 @@ impl ActionSources {
 }
 
 impl Increments {
-    /// Decide by the log of `model` which columns are moved by increments; `coverage` is that of its
-    /// configuration.
+    /// Decides by the log of `model` which columns increments move. `coverage` is the value in the
+    /// model's configuration.
     ///
     /// # Errors
     /// If the monitor interrupts.
@@ -116,12 +117,13 @@ impl Increments {
         Ok(increments)
     }
 
-    /// Whether each column is moved by increments, or else takes the recorded next value.
+    /// Returns for each column whether increments move it; otherwise it takes the recorded next value.
     pub fn keeps(&self) -> &[bool] {
         &self.keeps
     }
 
-    /// Whether increments predict each column better, by transitions and their nearest ones of other blocks.
+    /// Returns for each column whether increments predict better, over transitions and their nearest
+    /// neighbours in other blocks.
     fn compared(&self, model: &ActionModel) -> Vec<bool> {
         let log = model.log();
         let blocks = model.blocks();
@@ -148,7 +150,7 @@ impl Increments {
         gains.into_iter().map(|gain| gain > 0.0).collect()
     }
 
-    /// The transitions that `member` has nearest to what is done in `state`; `query` is a place to work in.
+    /// Finds the transitions of `member` that are nearest to `target` in `state`. `query` is a buffer.
     fn nearest(
         &self,
         (model, member): (&ActionModel, usize),
@@ -172,11 +174,11 @@ impl Increments {
         self.groups[0].search(query, blocks, member, found);
     }
 
-    /// Take a step in a member of the model: `state` becomes the next one, unless the episode ends because
-    /// the log does not cover the step. `query` is a place to work in.
+    /// Takes a step in an ensemble member of the model. `state` becomes the next state, unless the episode
+    /// ends because the log does not cover the step. `query` is a buffer.
     ///
     /// # Panics
-    /// If there is no such member or action, or settings are given where actions are no numbers.
+    /// If there is no such member or action, or settings are given although actions are not continuous.
     pub fn step(
         &self,
         (model, member): (&ActionModel, usize),
@@ -203,7 +205,7 @@ impl Increments {
     }
 }
 
-/// The members of a model, whose walks add recorded changes.
+/// The ensemble members of a model, whose rollouts add recorded changes.
 #[derive(Clone, Copy, Debug)]
 pub struct IncrementModel<'m> {
     model: &'m ActionModel,
@@ -211,7 +213,7 @@ pub struct IncrementModel<'m> {
 }
 
 impl<'m> IncrementModel<'m> {
-    /// `increments` are those of `model`.
+    /// Returns the model. `increments` must be those of `model`.
     pub fn new(model: &'m ActionModel, increments: &'m Increments) -> Self {
         Self { model, increments }
     }
@@ -243,7 +245,7 @@ impl Ensemble for IncrementModel<'_> {
     }
 }
 
-/// An agent's walk in one member of a model, by recorded changes.
+/// An agent's rollout by recorded changes, in one ensemble member of a model.
 #[derive(Clone, Debug)]
 pub struct IncrementWalk<'a> {
     model: &'a ActionModel,

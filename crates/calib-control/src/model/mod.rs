@@ -1,4 +1,4 @@
-//! Models with actions: one exact neighbour table an action.
+//! Models with actions: one exact neighbour table per action, increments, and networks.
 
 mod build;
 mod ensemble;
@@ -76,7 +76,7 @@ impl Default for ActionModelConfig {
 }
 
 impl ActionModelConfig {
-    /// What is taken where nothing is said.
+    /// The default configuration.
     pub const DEFAULT: Self = Self {
         distance: Distance::Euclidean,
         neighbors: 3,
@@ -86,10 +86,10 @@ impl ActionModelConfig {
         pessimism: Pessimism::Nearest,
     };
 
-    /// Whether every field can be what it is.
+    /// Checks that every field has a valid value.
     ///
     /// # Errors
-    /// The first field that cannot, with what it may be.
+    /// If a field is not valid. The error names the first one and its valid values.
     pub fn check(&self) -> Result<(), ControlError> {
         let checks = [
             ("neighbors", self.neighbors as f64, self.neighbors > 0, "at least 1"),
@@ -111,14 +111,14 @@ impl ActionModelConfig {
     }
 }
 
-/// The ensemble of models with actions of one log.
+/// The ensemble of a log's models with actions.
 ///
 /// A step from s' with action a draws one of the k transitions with action a whose source states are nearest to s', by distance in the
-/// model's metric (`Weights::Linear`), and leads to its recorded next state with its recorded reward and ending. Member m knows nothing of
-/// block m of the log.
+/// model's metric (`Weights::Linear`). It leads to the recorded next state of that transition, with its reward and ending. Ensemble member
+/// m lacks block m of the log.
 ///
-/// Where actions are continuous ([`Settings`](crate::Settings)), those of a level u are drawn from the k transitions that are nearest to (s', w u), whatever was
-/// set: distances are those of (metric, w a), a being divided by its recorded range.
+/// Where actions are continuous ([`Settings`](crate::Settings)), a step with level u draws from the k transitions that are nearest to (s',
+/// w u), whatever their setting. Distances are those of (metric, w a), and a is divided by its recorded range.
 #[derive(Clone, Debug)]
 pub struct ActionModel {
     log: Decisions,
@@ -126,7 +126,7 @@ pub struct ActionModel {
     /// The states in the metric of the distances.
     metric: States,
     starts: Starts,
-    /// One a member.
+    /// One table per ensemble member.
     tables: Vec<ActionTable>,
     start_tables: Vec<ActionTable>,
     weights: Weights,
@@ -135,40 +135,40 @@ pub struct ActionModel {
     radius: f32,
 }
 
-/// Where episodes begin in a model.
+/// The start states of a model.
 #[derive(Clone, Debug)]
 pub struct Starts {
-    /// As an agent sees them.
+    /// The states as an agent sees them.
     pub observed: States,
-    /// In the metric of the model.
+    /// The same states in the metric of the model.
     pub metric: States,
 }
 
 impl ActionModel {
-    /// The log.
+    /// Returns the log.
     pub fn log(&self) -> &Decisions {
         &self.log
     }
 
-    /// Distance in the model's metric up to which a recorded transition covers a state.
+    /// Returns the distance in the model's metric up to which a recorded transition covers a state.
     pub fn radius(&self) -> f32 {
         self.radius
     }
 
-    /// The return that an episode ends with where the log does not cover a step.
+    /// Returns the return with which an episode ends where the log does not cover a step.
     pub fn worst_return(&self) -> f64 {
         self.rules.worst_return
     }
 
-    /// What a step does where the log does not cover it, unless somebody says otherwise.
+    /// Returns the default rules for steps that the log does not cover.
     pub fn rules(&self) -> Rules {
         self.rules
     }
 
-    /// The same model with what its own log knows beside what was stored of it, such as probabilities.
+    /// Returns the same model with another copy of its log, which may have data that are not stored with the model, such as probabilities.
     ///
     /// # Panics
-    /// If the log is another one.
+    /// If the log has another number of transitions or actions.
     #[must_use]
     pub fn with_log(self, log: Decisions) -> Self {
         let same = (log.len(), log.levels()) == (self.log.len(), self.log.levels());
@@ -176,24 +176,24 @@ impl ActionModel {
         Self { log, ..self }
     }
 
-    /// The same model under other rules.
+    /// Returns the same model under other rules.
     #[must_use]
     pub fn with_rules(self, rules: Rules) -> Self {
         Self { rules, ..self }
     }
 
-    /// States in which episodes begin, as observed.
+    /// Returns the start states, as observed.
     pub fn starts(&self) -> &States {
         &self.starts.observed
     }
 
-    /// Neighbours k of a state, for each action; fewer only where the log has fewer transitions.
+    /// Returns the neighbours k of a state, for each action. There are fewer only if the log has fewer transitions.
     pub fn k(&self) -> usize {
         self.tables[0].k()
     }
 
-    /// The transitions that a member goes on with from where each transition led, `[transitions × actions, k]`, and how far each is. Nearest first;
-    /// `u32::MAX` and `+∞` where there are no more, and of transitions that the member lacks.
+    /// Returns the neighbours of the state that each transition led to, `[transitions × actions, k]`, and their distances. They are
+    /// transitions, nearest first. Unused places, and all places of transitions that the member lacks, hold `u32::MAX` and `+∞`.
     ///
     /// # Panics
     /// If there is no such member.
@@ -201,7 +201,8 @@ impl ActionModel {
         (self.tables[member].neighbors(), self.tables[member].distances())
     }
 
-    /// Of every recorded next state in every member that has it: its transition, and whether each action has a transition within the radius.
+    /// Calls `each` for every recorded next state in every ensemble member that has it: with its transition, and with whether each action
+    /// has a transition within the radius.
     pub(crate) fn each_within(&self, mut each: impl FnMut(TransitionIndex, &[bool])) {
         let mut within = vec![false; self.log.levels()];
         for (member, table) in self.tables.iter().enumerate() {
@@ -215,8 +216,8 @@ impl ActionModel {
         }
     }
 
-    /// For each action, the share of the recorded next states that have a transition with that action within the radius, over all members:
-    /// where the log says what the action does.
+    /// Returns for each action the share of the recorded next states that have a transition with that action within the radius, over all
+    /// ensemble members. There the log shows what the action does.
     pub fn covered(&self) -> Vec<f64> {
         let mut covered = vec![0_usize; self.log.levels()];
         let mut all = 0_usize;

@@ -5,11 +5,12 @@ use calib_stats::quantile;
 
 use crate::ControlError;
 
-/// How far a recorded state is from the nearest one of its group, those with the same action, that was recorded at another time: the quantile `share`
-/// of these distances over all transitions, the nearest being looked for outside the transition's own block.
+/// Returns the radius of coverage: a quantile of the distances from recorded states to the nearest recorded state of their group, which has
+/// the same action. `share` is the quantile over all transitions. The nearest state is searched outside the transition's own block.
 ///
-/// What is near in time is near in state whether the log covers the place or not; blocks are the time that members leave out, so the
-/// distances are those at which a member knows what it has not seen. Infinite if no transition has another one.
+/// States that are near in time are near each other whether the log covers the place or not. Blocks are the times that ensemble
+/// members leave out, so these are the distances at which a member predicts what it has not seen. The radius is infinite if no
+/// transition has a neighbour.
 pub(super) fn radius(
     sources: &Sources<'_>,
     groups: impl Iterator<Item = Vec<u32>>,

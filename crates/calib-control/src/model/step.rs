@@ -1,4 +1,4 @@
-//! One step in a model: from where a walk is, with an action, to where a recorded transition led.
+//! One step in a model: from the state of a rollout, with an action, to the next state of a recorded transition.
 
 use calib_core::{Rng, RowIndex, TransitionIndex};
 use serde::{Deserialize, Serialize};
@@ -6,30 +6,30 @@ use serde::{Deserialize, Serialize};
 use super::{ActionModel, Pessimism};
 use crate::Ending;
 
-/// What a step does where the log does not cover it.
+/// The rules for steps that the log does not cover.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
-    /// Whether it goes on with the nearest transition.
+    /// Whether the rollout continues with the nearest transition.
     pub pessimism: Pessimism,
-    /// The return that an episode ends with where it does not.
+    /// The return with which an episode ends if it does not continue.
     pub worst_return: f64,
 }
 
-/// Where a walk is.
+/// The place of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum At {
-    /// At the start of this number.
+    /// In the start state with this number.
     Start(u32),
-    /// Where the transition of this number led.
+    /// In the next state of the transition with this number.
     After(u32),
 }
 
-/// What an agent does.
+/// The action of a step.
 #[derive(Clone, Copy, Debug)]
 pub enum Target<'a> {
-    /// The action of this number, whose neighbours are in the tables.
+    /// The action with this number, whose neighbours are in the tables.
     Level(usize),
-    /// These settings, each as a share of its recorded range; their neighbours are searched for. Only where actions are numbers.
+    /// These settings, each as a share of its recorded range. Their neighbours are searched during the step. Only for continuous actions.
     Set(&'a [f32]),
 }
 
@@ -38,48 +38,48 @@ pub enum Target<'a> {
 pub enum Covered {
     /// A transition with the action is within the radius.
     Near,
-    /// The nearest is beyond it.
+    /// The nearest transition with the action is beyond the radius.
     Far,
-    /// The member has no transition with the action.
+    /// The ensemble member has no transition with the action.
     Missing,
 }
 
-/// What a step led to.
+/// The result of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// The transition that was drawn; none where the episode ends because the log does not cover the step.
+    /// The transition that was drawn; `None` if the episode ends because the log does not cover the step.
     pub drawn: Option<TransitionIndex>,
     /// The reward.
     pub reward: f64,
     /// Whether the episode ends here.
     pub ending: Ending,
-    /// Whether the log covers it.
+    /// Whether the log covers the step.
     pub covered: Covered,
-    /// From where the walk was to the source of the drawn transition, or of the nearest where none was drawn, in the model's metric; `+∞` where
-    /// there is none.
+    /// Distance in the model's metric from the state to the source of the drawn transition, or of the nearest one if none was drawn; `+∞`
+    /// if there is no transition.
     pub distance: f32,
 }
 
-/// Most neighbours that are searched for in a step.
+/// The most neighbours that a step searches for.
 pub(super) const MOST_LIVE: usize = 64;
 
-/// What a step is drawn from.
+/// The candidates of a step, and the rules for drawing one.
 pub(super) struct Draw<'a> {
     /// Transitions, nearest first.
     pub(super) neighbors: &'a [u32],
-    /// How far each is.
+    /// Their distances.
     pub(super) distances: &'a [f32],
-    /// Up to which distance the log covers the step.
+    /// The distance up to which the log covers the step.
     pub(super) radius: f32,
-    /// What is done beyond it.
+    /// The rules for steps beyond the radius.
     pub(super) rules: Rules,
 }
 
 impl ActionModel {
-    /// Take a step in `member` from `at`.
+    /// Takes a step in ensemble member `member` from `at`.
     ///
     /// # Panics
-    /// If there is no such member or action, or settings are given where actions are no numbers.
+    /// If there is no such member or action, or settings are given although actions are not continuous.
     pub fn step(
         &self,
         member: usize,
@@ -135,7 +135,7 @@ impl ActionModel {
         }
     }
 
-    /// What is observed there.
+    /// Returns the observation at a place.
     pub fn observed(&self, at: At) -> &[f32] {
         match at {
             At::Start(start) => self.starts.observed.row(start as usize),
@@ -143,7 +143,7 @@ impl ActionModel {
         }
     }
 
-    /// Add to each column how far the source of a drawn transition is from where the walk was: what the log was moved by to go on.
+    /// Adds to each column of `sum` the jump of a step: the source of the drawn transition minus the state before.
     pub(crate) fn add_displacement(&self, at: At, drawn: TransitionIndex, sum: &mut [f32]) {
         let source = self.log.states().row(self.log.transitions().source(drawn).get());
         for ((sum, there), here) in sum.iter_mut().zip(source).zip(self.observed(at)) {
@@ -151,12 +151,12 @@ impl ActionModel {
         }
     }
 
-    /// The row that a transition led to.
+    /// Returns the row that a transition led to.
     pub fn led_to(&self, transition: u32) -> RowIndex {
         self.log.transitions().next(TransitionIndex(transition))
     }
 
-    /// The nearest transitions of a member to where a walk is and what is set, by a scan over all of them.
+    /// Finds the transitions of a member that are nearest to a place and to the settings, by a scan over all of them.
     fn search(&self, member: usize, at: At, set: &[f32], found: &mut Nearest) {
         let Some(settings) = self.log.settings() else {
             unreachable!("settings are only taken where actions are numbers");
@@ -180,7 +180,7 @@ fn squared(one: &[f32], other: &[f32]) -> f32 {
     one.iter().zip(other).map(|(one, other)| (one - other) * (one - other)).sum()
 }
 
-/// The nearest so far, by squared distance and then by number.
+/// The nearest transitions so far, by squared distance and then by number.
 pub(super) struct Nearest {
     wanted: usize,
     there: usize,
@@ -198,7 +198,7 @@ impl Nearest {
         }
     }
 
-    /// Transitions come in ascending order, so that of equal ones the first stays before.
+    /// Offers a transition. They must come in ascending order, so that the first of equally near ones stays in front.
     pub(super) fn offer(&mut self, transition: u32, squared: f32) {
         if self.there == self.wanted && squared >= self.distances[self.there - 1] {
             return;
@@ -214,7 +214,7 @@ impl Nearest {
         self.transitions[place] = transition;
     }
 
-    /// Their numbers, and how far they are.
+    /// Returns the numbers of the transitions, and their distances.
     pub(super) fn lists(&mut self) -> (&[u32], &[f32]) {
         let distances = &mut self.distances[..self.there];
         for squared in distances.iter_mut() {

@@ -1,4 +1,4 @@
-//! A model with actions in a folder: arrays that are mapped, and a record of what is not an array.
+//! Stores a model with actions in a folder: arrays that are mapped, and a record of the rest.
 
 use std::{path::Path, sync::Arc};
 
@@ -10,30 +10,31 @@ use serde::{Deserialize, Serialize};
 use super::{ActionModel, ActionModelConfig, ActionTable, Rules, Starts};
 use crate::{ControlError, Decisions, Ending, Settings};
 
-/// What a folder says of a model beside its arrays.
+/// The data of a stored model that are not arrays.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ActionModelRecord {
-    /// How it was made.
+    /// The configuration of the build.
     pub config: ActionModelConfig,
-    /// Rows of each episode.
+    /// Number of rows of each episode.
     pub episodes: Vec<usize>,
-    /// Actions that there are.
+    /// Number of possible actions.
     pub levels: usize,
-    /// Distance up to which a recorded transition covers a state; none where no transition has another one near it.
+    /// Distance up to which a recorded transition covers a state; `None` if it is infinite, because no transition has a neighbour.
     pub radius: Option<f32>,
-    /// The return that an episode ends with where the log does not cover a step.
+    /// The return with which an episode ends where the log does not cover a step.
     pub worst_return: f64,
-    /// Whether distances are those of other numbers than the states.
+    /// Whether distances are those of a representation instead of the states.
     pub has_metric: bool,
-    /// Whether actions are numbers.
+    /// Whether actions are continuous.
     pub has_settings: bool,
 }
 
-/// Write the arrays of a model into a folder; the names of the files, and what else is to be kept.
+/// Writes the arrays of a model into a folder. Returns the names of the files, and the record to store beside them.
 ///
-/// `states.npy` `f32 [rows, d]`; `metric.npy` likewise, where distances are those of a representation; `actions.npy` `u32 [t, 1]`, `rewards.npy` `f32 [t, 1]`,
-/// `terminals.npy` `u32 [t, 1]`; `starts.npy` and `starts-metric.npy` `f32 [s, d]`; `set.npy` `f32 [rows, a]` and `levels.npy` `f32 [levels, a]`, where actions are
-/// numbers; of each member `neighbors-M.npy` `u32 [t × levels, k]`, `distances-M.npy` `f32 [t × levels, k]`, and the same of starts.
+/// The files are `states.npy` `f32 [rows, d]`; `metric.npy` `f32`, one row per state, if distances are those of a representation;
+/// `actions.npy` `u32 [t, 1]`, `rewards.npy` `f32 [t, 1]`, `terminals.npy` `u32 [t, 1]`; `starts.npy` and `starts-metric.npy` `f32 [s, d]`;
+/// `set.npy` `f32 [rows, a]` and `levels.npy` `f32 [levels, a]`, if actions are continuous; for each ensemble member `neighbors-M.npy`
+/// `u32 [t × levels, k]` and `distances-M.npy` `f32 [t × levels, k]`, and the same for starts.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -79,7 +80,7 @@ pub fn write_action_model(
     Ok((folder.names, record))
 }
 
-/// Map a model that [`write_action_model`] wrote, whose files are what was written. Probabilities of actions are not in it.
+/// Maps a model that [`write_action_model`] wrote. The files must be unchanged. Probabilities of actions are not stored.
 ///
 /// # Errors
 /// If a file cannot be read, or cannot belong to such a model.
@@ -155,10 +156,10 @@ pub fn open_action_model(
     })
 }
 
-/// A folder that arrays are written to or read from.
+/// A folder for writing or reading arrays.
 struct Folder<'a> {
     directory: &'a Path,
-    /// What was written.
+    /// Names of the written files.
     names: Vec<String>,
 }
 

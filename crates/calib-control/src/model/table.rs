@@ -1,12 +1,12 @@
 use std::sync::Arc;
 
-/// Numbers that are in memory or in a mapped file.
+/// Numbers in memory or in a mapped file.
 pub(crate) type Shared<T> = Arc<dyn AsRef<[T]> + Send + Sync>;
 
-/// The neighbours of some states for every action.
+/// The neighbours of states for every action.
 ///
-/// Row `i`, action `a` holds the up to `k` transitions with action `a` whose sources are nearest to state `i`, nearest first, and the distances;
-/// places that are left hold `u32::MAX` and `+∞`.
+/// Row `i`, action `a` holds up to `k` transitions with action `a` whose sources are nearest to state `i`, nearest first, and their
+/// distances. Unused places hold `u32::MAX` and `+∞`.
 #[derive(Clone)]
 pub(crate) struct ActionTable {
     actions: usize,
@@ -16,7 +16,7 @@ pub(crate) struct ActionTable {
 }
 
 impl ActionTable {
-    /// A table of these arrays, `[rows × actions, k]` each.
+    /// Returns a table of these arrays, `[rows × actions, k]` each.
     pub(crate) fn from_shared(
         actions: usize,
         k: usize,
@@ -26,22 +26,22 @@ impl ActionTable {
         Self { actions, k, neighbors, distances }
     }
 
-    /// Neighbours of each state, for each action.
+    /// Returns the number of neighbours per state and action.
     pub(crate) fn k(&self) -> usize {
         self.k
     }
 
-    /// All of them, `[rows × actions, k]`.
+    /// Returns all neighbours, `[rows × actions, k]`.
     pub(crate) fn neighbors(&self) -> &[u32] {
         (*self.neighbors).as_ref()
     }
 
-    /// How far each is, `[rows × actions, k]`.
+    /// Returns all distances, `[rows × actions, k]`.
     pub(crate) fn distances(&self) -> &[f32] {
         (*self.distances).as_ref()
     }
 
-    /// The neighbours of state `row` for `action`, and their distances.
+    /// Returns the neighbours of state `row` for `action`, and their distances.
     pub(crate) fn list(&self, row: usize, action: usize) -> (&[u32], &[f32]) {
         let start = (row * self.actions + action) * self.k;
         let neighbors = &self.neighbors()[start..start + self.k];
@@ -60,7 +60,7 @@ impl std::fmt::Debug for ActionTable {
     }
 }
 
-/// A table while it is made.
+/// A table during its build.
 pub(crate) struct FillingTable {
     actions: usize,
     k: usize,
@@ -69,20 +69,20 @@ pub(crate) struct FillingTable {
 }
 
 impl FillingTable {
-    /// A table of nothing yet.
+    /// Returns an empty table.
     pub(crate) fn new(rows: usize, actions: usize, k: usize) -> Self {
         let cells = rows * actions * k;
         Self { actions, k, neighbors: vec![u32::MAX; cells], distances: vec![f32::INFINITY; cells] }
     }
 
-    /// Put a list in its place.
+    /// Writes a list to its place.
     pub(crate) fn put(&mut self, row: usize, action: usize, list: (&[u32], &[f32])) {
         let start = (row * self.actions + action) * self.k;
         self.neighbors[start..start + self.k].copy_from_slice(list.0);
         self.distances[start..start + self.k].copy_from_slice(list.1);
     }
 
-    /// The table.
+    /// Returns the finished table.
     pub(crate) fn finished(self) -> ActionTable {
         let neighbors = Arc::new(self.neighbors);
         let distances = Arc::new(self.distances);

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::{Columns, Ending, Environment};
 
-/// A log of `rows` rows, two columns and three actions, in episodes of seven rows.
+/// Returns a log of `rows` rows, two columns and three actions, in episodes of seven rows.
 fn log(rows: usize, seed: u64, actions: usize) -> Decisions {
     let mut rng = Seed::new(seed).rng();
     let states: Vec<f32> = (0..2 * rows).map(|_| rng.below(40) as f32 / 40.0).collect();
@@ -35,7 +35,7 @@ fn a_log_of_fewer_transitions_than_members_names_the_key() {
     assert!(told.ends_with("lower control.model.members"), "{told}");
 }
 
-/// The list by the definition.
+/// Computes a list of neighbours by the definition.
 fn plain(model: &ActionModel, member: usize, from: &[f32], action: usize) -> Vec<u32> {
     let squared = |transition: u32| {
         let row = model.log().transitions().sources()[transition as usize] as usize;
@@ -76,7 +76,7 @@ proptest! {
     }
 }
 
-/// The same log with torques between levels.
+/// Returns the same log with torques between levels.
 fn continuous(rows: usize, seed: u64) -> (Decisions, Vec<f64>) {
     let log = log(rows, seed, 3);
     let mut rng = Seed::new(seed + 1).rng();
@@ -129,7 +129,8 @@ proptest! {
     }
 }
 
-/// By the weight of what was set alone: the mean distance between what was wanted and what was set in what is drawn.
+/// Returns the mean distance between the torque that was asked for and that of the drawn transition, for this weight
+/// of actions.
 fn mean_miss(weight: f64) -> f64 {
     let (log, torque) = continuous(400, 3);
     let config = ActionModelConfig { action_weight: weight, ..ActionModelConfig::default() };
@@ -160,7 +161,7 @@ fn what_was_set_counts_by_its_weight() {
 
 #[test]
 fn a_walk_recombines_recorded_transitions_and_counts_what_it_lacks() {
-    // Action 2 was never recorded.
+    // Action 2 does not occur in the log.
     let model = model(log(300, 1, 2), ActionModelConfig::default());
     let mut walk = model.walk(1);
     let mut rng = Seed::new(3).rng();
@@ -184,7 +185,7 @@ fn a_walk_recombines_recorded_transitions_and_counts_what_it_lacks() {
     assert_eq!(walk.coverage().missing, 1);
 }
 
-/// Of 400 steps of a walk, those that are far, and those that get the worst return.
+/// Returns, for 400 steps of a rollout, the number of far steps, and of those with the worst return.
 fn far_and_worst_steps(config: ActionModelConfig) -> (u64, u64) {
     let model = model(log(300, 5, 3), config);
     let mut walk = model.walk(0);
@@ -231,7 +232,7 @@ fn half_of_the_recorded_states_lie_within_the_median_radius() {
     assert!((0.5..0.65).contains(&share), "{share}: values are on a grid, so many are alike");
 }
 
-/// Whether there is a model with so many states in which episodes begin, or why not.
+/// Builds a model with this many start states, and returns the error if that fails.
 fn try_to_build(config: &ActionModelConfig, starts: usize) -> Result<(), ControlError> {
     let log = log(60, 1, 3);
     let metric = log.states().clone();

@@ -17,12 +17,13 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Share of the steps that the log does not cover; 0 of no steps.
+    /// Returns the share of the steps that the log does not cover; 0
+    /// without steps.
     pub fn uncovered(&self) -> f64 {
         (self.missing + self.far) as f64 / self.steps.max(1) as f64
     }
 
-    /// Both together.
+    /// Returns the sum of both.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -32,7 +33,7 @@ impl Coverage {
         }
     }
 
-    /// Count a step.
+    /// Counts a step.
     pub(crate) fn count(&mut self, covered: Covered) {
         self.steps += 1;
         self.missing += u64::from(covered == Covered::Missing);
@@ -40,18 +41,18 @@ impl Coverage {
     }
 }
 
-/// An agent's walk in one member of a model.
+/// An agent's rollout in one ensemble member of a model.
 #[derive(Clone, Debug)]
 pub struct Walk<'a> {
     model: &'a ActionModel,
     member: usize,
     at: At,
     coverage: Coverage,
-    /// Of the episode.
+    /// Sum of the jumps of the present episode, `[columns]`.
     displacement: Vec<f32>,
     /// Whether the episode has a step.
     is_begun: bool,
-    /// Of the episodes before it.
+    /// Drift of the episodes before it.
     drift: Drift,
 }
 

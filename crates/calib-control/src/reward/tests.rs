@@ -9,7 +9,7 @@ fn read(text: &str) -> Reward {
     section.reward
 }
 
-/// The rewards of rows in which `x` has these values, `sp` is its set-point, and `valve` is an action.
+/// Returns the rewards of rows with these values of `x`, of its set-point `sp`, and of the action `valve`.
 fn rewards(text: &str, x: &[f64], set_points: &[f64], valve: &[f64]) -> Vec<f32> {
     let names = ["valve", "x", "sp"].map(str::to_owned);
     let values = [valve, x, set_points].map(<[f64]>::to_vec);
@@ -81,15 +81,15 @@ fn a_change_of_an_action_counts_in_the_step_that_it_made() {
     let valve = [1.0, 3.0, 3.0, 2.0, 5.0];
     let of_valve = |text: &str, valve: &[f64]| rewards(text, &[7.0; 5], &[0.0; 5], valve);
     let text = "[{ column = 'valve', change = true, weight = -2 }]";
-    // The step to row 1 begins the episode. That to row 2 was made by 3 after 1, to row 3 by 3 after 3, to row 4 by 2 after 3. No step
-    // is made by the last action.
+    // The step to row 1 begins the episode. The step to row 2 has action 3 after 1, that to row 3 has 3 after 3, and that to row 4 has
+    // 2 after 3. The last action makes no step.
     assert_eq!(of_valve(text, &valve)[1..], [0.0, -4.0, 0.0, -2.0]);
     let square = "[{ column = 'valve', change = true, power = 2, weight = -2 }]";
     assert_eq!(of_valve(square, &valve)[1..], [0.0, -8.0, 0.0, -2.0]);
     // Without an action in row 1, an episode begins in row 2.
     let got = of_valve(text, &[1.0, MISSING, 3.0, 2.0, 5.0]);
     assert_eq!([got[1], got[3], got[4]], [0.0, 0.0, -2.0]);
-    // Without a reward in row 2, one begins there as well.
+    // Without a reward in row 2, an episode begins there too.
     let text = "[{ column = 'valve', change = true, weight = -2 }, { column = 'x' }]";
     let got = rewards(text, &[7.0, 7.0, MISSING, 7.0, 7.0], &[0.0; 5], &valve);
     assert!(got[2].is_nan());

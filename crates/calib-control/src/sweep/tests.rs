@@ -112,7 +112,7 @@ fn a_sweep_goes_on_from_what_was_kept() {
 
 #[test]
 fn runs_of_kinds_are_divided_without_their_models() {
-    /// One of nine.
+    /// A keeper that runs every ninth run here.
     struct Ninth;
     impl RunKeeper for Ninth {
         fn known(&self, _: RunId) -> Option<Run> {

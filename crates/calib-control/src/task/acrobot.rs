@@ -5,14 +5,16 @@ use calib_core::Rng;
 use super::Task;
 use crate::{Ending, Outcome};
 
-/// Two links, torque on the joint between them; −1 a step until the tip is one link above the bar, and 0 for the step that gets there.
+/// Two links with torque on the joint between them. The reward is −1 per step until the tip is one link above the bar, and 0 for the
+/// step that gets there.
 ///
-/// Source: Sutton & Barto (2018, section 11.2 of the first edition); numbers, and the fourth-order Runge–Kutta step of 0.2 s, as
-/// Gymnasium's `Acrobot-v1`. State: angles of both links in rad, wrapped to ±π, their speeds in rad/s, cut at ±4π and ±9π.
+/// Source: Sutton & Barto (2018, section 11.2 of the first edition). Numbers, and the fourth-order Runge–Kutta step of 0.2 s,
+/// are those of Gymnasium's `Acrobot-v1`. The state holds the angles of both links in rad, wrapped to ±π, and their speeds in
+/// rad/s, cut at ±4π and ±9π.
 #[derive(Clone, Debug)]
 pub struct Acrobot {
     pub(crate) state: [f64; 4],
-    /// Seconds of a step.
+    /// Length of a step, in seconds.
     step: f64,
 }
 
@@ -25,14 +27,14 @@ impl Default for Acrobot {
 const SPEEDS: [f64; 2] = [4.0 * PI, 9.0 * PI];
 
 impl Acrobot {
-    /// The task with steps of so many times their length.
+    /// Returns the task with steps that are `times` as long.
     pub fn with_longer_steps(times: f64) -> Self {
         Self { step: 0.2 * times, ..Self::default() }
     }
 
-    /// Change a second of the state under `torque`.
+    /// Returns the change of the state per second under `torque`.
     fn change([first, second, speed, second_speed]: [f64; 4], torque: f64) -> [f64; 4] {
-        // Masses, lengths and moments of inertia are 1, centres of mass half-way.
+        // Masses, lengths and moments of inertia are 1; centres of mass are half-way.
         let centre = 0.5;
         let gravity = 9.8;
         let d1 = centre * centre + (1.0 + centre * centre + 2.0 * centre * second.cos()) + 2.0;
@@ -55,7 +57,7 @@ impl Acrobot {
     }
 }
 
-/// The angle plus or minus as many turns as bring it to ±π.
+/// Returns the angle plus or minus full turns, in ±π.
 pub(super) fn wrapped(mut angle: f64) -> f64 {
     while angle > PI {
         angle -= 2.0 * PI;

@@ -3,16 +3,16 @@ use calib_core::Rng;
 use super::Task;
 use crate::{Ending, Outcome};
 
-/// A pole on a cart that is pushed left or right; 1 a step until the pole leans more than 12° or the cart is 2.4 m away.
+/// A pole on a cart that is pushed left or right. The reward is 1 per step until the pole leans more than 12° or the cart is 2.4 m away.
 ///
-/// Source: Barto, Sutton & Anderson (1983); numbers, and the Euler step of 0.02 s, as Gymnasium's `CartPole-v1`. State: place of the cart
-/// in m, its speed in m/s, angle of the pole in rad, its speed in rad/s. With probability `slip` a push is a random one; Gymnasium's
-/// never is.
+/// Source: Barto, Sutton & Anderson (1983). Numbers, and the Euler step of 0.02 s, are those of Gymnasium's `CartPole-v1`. The state
+/// holds the place of the cart in m, its speed in m/s, the angle of the pole in rad, and its speed in rad/s. With probability `slip` a
+/// push has a random direction; in Gymnasium it never has.
 #[derive(Clone, Debug)]
 pub struct CartPole {
     pub(crate) state: [f64; 4],
     slip: f64,
-    /// Seconds of a step.
+    /// Length of a step, in seconds.
     step: f64,
 }
 
@@ -23,12 +23,12 @@ impl Default for CartPole {
 }
 
 impl CartPole {
-    /// The task with pushes of which this share goes in a random direction.
+    /// Returns the task in which this share of the pushes has a random direction.
     pub fn with_slip(slip: f64) -> Self {
         Self { slip, ..Self::default() }
     }
 
-    /// The task with steps of so many times their length.
+    /// Returns the task with steps that are `times` as long.
     pub fn with_longer_steps(times: f64) -> Self {
         Self { step: 0.02 * times, ..Self::default() }
     }
@@ -37,7 +37,7 @@ impl CartPole {
 const FORCE: f64 = 10.0;
 const MASS_OF_POLE: f64 = 0.1;
 const MASS: f64 = 1.0 + MASS_OF_POLE;
-/// Half the length of the pole.
+/// Half of the pole's length, in m.
 const LENGTH: f64 = 0.5;
 const FARTHEST: f64 = 2.4;
 const STEEPEST: f64 = 12.0 * 2.0 * std::f64::consts::PI / 360.0;

@@ -4,28 +4,28 @@ use calib_plant::{OperatedPlant, RECIPES, Recipe, TRIP_KPA, operators_rule};
 use super::{Rule, Task};
 use crate::{Ending, Outcome};
 
-/// A membrane plant whose recipe is chosen every half hour; an episode ends where it trips and must be cleaned.
+/// A membrane plant whose recipe is chosen every half hour. An episode ends when the plant trips and must be cleaned.
 ///
-/// Reward in cents, [`Membrane::reward`]: permeate at 12 ct/m³, less energy at 20 ct/kWh, coagulant at 0.8 ct/g, 0.1 ct for each kPa above 35 kPa, and 200 ct
-/// for a clean after a trip. Prices are our choice.
+/// The reward is in cents, [`Membrane::reward`]: permeate at 12 ct/m³, less energy at 20 ct/kWh, coagulant at 0.8 ct/g, 0.1 ct for each kPa
+/// above 35 kPa, and 200 ct for a clean after a trip. Prices are our choice.
 #[derive(Clone, Debug)]
 pub struct Membrane {
     plant: OperatedPlant,
 }
 
-/// Weights of what is logged beside the state: permeate (m³), energy (kWh), coagulant (g), and whether a clean was needed.
+/// Weights of the values that are logged beside the state: permeate (m³), energy (kWh), coagulant (g), and whether a clean was needed.
 const PRICES: [f64; 4] = [12.0, -20.0, -0.8, -200.0];
-/// What a kPa above the limit costs, and the limit.
+/// Weight of each kPa above the limit, and the limit.
 const STRAIN: f64 = -0.1;
 const STRAIN_ABOVE_KPA: f64 = 35.0;
 
 impl Membrane {
-    /// The plant of this seed.
+    /// Returns the plant of this seed.
     pub fn new(seed: Seed) -> Self {
         Self { plant: OperatedPlant::new(seed) }
     }
 
-    /// The reward in a study, from the columns that are logged.
+    /// Returns the reward as a study writes it, from the logged columns.
     pub fn reward() -> String {
         let mut terms = vec![format!(
             "{{ column = \"PRESSURE_KPA\", weight = {STRAIN:?}, high = {STRAIN_ABOVE_KPA:?} }}"
@@ -39,7 +39,7 @@ impl Membrane {
     }
 }
 
-/// A setting of each recipe.
+/// Returns one property of each recipe.
 fn of_recipes(setting: fn(&Recipe) -> f64) -> Vec<f64> {
     RECIPES.iter().map(setting).collect()
 }

@@ -22,50 +22,51 @@ pub use simulated::{Begin, Simulated};
 
 use crate::{AgentConfig, Outcome};
 
-/// A fixed rule: the action in what is observed, in the task's own units.
+/// A fixed rule: returns the action for an observation, in the task's own units.
 pub type Rule = fn(&[f64]) -> usize;
 
-/// A simulated task: a state that actions change, and what is observed of it.
+/// A simulated task: a state that actions change, and its observation.
 pub trait Task: Clone + Send + Sync {
-    /// Name, lowest and highest value of each observed column; what is observed may lie a little outside.
+    /// Returns the name, the lowest and the highest value of each observed column. Observations may lie a little outside.
     fn columns() -> &'static [(&'static str, f64, f64)];
 
-    /// What the actions are called.
+    /// Returns the names of the actions.
     fn actions() -> &'static [&'static str];
 
-    /// How a log has the actions: its columns, and the value of each action in them.
+    /// Returns the columns of the actions in a log, and the value of each action in them.
     fn settings() -> Vec<(&'static str, Vec<f64>)> {
         vec![("action", (0..Self::actions().len()).map(|action| action as f64).collect())]
     }
 
-    /// The column of a setting that is continuous, which [`log`](Self::log) adds: what was really set, the action being about that.
+    /// Returns the column of a continuous action, if there is one. [`log`](Self::log) adds the value that was really set, which is
+    /// near that of the action.
     fn continuous() -> Option<&'static str> {
         None
     }
 
-    /// Columns of what is logged beside the state, which the reward is made of; none where the reward itself is logged.
+    /// Returns the columns that are logged beside the state, from which the reward is computed. Empty if the reward itself is logged.
     fn logged() -> &'static [&'static str] {
         &[]
     }
 
-    /// Add what is logged of the last step beside the state.
+    /// Appends the logged values of the last step beside the state.
     fn log(&self, _logged: &mut Vec<f64>) {}
 
-    /// What those who operate it do, where there is such a rule.
+    /// Returns the operators' rule, if there is one.
     fn rule() -> Option<Rule> {
         None
     }
 
-    /// Begin as the task does.
+    /// Begins an episode in a start state of the task.
     fn start(&mut self, rng: &mut Rng);
 
-    /// Begin anywhere: a state drawn from most of what can be, as of a plant that logs see in many conditions.
+    /// Begins an episode anywhere: in a state drawn from most possible ones, as in the log of a plant that saw many conditions.
     fn start_anywhere(&mut self, rng: &mut Rng);
 
-    /// What is observed, in the task's own units.
+    /// Writes the observation, in the task's own units.
     fn observe(&self, observed: &mut Vec<f64>);
 
-    /// Take `action`.
+    /// Takes `action`.
     fn step(&mut self, action: usize, rng: &mut Rng) -> Outcome;
 }
 
@@ -86,11 +87,11 @@ pub enum TaskKind {
 }
 
 impl TaskKind {
-    /// All of them.
+    /// All tasks.
     pub const ALL: [Self; 5] =
         [Self::Acrobot, Self::CartPole, Self::Membrane, Self::Pendulum, Self::PuddleWorld];
 
-    /// The name in studies and on the command line.
+    /// Returns the name in studies and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Acrobot => "acrobot",
@@ -101,9 +102,10 @@ impl TaskKind {
         }
     }
 
-    /// The return that stands for the worst that can follow, for models that do not know what does.
+    /// Returns a return for the worst outcome, for models that do not know what follows.
     ///
-    /// The pole falls at once; the plant trips at once; of Acrobot, an episode to its timeout; of the others, about what random actions get.
+    /// For Cart-pole it is an immediate fall, and for the plant an immediate trip. For Acrobot it is an episode to its timeout. For the
+    /// others it is about the return of random actions.
     pub const fn worst_return(self) -> f64 {
         match self {
             Self::Acrobot => -500.0,
@@ -114,7 +116,8 @@ impl TaskKind {
         }
     }
 
-    /// An agent that learns the task well: for Acrobot, Cart-pole and Puddle world the best of the published grid by its true return.
+    /// Returns an agent that learns the task well. For Acrobot, Cart-pole and Puddle world it is the best of the published grid by
+    /// its true return.
     pub fn good_agent(self) -> AgentConfig {
         match self {
             Self::Acrobot => agent_with(0.03, 0.9, 0.0),
@@ -124,12 +127,12 @@ impl TaskKind {
         }
     }
 
-    /// Whether episodes can end in a terminal.
+    /// Returns whether episodes can end in a terminal.
     pub const fn ends(self) -> bool {
         !matches!(self, Self::Pendulum)
     }
 
-    /// Steps after which an episode is cut.
+    /// Returns the steps after which an episode is cut.
     pub const fn timeout(self) -> usize {
         match self {
             Self::Acrobot | Self::CartPole | Self::PuddleWorld => 500,
@@ -139,7 +142,7 @@ impl TaskKind {
         }
     }
 
-    /// The mean return of ten episodes at which what was learnt counts as near-optimal.
+    /// Returns the mean return of ten episodes at which a learned policy counts as near-optimal.
     pub const fn near_optimal(self) -> f64 {
         match self {
             Self::Acrobot => -100.0,
@@ -151,7 +154,7 @@ impl TaskKind {
     }
 }
 
-/// The default agent with these hyperparameters, at a temperature of 1.
+/// Returns the default agent with these hyperparameters, at a temperature of 1.
 fn agent_with(step_size: f64, beta1: f64, initial_weight: f64) -> AgentConfig {
     AgentConfig { step_size, beta1, temperature: 1.0, initial_weight, ..AgentConfig::default() }
 }

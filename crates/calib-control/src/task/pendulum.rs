@@ -5,16 +5,17 @@ use calib_core::Rng;
 use super::Task;
 use crate::{Ending, Outcome};
 
-/// A pendulum that a torque swings up and holds there; it never ends.
+/// A pendulum that a torque swings up and holds there. Episodes have no terminal.
 ///
-/// Reward: −(θ² + 0.1 ω² + 0.001 u²) for the angle θ from upright in ±π, the speed ω in rad/s and the torque u in N m. Numbers, and the
-/// step of 0.05 s, as Gymnasium's `Pendulum-v1`. The torque is continuous there; as actions it has five levels from −2 to 2.
+/// The reward is −(θ² + 0.1 ω² + 0.001 u²) for the angle θ from upright in ±π, the speed ω in rad/s and the torque u in N m. Numbers,
+/// and the step of 0.05 s, are those of Gymnasium's `Pendulum-v1`. The torque is continuous there; here it has five levels from −2 to 2
+/// as actions.
 #[derive(Clone, Debug, Default)]
 pub struct Pendulum {
     pub(crate) state: [f64; 2],
-    /// Largest difference between the torque and its level, N m.
+    /// Largest difference between the torque and its level, in N m.
     play: f64,
-    /// The last torque.
+    /// The last torque, in N m.
     torque: f64,
 }
 
@@ -24,18 +25,18 @@ const STRONGEST: f64 = 2.0;
 const LEVELS: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 
 impl Pendulum {
-    /// The same with a torque that is anything within half a level of the action's, each as likely: a continuous action, as a log has it.
+    /// Returns the task with a torque that is uniform within half a level of the action's: a continuous action, as in a log.
     pub fn continuous() -> Self {
         Self { play: 0.5, ..Self::default() }
     }
 
-    /// Let `torque`, cut at ±2 N m, act for a step; the reward.
+    /// Applies `torque`, cut at ±2 N m, for a step. Returns the reward.
     pub fn push(&mut self, torque: f64) -> f64 {
         let [angle, speed] = self.state;
         let torque = torque.clamp(-STRONGEST, STRONGEST);
         let from_upright = (angle + PI).rem_euclid(2.0 * PI) - PI;
         let cost = from_upright.powi(2) + 0.1 * speed.powi(2) + 0.001 * torque.powi(2);
-        // Length and mass are 1, gravity 10 m/s².
+        // Length and mass are 1, and gravity is 10 m/s².
         let speed = speed + (3.0 * 10.0 / 2.0 * angle.sin() + 3.0 * torque) * STEP;
         let speed = speed.clamp(-FASTEST, FASTEST);
         self.state = [angle + speed * STEP, speed];

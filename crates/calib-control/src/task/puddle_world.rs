@@ -3,16 +3,17 @@ use calib_core::Rng;
 use super::Task;
 use crate::{Ending, Outcome};
 
-/// A unit square to cross to its upper right corner, around two puddles: −1 a step, and −400 times the depth in each puddle.
+/// A unit square to cross to its upper right corner, around two puddles. The reward is −1 per step, and −400 times the depth
+/// in each puddle.
 ///
-/// Source: Sutton (1996). Steps of 0.05 up, down, right and left, with normal noise; puddles are all within 0.1 of a segment.
-/// Episodes start within 0.05 of (0.2, 0.4), left of the puddles (our choice; Sutton's start anywhere).
+/// Source: Sutton (1996). Steps of 0.05 go up, down, right and left, with normal noise. A puddle is the area within 0.1 of a
+/// segment. Episodes start within 0.05 of (0.2, 0.4), left of the puddles (our choice; Sutton's start anywhere).
 #[derive(Clone, Debug)]
 pub struct PuddleWorld {
     pub(crate) state: [f64; 2],
-    /// Standard deviation of the noise of a step, on both axes; 0.01 as Sutton's.
+    /// Standard deviation of the noise of a step, on both axes; 0.01 as in Sutton's task.
     pub(crate) noise: f64,
-    /// How far a step goes.
+    /// Length of a step.
     step: f64,
 }
 
@@ -26,14 +27,14 @@ impl Default for PuddleWorld {
 }
 
 impl PuddleWorld {
-    /// The task with steps of so many times their length.
+    /// Returns the task with steps that are `times` as long.
     pub fn with_longer_steps(times: f64) -> Self {
         Self { step: 0.05 * times, ..Self::default() }
     }
 
     fn depth(&self) -> f64 {
         let [x, y] = self.state;
-        // Segments from (0.1, 0.75) to (0.45, 0.75), and from (0.45, 0.4) to (0.45, 0.8).
+        // The puddles lie along segments from (0.1, 0.75) to (0.45, 0.75), and from (0.45, 0.4) to (0.45, 0.8).
         let lying = (x - x.clamp(0.1, 0.45)).hypot(y - 0.75);
         let standing = (x - 0.45).hypot(y - y.clamp(0.4, 0.8));
         (RADIUS - lying).max(0.0) + (RADIUS - standing).max(0.0)

@@ -3,7 +3,8 @@ use calib_core::Rng;
 use super::Task;
 use crate::{Environment, Outcome};
 
-/// A task as an environment: states are what is observed, each column scaled from its range to 0 to 1.
+/// A task as an environment. Its states are observations, with each column scaled from its range to 0
+/// to 1.
 #[derive(Clone, Debug)]
 pub struct Simulated<T> {
     /// The task.
@@ -12,22 +13,22 @@ pub struct Simulated<T> {
     observed: Vec<f64>,
 }
 
-/// Where episodes begin.
+/// The choice of start states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Begin {
-    /// Where the task says.
+    /// The start states of the task.
     AsTheTask,
-    /// Anywhere, as of a log that saw many conditions.
+    /// Any state, as in a log that saw many conditions.
     Anywhere,
 }
 
 impl<T: Task> Simulated<T> {
-    /// The task, with episodes that begin so.
+    /// Returns the task with this choice of start states.
     pub fn new(task: T, begin: Begin) -> Self {
         Self { task, begin, observed: Vec::new() }
     }
 
-    /// Put what is observed in `state`.
+    /// Writes the scaled observation to `state`.
     fn observe(&mut self, state: &mut [f32]) {
         self.task.observe(&mut self.observed);
         for ((scaled, value), (_, low, high)) in

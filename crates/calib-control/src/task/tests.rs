@@ -33,7 +33,7 @@ fn close(got: &[f64], expected: &[f64], tolerance: f64) {
     }
 }
 
-/// Steps from the recorded states lead where Gymnasium's lead.
+/// Checks that steps from the recorded states lead to the same states as Gymnasium's.
 fn follows<T: Task, const N: usize>(
     task: &mut T,
     steps: &[Step],
@@ -87,7 +87,8 @@ fn pendulum_steps_as_gymnasium() {
     }
 }
 
-/// States are scaled, episodes begin where they say, and equal seeds give equal walks.
+/// Checks that states are scaled, that episodes begin in the chosen start states, and
+/// that equal seeds give equal rollouts.
 fn is_an_environment<T: Task + Default>() {
     for begin in [Begin::AsTheTask, Begin::Anywhere] {
         let walk = |seed: u64| -> Vec<f32> {

@@ -1,22 +1,22 @@
-//! Whether the choice is ahead of the default.
+//! Decides whether the choice is ahead of the default.
 
 use calib_stats::{Difference, StatsError};
 
 use super::beyond;
 
-/// Over fewer blocks of the log ranks alone show nothing, and every interval is weak. Ranks are small integers, so few blocks often have the
-/// same difference, and its interval then has no width. Our choice.
+/// The fewest blocks of the log for which ranks count. With fewer, every interval is weak: ranks are small integers, so few blocks often
+/// have the same difference, and its interval then has no width. Our choice.
 pub const FEWEST_BLOCKS: usize = 4;
 
-/// Whether the choice is surely ahead of the default, by what it gets more in `returns`, or by the `ranks` that it is ahead, over so many
+/// Returns whether the choice is surely ahead of the default, by its extra return in `returns` or by its lead in `ranks`, over this many
 /// blocks.
 pub(super) fn is_ahead(returns: Difference, ranks: Option<Difference>, blocks: usize) -> bool {
-    // Ranks tell more where candidates are many, returns where they are few.
+    // Ranks distinguish better if there are many settings, and returns if there are few.
     is_more(returns) || (blocks >= FEWEST_BLOCKS && ranks.is_some_and(is_more))
 }
 
-/// By how many ranks the first of two candidates is ahead of the second, over kinds of models, with the jackknife's interval over blocks.
-/// Of `ranks`, `[kinds × blocks][candidates]`.
+/// Returns by how many ranks the first of two settings is ahead of the second, over kinds of models, with the jackknife's interval over
+/// blocks. `ranks` is `[kinds × blocks][candidates]`.
 pub(super) fn ranks_ahead(
     ranks: &[Vec<usize>],
     [first, second]: [usize; 2],
@@ -32,7 +32,7 @@ pub(super) fn ranks_ahead(
     beyond(&of_block(second), &of_block(first))
 }
 
-/// Whether a difference is surely above 0: by its interval, or because the other diverged.
+/// Returns whether a difference is surely above 0: by its interval, or because the other setting diverged.
 fn is_more(difference: Difference) -> bool {
     difference.mean == f64::INFINITY
         || difference.interval.is_some_and(|interval| interval.low > 0.0)

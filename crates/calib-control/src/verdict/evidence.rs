@@ -1,41 +1,42 @@
-//! What a choice rests on, and when that is too little.
+//! The evidence for a choice, and the doubts if it is too weak.
 
 use calib_stats::Selection;
 
 use super::{BestConstant, Doubt, RandomActions, Support};
 use crate::{ActionModelKind, Coverage, Decisions, Drift, RecordedReturn, Run};
 
-/// What a choice rests on.
+/// The evidence for a choice.
 pub(super) struct Evidence<'a> {
-    /// Blocks of the log, each of which an ensemble member of every kind of model lacks.
+    /// Blocks of the log. One ensemble member of every kind of model lacks each of them.
     pub(super) blocks: usize,
     pub(super) selection: &'a Selection,
-    /// Of the chosen candidate.
+    /// Coverage of the chosen setting's steps.
     pub(super) coverage: Coverage,
-    /// Terminals a step of the chosen candidate, in the middle one of the kinds of models.
+    /// Terminals per step of the chosen setting, in the median kind of model.
     pub(super) terminals: f64,
-    /// Of the chosen candidate.
+    /// Displacement of the chosen setting's episodes.
     pub(super) drift: &'a Drift,
-    /// Whether the chosen candidate is surely ahead of the default, by ranks or by returns; none where that is chosen, not in the grid, or
-    /// diverged as well.
+    /// Whether the chosen setting is surely ahead of the default, by ranks or by returns; `None` if the default is the choice, is not in
+    /// the grid, or diverged as well.
     pub(super) is_ahead: Option<bool>,
     pub(super) constant: Option<&'a BestConstant>,
     pub(super) random_actions: Option<RandomActions>,
     pub(super) behaviour: RecordedReturn,
 }
 
-/// Over fewer blocks there is no interval.
+/// With fewer blocks there is no interval.
 const FEWEST_OF_AN_INTERVAL: usize = 2;
 
-/// Standard errors by which a displacement must differ from none: a walk in a noisy column is moved far in an episode, but not always to the same side.
+/// The least distance of a displacement from 0, in standard errors. A rollout in a noisy column moves far in an episode, but not always to
+/// the same side.
 const DISPLACEMENT_ERRORS: f64 = 4.0;
 
-/// Displacement that a walk may have in an episode, in recorded ranges of a column: through all that was recorded and back. Our
-/// choice, set on eleven logs of Acrobot and Cart-pole, where choices are moved by up to 1.2, and on a made-up log in which an
-/// actuator of increments is held against the edge, where they are moved by 3.5 and more.
+/// The largest accepted displacement in an episode, in recorded ranges of a column: through the whole range and back. Our
+/// choice, set on eleven logs of Acrobot and Cart-pole and on a made-up log. In the former, choices are displaced by up to 1.2.
+/// In the latter, an actuator of increments is held against the edge, and they are displaced by 3.5 and more.
 const FARTHEST_DISPLACEMENT: f64 = 2.0;
 
-/// The column that is moved furthest, if that is too far.
+/// Returns the doubt about the column with the largest displacement, if that is too large.
 pub(super) fn displaced(drift: &Drift) -> Option<Doubt> {
     let means = drift.means();
     let each = means.iter().enumerate().map(|(column, &[mean, error])| (column, mean, error));
@@ -48,7 +49,7 @@ impl Evidence<'_> {
     pub(super) fn doubts(&self, log: &Decisions, support: Support) -> Vec<Doubt> {
         let Self { selection, coverage, .. } = self;
         let mut doubts = Vec::new();
-        // Near settings stand for a level that was never set: there coverage tells.
+        // Similar settings stand for a level that was never set. There coverage is what counts.
         let has_levels = log.settings().is_none();
         let never =
             log.counts().into_iter().enumerate().filter(|&(_, count)| count == 0 && has_levels);
@@ -84,17 +85,18 @@ impl Evidence<'_> {
         doubts
     }
 
-    /// Whether an action that needs no agent gets more. It need not be surely better: nothing then shows that the choice is.
+    /// Returns a doubt if always taking one action gets more. The action need not be surely better: nothing then shows that
+    /// the choice is better.
     fn beside_a_constant(&self, promised: f64) -> Option<Doubt> {
         let &BestConstant { action, mean_return: constant, over, .. } = self.constant?;
         let is_worse = over?.mean < 0.0;
         is_worse.then_some(Doubt::WorseThanConstant { action, constant, promised })
     }
 
-    /// Whether actions at random may do as well. Where a model is wrong about what actions lead to, agents that hardly learn can come
-    /// first in it, and nothing else need show that.
+    /// Returns a doubt if random actions may do as well. Where a model is wrong about the outcomes of actions, agents that hardly
+    /// learn can come first in it, and no other check may show that.
     ///
-    /// One member has no interval, and then the mean alone decides; that there is no interval is a doubt of its own.
+    /// With one ensemble member there is no interval, and the mean alone decides. The missing interval is a doubt of its own.
     fn beside_random_actions(&self, promised: f64) -> Option<Doubt> {
         let RandomActions { mean_return: random, over, .. } = self.random_actions?;
         let over = over?;
@@ -102,7 +104,7 @@ impl Evidence<'_> {
         (!is_more).then_some(Doubt::NotBetterThanRandomActions { random, promised })
     }
 
-    /// Whether what happens in the model is unlike what was recorded.
+    /// Returns the doubts about results in the model that differ from the record.
     fn beside_the_log(&self, promised: f64, log: &Decisions) -> Vec<Doubt> {
         let mut doubts = Vec::new();
         let recorded = self.behaviour.mean;
@@ -121,10 +123,10 @@ impl Evidence<'_> {
     }
 }
 
-/// Terminals that are so many times rarer than in the log are worth a doubt: an order of magnitude.
+/// Terminals that are rarer than in the log by this factor raise a doubt: an order of magnitude.
 const RARER: f64 = 10.0;
 
-/// The middle one of the kinds of models by their terminals a step, of these runs; the lower one of two.
+/// Returns the median over kinds of models of the terminals per step in these runs; the lower one of two.
 pub(super) fn median_rate(runs: &[&Run], kinds: &[ActionModelKind]) -> f64 {
     let mut rates: Vec<f64> = kinds
         .iter()

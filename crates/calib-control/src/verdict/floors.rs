@@ -1,4 +1,4 @@
-//! Policies that learn nothing, beside the chosen candidate.
+//! Compares policies that learn nothing with the chosen setting.
 
 use calib_stats::{Difference, StatsError, jackknife, median};
 use schemars::JsonSchema;
@@ -131,7 +131,7 @@ pub(super) fn best_constant(
     }))
 }
 
-/// Actions at random, likewise; `each` has the returns of all candidates in the members of each kind.
+/// Returns the same comparison with random actions. `each` has the returns of all settings in the ensemble members of each kind.
 pub(super) fn random_actions(
     constants: &[&ConstantReturns],
     each: &[KindReturns],
@@ -150,19 +150,19 @@ pub(super) fn random_actions(
     Ok(Some(RandomActions { mean_return: mean(&returns), over, outlying }))
 }
 
-/// A member stands out if it is more than so many times as far from the median of its kind as every other. Our choice.
+/// The factor by which an outlying member is farther from the median of its kind than every other member. Our choice.
 const TIMES_AS_FAR: f64 = 3.0;
 
-/// What the chosen candidate gets in a member, and what it gets more than random actions there.
+/// The return of the chosen setting in an ensemble member, and how much more that is than random actions get there.
 struct ChosenInMember {
     member: OutlyingMember,
     over_random: f64,
-    /// How far its return is from the median of its kind.
+    /// Distance of its return from the median of its kind.
     distance: f64,
 }
 
-/// The member in which the chosen candidate's return is farthest from the median of its kind, if it stands out there and the interval over
-/// blocks would lie above 0 without it.
+/// Returns the ensemble member in which the chosen setting's return is farthest from the median of its kind. It must be outlying, and
+/// without it the interval over blocks would lie above 0.
 fn outlying_member(
     constants: &[&ConstantReturns],
     each: &[KindReturns],
@@ -172,7 +172,7 @@ fn outlying_member(
     for KindReturns { kind, members, .. } in each {
         let of_kind = constants.iter().find(|constant| constant.kind == *kind)?;
         let own: Vec<f64> = members.iter().map(|returns| returns[chosen]).collect();
-        // Of few members none can be told to stand out.
+        // With few ensemble members no outlying one can be detected.
         if own.len() < FEWEST_BLOCKS {
             return None;
         }
@@ -195,8 +195,9 @@ fn outlying_member(
     (interval.low > 0.0).then_some(member)
 }
 
-/// What the chosen candidate gets more than random actions in each block of which there is a member. Kinds differ in what policies get in
-/// them, so a block counts by how far its members are from the means of their kinds: a kind that it lacks then moves it nowhere.
+/// Returns how much more the chosen setting gets than random actions, for each block with an ensemble member. The returns of policies
+/// differ between kinds, so a block counts by the distance of its members from the means of their kinds. A kind that the block lacks then
+/// has no effect.
 fn over_random_of_blocks(all: &[ChosenInMember], each: &[KindReturns]) -> Vec<f64> {
     let of_kinds: Vec<f64> = each
         .iter()
@@ -222,7 +223,7 @@ fn over_random_of_blocks(all: &[ChosenInMember], each: &[KindReturns]) -> Vec<f6
     blocks
 }
 
-/// What a policy gets in each member, the mean over kinds.
+/// Returns the result of a policy in each ensemble member, as the mean over kinds.
 fn over_all_kinds(
     constants: &[&ConstantReturns],
     members: usize,

@@ -24,7 +24,7 @@ fn run(member: usize, candidate: usize, mean_return: f64) -> Run {
     }
 }
 
-/// Twenty episodes of −8 to −12, −10 on average, a terminal in ten steps.
+/// Returns a log of twenty episodes with returns of −8 to −12, −10 on average, and one terminal in ten steps.
 fn plain() -> Decisions {
     let lengths = [8, 9, 10, 11, 12].into_iter().cycle().take(20);
     log(&lengths.map(|steps| (steps, Ending::Terminal)).collect::<Vec<_>>())
@@ -41,7 +41,7 @@ fn runs(returns: &[[f64; 3]]) -> Vec<Run> {
         .collect()
 }
 
-/// Three candidates of which the first is the default.
+/// Returns a question about three settings, the first of which is the default.
 fn question(log: &Decisions) -> Question<'_> {
     Question { default: Some(0), rule: RankRule::WorstRank, ..Question::new(log, 500, 3) }
 }
@@ -55,7 +55,7 @@ fn judged(returns: &[[f64; 3]], support: Support) -> ReturnVerdict {
     judged_of(&plain(), &runs(returns), support)
 }
 
-/// Candidate 1 is better than the default, 0, and within what was recorded.
+/// Setting 1 is better than the default, setting 0, and within the recorded returns.
 const GOOD: [[f64; 3]; 3] = [[-15.0, -9.0, -12.0], [-15.5, -11.0, -10.0], [-14.0, -8.0, -12.0]];
 
 #[test]
@@ -73,7 +73,7 @@ fn the_highest_return_is_the_best_rank() {
 #[test]
 fn intervals_over_members_are_the_jackknifes() {
     let over = judged(&GOOD, Support::default()).over_default.expect("a default");
-    // Differences 6, 4.5 and 6 around 5.5: √(2/3 · 1.5) = 1, t(2) = 4.302652730.
+    // The differences are 6, 4.5 and 6 around 5.5: √(2/3 · 1.5) = 1, t(2) = 4.302652730.
     let interval = over.interval.expect("three members");
     assert!((over.mean - 5.5).abs() < 1e-12);
     assert!((interval.low - 5.5 + 4.302_652_73).abs() < 1e-7, "{interval:?}");
@@ -86,7 +86,7 @@ fn runs_of_kind(kind: ActionModelKind, returns: &[[f64; 3]]) -> Vec<Run> {
 
 #[test]
 fn kinds_are_pooled_by_rank_and_members_of_one_block_stay_together() {
-    // Neighbours cannot tell candidates 1 and 2 apart, networks prefer 2 by far, increments by a hair.
+    // Neighbours cannot distinguish settings 1 and 2, networks prefer 2 by far, and increments prefer it slightly.
     let neighbors = [[-15.0, -9.0, -9.0], [-15.0, -9.0, -9.0], [-15.0, -9.0, -9.0]];
     let increments = [[-9.5, -9.1, -9.0], [-9.5, -9.1, -9.0], [-9.5, -9.0, -9.1]];
     let networks = [[-60.0, -50.0, -8.0]; 3];
@@ -111,7 +111,7 @@ fn kinds_are_pooled_by_rank_and_members_of_one_block_stay_together() {
     ];
     assert_eq!(kinds, expected);
     assert_eq!(verdict.kinds[2].members, networks.map(|members| members.to_vec()));
-    // Blocks are what is independent: three of them, not nine members.
+    // The independent units are the three blocks, not the nine ensemble members.
     let over = verdict.over_default.expect("a default");
     assert!(
         (over.mean - (6.0 + 0.5 + 52.0 + 6.0 + 0.5 + 52.0 + 6.0 + 0.4 + 52.0) / 9.0).abs() < 1e-9
@@ -184,7 +184,7 @@ fn a_choice_that_may_be_no_better_than_the_default_is_doubted() {
 
 #[test]
 fn ranks_over_few_blocks_alone_put_no_choice_ahead_of_the_default() {
-    // One rank in every block, and returns that differ by 1.1 or by 0.1.
+    // The difference is one rank in every block, and a return of 1.1 or 0.1.
     let returns = [[-10.1, -9.0, -12.0], [-9.1, -9.0, -12.0]].repeat(2);
     let with_blocks = |blocks: usize| {
         let verdict = judged(&returns[..blocks], Support::default());
@@ -215,7 +215,7 @@ fn terminals_are_rare_where_most_kinds_of_models_have_few() {
         let question = Question { rule: RankRule::MeanRank, ..question(&log) };
         judge(&all, &question, Seed::new(1)).expect("judged").doubts
     };
-    // One in ten steps of the log, one in a hundred steps or none in models.
+    // Terminals occur in one of ten steps of the log, and in one of a hundred steps or in none of models.
     assert_eq!(of_kinds([0, 10, 10]), [], "one kind alone");
     assert!(matches!(of_kinds([0, 0, 10])[..], [Doubt::RareTerminals { .. }]));
 }
@@ -236,14 +236,14 @@ fn a_promise_above_the_best_recorded_episode_is_doubted() {
     let doubts = judged(&better, Support::default()).doubts;
     assert_eq!(doubts.len(), 1, "{doubts:?}");
     assert!(matches!(doubts[0], Doubt::AboveRecorded { promised, best: -8.0 } if promised > -8.0));
-    // A log that has no whole episode says of none what it got.
+    // A log without whole episodes gives no best return.
     let cut = log(&[(400, Ending::Continues)]);
     let support = Support { fewest_terminals: 0, ..Support::default() };
     let returns = runs(&GOOD.map(|values| values.map(|value| value * 20.0)));
     assert_eq!(judged_of(&cut, &returns, support).doubts, []);
 }
 
-/// Good runs, each of which comes to so many terminals.
+/// Returns good runs with this many terminals each.
 fn runs_with_terminals(terminals: usize) -> Vec<Run> {
     runs(&GOOD).into_iter().map(|run| Run { terminals, ..run }).collect()
 }
@@ -273,7 +273,7 @@ fn regret_is_what_the_best_has_more() {
     assert_eq!(regret(&truth, 4).percentile, 0.0);
 }
 
-/// Doubts of good runs whose episodes jumps moved so far.
+/// Returns the doubts about good runs whose episodes have these displacements.
 fn doubts_with_jumps(displacements: &[f32]) -> Vec<Doubt> {
     let mut drift = Drift::default();
     for &displacement in displacements {
@@ -285,18 +285,19 @@ fn doubts_with_jumps(displacements: &[f32]) -> Vec<Doubt> {
 
 #[test]
 fn a_walk_that_jumps_move_on_and_on_is_doubted() {
-    // An actuator that was held at +1 and moved back in every step.
+    // An actuator was held at +1, and jumps moved it back in every step.
     let doubts = doubts_with_jumps(&[-4.0, -4.4, -3.9, -4.1]);
     assert!(
         matches!(&doubts[..], [Doubt::Displaced { column: 1, mean, .. }] if (mean + 4.1).abs() < 1e-3),
         "{doubts:?}"
     );
-    // Noise is moved as far, to either side.
+    // Noise is displaced as far, but to both sides.
     assert_eq!(doubts_with_jumps(&[-4.0, 4.4, 3.9, -4.1]), []);
     assert_eq!(doubts_with_jumps(&[-0.4, -0.41, -0.39, -0.4]), [], "less than was recorded");
 }
 
-/// An actuator that is moved by increments, and that nobody ever moved beyond some level: in the model it stays below it, and every step is covered.
+/// An actuator moves by increments, and never beyond some level in the log. In the model it stays below that level, and every step is
+/// covered.
 #[test]
 fn a_wall_of_the_log_is_told_by_displacement() {
     use calib_core::{Segments, Silent, States};
@@ -312,10 +313,10 @@ fn a_wall_of_the_log_is_told_by_displacement() {
     let mut values = Vec::new();
     let mut actions = Vec::new();
     for _ in 0..rows {
-        // Three other sensors, so that neighbours are not near in each column.
+        // Three other sensors make sure that neighbours are not near in each column.
         values.push(level as f32);
         values.extend((0..3).map(|_| rng.unit() as f32));
-        // Down, nothing, up; nobody moves it up any more near the end of what was recorded.
+        // Actions are down, nothing and up. Near the end of the recorded range, none moves it up.
         let choices = if level > 0.95 { 2 } else { 3 };
         let action = rng.below(choices);
         actions.push(Some(action as u16));
@@ -345,13 +346,13 @@ fn a_wall_of_the_log_is_told_by_displacement() {
         assert!(walk.coverage().uncovered() < 0.3, "{:?}", walk.coverage());
         displaced(&walk.drift())
     };
-    // 100 steps up would be five times the recorded range, every one of them is covered, and jumps take back what is beyond it.
+    // 100 steps up would be five times the recorded range. All of them are covered, and jumps undo the movement beyond the range.
     let up = held(|_| 2);
     assert!(matches!(up, Some(Doubt::Displaced { column: 0, mean, .. }) if mean < -3.5), "{up:?}");
     assert_eq!(held(|step| 2 * (step % 2)), None, "up and down");
 }
 
-/// Two actions, of which the second gets these returns in the members.
+/// Returns results of two actions. The second one has these returns in the ensemble members.
 fn constants(returns: [f64; 3], far: u64) -> [ConstantReturns; 1] {
     let covered = Coverage { steps: 100, missing: 0, far: 0 };
     [ConstantReturns {
@@ -383,15 +384,15 @@ fn a_constant_action_that_gets_more_is_a_doubt() {
     assert!(verdict.doubts.iter().any(is_worse_than_constant), "{:?}", verdict.doubts);
     let of_kind = KindMean { kind: ActionModelKind::Neighbors, mean_return: best.mean_return };
     assert_eq!(best.kinds, [of_kind]);
-    // One that gets more on average, though by chance.
+    // This action gets more on average, but possibly by chance.
     let verdict = judged_beside(&constants([-1.0, -19.0, -1.0], 10));
     let over = verdict.constant.as_ref().and_then(|constant| constant.over).expect("finite");
     assert!(over.mean < 0.0 && over.interval.is_some_and(|interval| interval.high > 0.0));
     assert!(verdict.doubts.iter().any(is_worse_than_constant), "{:?}", verdict.doubts);
-    // One that gets less on average is none.
+    // An action that gets less on average is no doubt.
     let verdict = judged_beside(&constants([-4.0, -30.0, -3.1], 10));
     assert_eq!(verdict.doubts, []);
-    // Nor is one whose steps nobody recorded: the best of the others is named.
+    // Neither is an action whose steps are not recorded: the best of the others is named.
     let verdict = judged_beside(&constants([-4.0, -5.9, -3.1], 90));
     assert_eq!(verdict.constant.map(|constant| constant.action), Some(0));
     assert_eq!(verdict.doubts, []);
@@ -466,7 +467,7 @@ fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
         verdict.doubts.iter().any(|doubt| matches!(doubt, Doubt::NotBetterThanRandomActions { .. }))
     };
     let worse = constants([-30.0; 3], 10);
-    // The choice gets -9, -11 and -8, and random actions -20.
+    // The choice gets -9, -11 and -8, and random actions get -20.
     let verdict = judged_beside(&worse);
     let random = verdict.random_actions.expect("tried");
     assert!((random.over.expect("finite").mean - 32.0 / 3.0).abs() < 1e-12);
@@ -476,7 +477,7 @@ fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
     better[0].random = vec![-3.0; 3];
     assert!(is_doubted(&judged_beside(&alike)), "by chance");
     assert!(is_doubted(&judged_beside(&better)));
-    // One member has no interval. The choice gets -9 in it.
+    // One ensemble member has no interval. The choice gets -9 in it.
     let doubts_in_one_member = |random: f64| {
         let [of_three] = constants([-30.0; 3], 10);
         let members = of_three.members[..1].to_vec();
@@ -494,7 +495,7 @@ fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
 #[test]
 fn less_evidence_gives_no_more_confidence() {
     let log = plain();
-    // No default, and noise: the choice of the first member looks good in it.
+    // There is no default, and returns are noise: the choice of the first member looks good in it.
     let question = Question { default: None, ..question(&log) };
     let doubts = |blocks: usize| {
         let returns = [[-15.0, -9.0, -12.0], [-15.5, -9.5, -12.0]];
@@ -507,7 +508,7 @@ fn less_evidence_gives_no_more_confidence() {
 #[test]
 fn a_member_that_alone_makes_random_actions_look_as_good_is_named() {
     let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network];
-    // The choice fails in one network. Actions at random get less in networks than in neighbours.
+    // The choice fails in one network. Random actions get less in networks than in neighbours.
     let fails = [[-15.0, -10.0, -16.0], [-15.0, -150.0, -16.0]];
     let networks = [fails[0], fails[0], fails[1], fails[0]];
     let all =

@@ -3,7 +3,8 @@ use calib_core::{Seed, Segments, Silent};
 use super::*;
 use crate::{ActionModelConfig, Columns, Ending, Levels, Pessimism, Starts};
 
-/// A place that is moved by −0.02 or +0.03, and noise beside it, in episodes of forty rows.
+/// Returns a log of a place that moves by −0.02 or +0.03, beside a column of noise, in
+/// episodes of forty rows.
 fn decisions(levels: Option<usize>) -> Decisions {
     let mut rng = Seed::new(1).rng();
     let rows = 2000;
@@ -72,7 +73,8 @@ fn a_smooth_column_keeps_its_offset_and_noise_does_not() {
         for action in [0, 1, 1, 0, 1] {
             let before = state[0];
             let outcome = walk.step(action, &mut rng, &mut state);
-            // To the place itself, where recombined rows lead to that of a neighbour.
+            // The change adds to the place itself; recombined rows would lead to the place
+            // of a neighbour.
             assert!((state[0] - before - follows(action as f64)).abs() < 1e-6);
             assert!((outcome.reward - f64::from(state[0])).abs() < 0.1, "{outcome:?} {state:?}");
             assert!(recorded(&model, state[1]), "noise is what was recorded");

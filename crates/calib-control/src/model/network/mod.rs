@@ -1,4 +1,4 @@
-//! A network as the model of a log: the baseline that models of neighbours are compared with.
+//! A network as the model of a log: the baseline for models of neighbours.
 
 mod train;
 
@@ -11,20 +11,21 @@ use super::{ActionModel, ActionModelKind, Coverage, Ensemble, ModelEnvironment};
 use crate::{ControlError, Decisions, Ending, Environment, Outcome, error::check_fields};
 use train::{Scales, train};
 
-/// How networks learn what follows.
+/// The training of networks that predict the next state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NetworkConfig {
-    /// Ensemble members: each lacks one block of the log.
+    /// Ensemble members, each without one block of the log.
     pub members: usize,
     /// Units of each hidden layer.
     pub hidden_units: usize,
-    /// Hidden layers.
+    /// Number of hidden layers.
     pub hidden_layers: usize,
     /// Step size of Adam.
     pub learning_rate: f64,
-    /// Transitions of a batch.
+    /// Transitions per batch.
     pub batch: usize,
-    /// Updates; what is kept is what predicted the block best that the member leaves out, after one of [`NetworkConfig::CHECKS`] parts of them.
+    /// Number of updates. After each of [`NetworkConfig::CHECKS`] parts of the updates, the network is tried on the member's left-out
+    /// block. The best one is kept.
     pub updates: usize,
 }
 
@@ -42,7 +43,7 @@ impl Default for NetworkConfig {
 }
 
 impl NetworkConfig {
-    /// How often a network is tried on the block that it does not learn from.
+    /// Number of times a network is tried on its left-out block.
     pub const CHECKS: usize = 20;
 
     fn check(&self) -> Result<(), ControlError> {
@@ -58,25 +59,26 @@ impl NetworkConfig {
     }
 }
 
-/// Networks that say what follows a state and an action: (s, a) → (s', r, whether that is terminal).
+/// Networks that predict (s, a) → (s', r, whether s' is terminal).
 ///
-/// The input is the state, each column less its mean over the log and divided by its standard deviation, and a 1 in the place of the action. The
-/// outputs are (s' − s) / σ, the reward less its mean in its standard deviations, and the log-odds of a terminal. A step takes the mean, so it
-/// is always the same; it is terminal where that is more likely than not. States and rewards are cut to the range of the log. Member m does
-/// not learn from block m, which says when it had learnt enough.
+/// The input is the state, each column less its mean over the log and divided by its standard deviation, and a 1 in the place of the
+/// action. The outputs are (s' − s) / σ, the reward less its mean in its standard deviations, and the log-odds of a terminal. A step takes
+/// the mean, so it is deterministic. It is terminal where that is more likely than not. States and rewards are cut to the range of the log.
+/// Ensemble member m does not train on block m, which selects its best network.
 #[derive(Clone, Debug)]
 pub struct NetworkModel {
     starts: States,
     scales: Scales,
-    /// One a member; none of members that were left out.
+    /// One network per ensemble member; `None` for members that were left out.
     networks: Vec<Option<Mlp>>,
 }
 
 impl NetworkModel {
-    /// Let networks learn `log`; episodes begin in one of `starts`, each as likely. The result does not depend on the number of threads.
+    /// Trains networks on `log`. Episodes begin in one of `starts`, chosen uniformly. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// If a field cannot be what it is, there are no starts, the log has too few transitions for its members, a network diverged, or the monitor interrupts.
+    /// If a field is not valid, there are no starts, the log has too few transitions for its members, a network diverged, or the monitor
+    /// interrupts.
     pub fn train(
         log: &Decisions,
         starts: States,
@@ -84,13 +86,13 @@ impl NetworkModel {
         seed: Seed,
         monitor: &dyn Monitor,
     ) -> Result<Self, ControlError> {
-        // More members than transitions are refused.
+        // `Blocks::new` refuses more members than transitions.
         let members: Vec<usize> = (0..config.members.min(log.len())).collect();
         Self::train_members(log, starts, config, &members, seed, monitor)
     }
 
-    /// Train the networks of these members alone. They are those that [`train`](Self::train) makes, because each has a seed and a part of
-    /// the log of its own. Nobody can walk in the other members.
+    /// Trains the networks of these ensemble members alone. They equal those of [`train`](Self::train), because each has its own seed and
+    /// its own part of the log. The other members have no network.
     ///
     /// # Errors
     /// As [`train`](Self::train).
@@ -127,7 +129,7 @@ impl NetworkModel {
     }
 }
 
-/// What a step of a network needs beside it; the same for all members.
+/// Buffers for the steps of a network, which fit all ensemble members.
 #[derive(Clone, Debug)]
 pub struct NetworkWorkplace {
     workspace: Workspace,
@@ -135,7 +137,7 @@ pub struct NetworkWorkplace {
 }
 
 impl NetworkModel {
-    /// A place to take steps in.
+    /// Returns buffers for steps.
     ///
     /// # Panics
     /// If no member has a network.
@@ -147,7 +149,7 @@ impl NetworkModel {
         NetworkWorkplace { workspace: Workspace::new(network, 1), input }
     }
 
-    /// Take `action` in `member`: `state` becomes the next one.
+    /// Takes `action` in ensemble member `member`. `state` becomes the next state.
     ///
     /// # Panics
     /// If there is no such member or action, or the member has no network.
@@ -175,8 +177,8 @@ impl NetworkModel {
 }
 
 impl NetworkModel {
-    /// The networks that belong to a model of neighbours: of the same log, with as many members and the same starts. `seed` is that
-    /// of all that is drawn for agents in the model.
+    /// Trains the networks that belong to a model of neighbours: on the same log, with as many members and the same starts. `seed`
+    /// is the seed of all random numbers for agents in the model.
     ///
     /// # Errors
     /// As [`train`](Self::train).
@@ -189,7 +191,7 @@ impl NetworkModel {
         Self::for_members(model, &members, seed, monitor)
     }
 
-    /// Those of these members alone, as [`train_members`](Self::train_members) makes them.
+    /// Trains the networks of these ensemble members alone, as [`train_members`](Self::train_members) does.
     ///
     /// # Errors
     /// As [`train`](Self::train).
@@ -222,7 +224,7 @@ impl Ensemble for NetworkModel {
     }
 }
 
-/// An agent's walk in a network.
+/// An agent's rollout in a network.
 #[derive(Clone, Debug)]
 pub struct NetworkWalk<'a> {
     model: &'a NetworkModel,
@@ -232,7 +234,7 @@ pub struct NetworkWalk<'a> {
 }
 
 impl ModelEnvironment for NetworkWalk<'_> {
-    /// A network knows nothing of what it does not know: no step counts as uncovered.
+    /// A network cannot tell which steps the log covers, so no step counts as uncovered.
     fn coverage(&self) -> Coverage {
         Coverage { steps: self.steps, ..Coverage::default() }
     }

@@ -3,7 +3,8 @@ use calib_core::{Segments, Silent};
 use super::*;
 use crate::Columns;
 
-/// A place on a line: action 0 goes back by 0.1, action 1 forth by 0.05; the reward is the place that it leads to, in thousands; above 0.9 it ends.
+/// Returns a log of a place on a line. Action 0 goes back by 0.1, action 1 forth by 0.05. The reward is a thousand times the next place,
+/// and above 0.9 an episode ends.
 fn log() -> Decisions {
     let mut rng = Seed::new(1).rng();
     let mut states = Vec::new();
@@ -65,7 +66,7 @@ fn a_step_is_what_follows_in_truth() {
 
 #[test]
 fn nothing_leaves_the_range_of_the_log() {
-    // So little was learnt that it is wrong everywhere.
+    // The network learned so little that it is wrong everywhere.
     let model = model(NetworkConfig { updates: 1, learning_rate: 1.0, ..NetworkConfig::default() });
     let log = log();
     let highest = log.states().as_slice().iter().copied().fold(f32::MIN, f32::max);

@@ -5,7 +5,7 @@ use calib_nn::{Adam, AdamRule, Mlp, Workspace};
 use super::NetworkConfig;
 use crate::{ControlError, Decisions, Ending};
 
-/// What states, changes and rewards of a log are scaled by.
+/// Means, scales and ranges of the states, changes and rewards of a log.
 #[derive(Clone, Debug)]
 pub(super) struct Scales {
     pub(super) columns: Vec<Column>,
@@ -17,7 +17,7 @@ pub(super) struct Scales {
 pub(super) struct Column {
     mean: f32,
     std: f32,
-    /// Root of the mean square of the changes.
+    /// Root mean square of the changes.
     pub(super) change: f32,
     pub(super) lowest: f32,
     pub(super) highest: f32,
@@ -31,7 +31,7 @@ pub(super) struct Reward {
     pub(super) highest: f32,
 }
 
-/// Mean, standard deviation, and range; a spread of 0 becomes 1, which leaves what is constant at 0.
+/// Returns mean, standard deviation and range. A standard deviation of 0 becomes 1, so that constant values are scaled to 0.
 fn spread(values: impl Iterator<Item = f32> + Clone) -> Reward {
     let wide = values.clone().map(f64::from);
     let count = wide.clone().count() as f64;
@@ -71,7 +71,7 @@ impl Scales {
         }
     }
 
-    /// What a network is given.
+    /// Writes the input of a network.
     pub(super) fn put_input(&self, state: &[f32], action: usize, input: &mut [f32]) {
         let (scaled, actions) = input.split_at_mut(self.columns.len());
         for ((scaled, value), column) in scaled.iter_mut().zip(state).zip(&self.columns) {
@@ -81,7 +81,7 @@ impl Scales {
         actions[action] = 1.0;
     }
 
-    /// What it should say.
+    /// Writes the target of a network.
     fn put_target(&self, log: &Decisions, number: usize, target: &mut [f32]) {
         let [from, to] = log.ends(TransitionIndex::new(number));
         for (place, column) in self.columns.iter().enumerate() {
@@ -93,18 +93,18 @@ impl Scales {
     }
 }
 
-/// Inputs and targets of some transitions, row by row.
+/// Inputs and targets of transitions, row by row.
 struct Examples {
     inputs: Vec<f32>,
     targets: Vec<f32>,
-    /// Width of both.
+    /// Widths of an input and a target.
     widths: [usize; 2],
 }
 
 impl Examples {
     fn new(log: &Decisions, scales: &Scales, transitions: impl Iterator<Item = usize>) -> Self {
         let widths = [scales.columns.len() + scales.actions, scales.columns.len() + 2];
-        // Vectors that grew would take up to three times as much for a moment, in every network at a time.
+        // A growing vector would take up to three times as much memory for a moment, in every network at once.
         let [mut inputs, mut targets] =
             widths.map(|width| Vec::with_capacity(transitions.size_hint().0 * width));
         let mut input = vec![0.0; widths[0]];
@@ -130,7 +130,8 @@ impl Examples {
     }
 }
 
-/// The loss of one row, and its gradient: ½ Σ (y − ŷ)² of changes and reward, and the cross-entropy of the terminal.
+/// Returns the loss of one row, and writes its gradient: ½ Σ (y − ŷ)² for changes and reward, and the cross-entropy
+/// for the terminal.
 fn loss(output: &[f32], target: &[f32], gradient: &mut [f32]) -> f64 {
     let last = output.len() - 1;
     let mut sum = 0.0;
@@ -141,11 +142,11 @@ fn loss(output: &[f32], target: &[f32], gradient: &mut [f32]) -> f64 {
     let odds = f64::from(output[last]);
     let ended = f64::from(target[last]);
     gradient[last] = (1.0 / (1.0 + (-odds).exp()) - ended) as f32;
-    // ln(1 + e^x) − y x, without overflow.
+    // Computes ln(1 + e^x) − y x without overflow.
     sum + odds.max(0.0) + (-odds.abs()).exp().ln_1p() - ended * odds
 }
 
-/// Mean loss of `examples`; not finite if the network is not.
+/// Returns the mean loss of `examples`. It is not finite if the network is not.
 fn mean_loss(network: &Mlp, examples: &Examples, workspace: &mut Workspace, rows: usize) -> f64 {
     let [input, target] = examples.widths;
     let mut gradient = vec![0.0; target];
@@ -160,10 +161,11 @@ fn mean_loss(network: &Mlp, examples: &Examples, workspace: &mut Workspace, rows
     sum / examples.len().max(1) as f64
 }
 
-/// A member's network: of those after every part of the updates the one that predicts the block best that it does not learn from.
+/// Trains the network of an ensemble member. Of the networks after each part of the updates, it returns the one that predicts the
+/// left-out block best.
 ///
 /// # Errors
-/// If there is nothing to learn from or to check that by, no network after a part was finite, or the monitor interrupts.
+/// If there are no transitions to train on or to validate with, no network was finite after a part, or the monitor interrupts.
 pub(super) fn train(
     log: &Decisions,
     scales: &Scales,
