@@ -1,4 +1,4 @@
-//! Reading a log: every channel inspected, the kept ones normalised into states.
+//! Measures reading a log: inspecting every channel, and normalising the kept channels into states.
 
 use std::{hint::black_box, time::Duration};
 
@@ -10,7 +10,7 @@ const ROWS: usize = 20_000;
 const FILES: usize = 2;
 const CHANNELS: usize = 48;
 
-/// A log of random walks; every third channel is constant.
+/// Writes a log of random walks; every third channel is constant.
 fn write(folder: &std::path::Path) {
     for file in 0..FILES {
         let first = (file * ROWS) as i64;

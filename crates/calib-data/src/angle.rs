@@ -1,8 +1,9 @@
-//! Channels that are angles: each is read as two, its sine and its cosine.
+//! Channels that are angles. Each one is read as two channels: its sine and its cosine.
 //!
-//! From 359° to 1° is a small step, and their mean is 0° and not 180°. So a channel that `data.angles` names is read as a point of the
-//! unit circle, before anything is averaged, interpolated, filled or compared. The mean of several directions is the direction of the
-//! mean of these points (Mardia and Jupp, *Directional Statistics*, 2000, section 2.2).
+//! The step from 359° to 1° is small, and their mean is 0° and not 180°. So a channel in `data.angles` is read as a
+//! point on the unit circle, before any value is averaged, interpolated, filled or compared. The mean of several
+//! directions is the direction of the mean of these points (Mardia and Jupp, *Directional Statistics*, 2000, section
+//! 2.2).
 
 use std::f64::consts::TAU;
 
@@ -11,10 +12,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::Description;
 
-/// Directions that differ by less than this share of a turn are the same, written after different sums. Our choice, as that of
+/// Directions that differ by less than this share of a turn are equal: they differ only by rounding. Our choice, as for
 /// [`is_same`](crate::is_same).
 const NOISE: f64 = 1e-12;
-/// An angle that covers a smaller share of a turn, or more turns, is probably given with the turn of another unit: a turn of 360
+/// An angle that covers a smaller share of a turn, or more turns, probably has its turn in another unit: a turn of 360
 /// is 57 times one of 2π. Our choice.
 const COVERED: [f64; 2] = [0.02, 50.0];
 
@@ -29,10 +30,10 @@ pub enum AnglePart {
 }
 
 impl AnglePart {
-    /// Both.
+    /// Both parts.
     pub const ALL: [Self; 2] = [Self::Sine, Self::Cosine];
 
-    /// What the channel is called that has this of the angle `channel`.
+    /// Returns the name of the channel that holds this part of the angle `channel`.
     pub fn channel_of(self, channel: &str) -> String {
         match self {
             Self::Sine => format!("{channel}_sin"),
@@ -63,7 +64,7 @@ pub struct AngleOf {
 }
 
 impl AngleOf {
-    /// Put the sine or the cosine in the place of each angle; NaN stays.
+    /// Replaces each angle by its sine or cosine; NaN stays.
     pub(crate) fn replace(&self, angles: &mut [f64]) {
         for angle in angles {
             let [sine, cosine] = sine_and_cosine(*angle, self.turn);
@@ -74,14 +75,14 @@ impl AngleOf {
         }
     }
 
-    /// Whether two angles are the same direction but for rounding.
+    /// Whether two angles are the same direction up to rounding.
     pub(crate) fn is_same(&self, one: f64, other: f64) -> bool {
         let apart = (one - other).rem_euclid(self.turn);
         let largest = one.abs().max(other.abs()).max(self.turn);
         apart.min(self.turn - apart) <= NOISE * largest
     }
 
-    /// What is known of the angle, of its sine or cosine: these have no unit.
+    /// Returns the description of the sine or cosine, derived from that of the angle. It has no unit.
     #[must_use]
     pub fn described(&self, angle: &Description) -> Description {
         let part = self.part.name();
@@ -91,7 +92,7 @@ impl AngleOf {
         }
     }
 
-    /// What the channel is, in words.
+    /// Describes the channel in words.
     pub fn told(&self) -> String {
         let Self { channel, turn, part, recorded } = self;
         let recorded = recorded
@@ -99,7 +100,7 @@ impl AngleOf {
         format!("{} of {channel} ({recorded}a turn is {turn})", part.name())
     }
 
-    /// What is said of an angle whose turn is probably that of another unit.
+    /// Returns the warning for an angle whose turn is probably in another unit.
     pub fn doubt(&self) -> Option<String> {
         let Self { channel, turn, .. } = self;
         let [low, high] = self.recorded.filter(|[low, high]| low < high)?;
@@ -114,8 +115,8 @@ impl AngleOf {
     }
 }
 
-/// What is said to somebody who names the angle `name` where one of its two channels is meant; `None` if it is not the angle of any
-/// of `channels`.
+/// Returns a hint for users who name the angle `name` instead of one of its two channels; `None` if it is not the angle
+/// of any of `channels`.
 pub fn angle_hint<'a>(
     name: &str,
     mut channels: impl Iterator<Item = &'a AngleOf>,
@@ -125,8 +126,8 @@ pub fn angle_hint<'a>(
     Some(format!("; data.angles makes {sine} and {cosine} of it: name one of these"))
 }
 
-/// The sine and the cosine of an angle of so much a `turn`. Quarters of a turn give 0, 1 and −1 exactly, and angles that are whole
-/// turns apart the same.
+/// Returns the sine and the cosine of an angle in units of which `turn` make a full turn. Quarters of a turn give
+/// exactly 0, 1 and −1. Angles that are whole turns apart give equal values.
 fn sine_and_cosine(angle: f64, turn: f64) -> [f64; 2] {
     let turns = angle.rem_euclid(turn) / turn;
     let quarters = (4.0 * turns).round();
@@ -137,7 +138,7 @@ fn sine_and_cosine(angle: f64, turn: f64) -> [f64; 2] {
         2 => [-sine, -cosine],
         _ => [-cosine, sine],
     };
-    // No −0.
+    // Turns −0 into 0.
     both.map(|value| value + 0.0)
 }
 
@@ -157,7 +158,7 @@ mod tests {
         values
     }
 
-    /// The direction of the mean of some directions, in degrees from 0 to 360.
+    /// Returns the direction of the mean of some directions, in degrees from 0 to 360.
     fn mean_direction(angles: &[f64]) -> f64 {
         let mean = |part| replaced(part, angles).iter().sum::<f64>() / angles.len() as f64;
         mean(AnglePart::Sine).atan2(mean(AnglePart::Cosine)).to_degrees().rem_euclid(360.0)
@@ -221,7 +222,7 @@ mod tests {
             angles in prop::collection::vec(-60.0_f64..60.0, 1..20),
             by in -1_000.0_f64..1_000.0,
         ) {
-            // Within half a turn of each other, so that their mean is one.
+            // The directions lie within half a turn of each other, so that their mean is defined.
             let turned: Vec<f64> = angles.iter().map(|angle| angle + by).collect();
             let apart = (mean_direction(&turned) - by - mean_direction(&angles)).rem_euclid(360.0);
             prop_assert!(apart.min(360.0 - apart) < 1e-6, "{}", apart);

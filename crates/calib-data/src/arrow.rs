@@ -1,4 +1,4 @@
-//! A table that another program's memory holds, handed over through Arrow's C stream interface, written as Parquet.
+//! Takes over a table in the memory of another program through Arrow's C stream interface, and writes it as Parquet.
 
 use std::{ffi::c_void, path::Path};
 
@@ -13,15 +13,15 @@ use polars_arrow::{
 
 use crate::{catch_panic::catch_panic, table::write_frame};
 
-/// Why a table that was handed over could not be written.
+/// The reason why a table of another program cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ArrowError {
-    /// The stream gives no table.
+    /// The stream contains no table.
     #[error(
         "the data cannot be taken over: {0}; expected an Arrow table with a column of times and one column per channel"
     )]
     Stream(String),
-    /// The stream holds tables without rows.
+    /// The table has no rows.
     #[error("the data has no rows")]
     NoRows,
     /// The file cannot be written.
@@ -29,30 +29,31 @@ pub enum ArrowError {
     File(#[from] FileError),
 }
 
-/// What was taken over.
+/// The size of the table that was taken over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TakenOver {
-    /// Rows of the table.
+    /// Number of rows.
     pub rows: usize,
-    /// Its columns.
+    /// Number of columns.
     pub columns: usize,
 }
 
-/// Write the table of an Arrow C stream as a Parquet file, its columns as they are.
+/// Writes the table of an Arrow C stream as a Parquet file, with its columns unchanged.
 ///
-/// Its batches are not copied on the way: memory holds what the producer holds, and what the writer compresses. The stream is used up.
+/// The batches are not copied: memory holds the data of the producer and the pages that the writer compresses. The
+/// stream is consumed.
 ///
 /// # Errors
-/// If the stream gives no table, or one without rows, or the file cannot be written.
+/// If the stream contains no table or one without rows, or if the file cannot be written.
 ///
 /// # Safety
-/// `stream` points to an `ArrowArrayStream` that follows the [C stream interface](https://arrow.apache.org/docs/format/CStreamInterface.html),
-/// and nobody else reads it meanwhile.
+/// `stream` must point to an `ArrowArrayStream` that follows the [C stream
+/// interface](https://arrow.apache.org/docs/format/CStreamInterface.html). Nothing else may read it meanwhile.
 pub unsafe fn write_arrow_stream(
     stream: *mut c_void,
     path: &Path,
 ) -> Result<TakenOver, ArrowError> {
-    // SAFETY: the caller says that it is such a stream. What is left behind is a released one, so that it is released once.
+    // SAFETY: the caller guarantees such a stream. A released stream is left in its place, so it is released only once.
     let stream = unsafe { stream.cast::<ArrowArrayStream>().replace(ArrowArrayStream::empty()) };
     let (fields, batches) = catch_panic(|| {
         // SAFETY: as above.

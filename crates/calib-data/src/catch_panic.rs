@@ -1,4 +1,4 @@
-//! Reading files that may be damaged.
+//! Turns panics of the Parquet reader on damaged files into errors.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -7,22 +7,24 @@ use std::{
 
 use polars::prelude as pl;
 
-/// Longest reason that is passed on.
+/// Maximum length of a reason, in characters.
 const REASON: usize = 240;
 
-/// Readers at work on all threads. A reader has threads of its own, so it cannot be told whose panic one is.
+/// Number of active readers on all threads. A reader has threads of its own, so a panic cannot be assigned to
+/// one reader.
 static READING: AtomicUsize = AtomicUsize::new(0);
 
-/// Whether a panic may be that of a reader on a damaged file, which becomes an error: nobody need be told of it.
+/// Whether a panic may come from a reader of a damaged file. Such a panic becomes an error and need not be
+/// reported.
 pub fn is_reading_parquet() -> bool {
     READING.load(Ordering::Relaxed) > 0
 }
 
-/// Do what reads a file; the error is what was wrong with it, in one line.
+/// Runs `read` on a file; the error is the reason in one line.
 ///
-/// The Parquet reader panics on some damaged files. That is an error of the file like any other.
+/// The Parquet reader panics on some damaged files. This is an error of the file like any other.
 pub(crate) fn catch_panic<T>(read: impl FnOnce() -> pl::PolarsResult<T>) -> Result<T, String> {
-    // Whatever the reader leaves half-done is dropped with it: nothing of it is used after a panic.
+    // A panic drops the whole reader, so its half-finished state is never used.
     READING.fetch_add(1, Ordering::Relaxed);
     let read = catch_unwind(AssertUnwindSafe(read));
     READING.fetch_sub(1, Ordering::Relaxed);
@@ -37,7 +39,7 @@ pub(crate) fn catch_panic<T>(read: impl FnOnce() -> pl::PolarsResult<T>) -> Resu
     }
 }
 
-/// The first line, cut to a readable length.
+/// Returns the first line, cut to a readable length.
 fn one_line(reason: &str) -> String {
     let line = reason.lines().next().unwrap_or_default();
     match line.char_indices().nth(REASON) {

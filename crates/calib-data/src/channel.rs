@@ -1,27 +1,27 @@
-//! What is worth knowing about one channel.
+//! Statistics of one channel.
 
 use std::{collections::HashSet, ops::Range};
 
 use calib_core::Timestamp;
 
-/// Values that are told apart; more are not counted.
+/// Maximum number of distinct values that are counted.
 const DISTINCT: usize = 256;
 
-/// Values that are looked at twice while they are in the cache.
+/// Number of values that are read twice while they are in the cache.
 const BLOCK: usize = 4_096;
-/// Sums that run side by side: few enough for registers, and always the same order of additions.
+/// Number of parallel sums: few enough for registers, and always the same order of additions.
 const LANES: usize = 4;
 
-/// Numbers that differ by less than this share of them are the same, written after different sums: the ends of 0.05 and
-/// 0.05000000000000001 are rounding, which is about 1e-16 for each operation. Our choice.
+/// Numbers with a smaller relative difference are equal up to rounding, such as 0.05 and 0.05000000000000001: rounding
+/// is about 1e-16 per operation. Our choice.
 const NOISE: f64 = 1e-12;
 
-/// Whether two values are the same but for rounding.
+/// Whether two values are equal up to rounding.
 pub fn is_same(one: f64, other: f64) -> bool {
     one == other || (one - other).abs() <= NOISE * one.abs().max(other.abs())
 }
 
-/// The bits of a value without those that rounding may change.
+/// Returns the bits of a value without those that rounding may change.
 fn rounded_bits(value: f64) -> u64 {
     const NOISY: u64 = (1 << 12) - 1;
     value.to_bits().saturating_add(NOISY / 2) & !NOISY
@@ -30,7 +30,7 @@ fn rounded_bits(value: f64) -> u64 {
 /// Moments of the values in a range of rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Moments {
-    /// Values that are not missing.
+    /// Number of values that are not missing.
     pub(crate) count: usize,
     pub(crate) min: f64,
     pub(crate) max: f64,
@@ -40,18 +40,18 @@ pub(crate) struct Moments {
 }
 
 impl Moments {
-    /// Of `values`, NaN meaning missing; `None` if all are.
+    /// Computes the moments of `values`, where NaN means missing; `None` if all are missing.
     pub(crate) fn of(values: &[f64]) -> Option<Self> {
         values.chunks(BLOCK).filter_map(Self::of_block).reduce(Self::merge)
     }
 
-    /// Standard deviation, divided by the count.
+    /// Returns the standard deviation, with division by the count.
     pub(crate) fn std(&self) -> f64 {
         (self.squares / self.count as f64).sqrt()
     }
 
-    /// Of the values of both (Chan, Golub and `LeVeque` 1979): one far outlier does not cost the
-    /// digits of all others.
+    /// Combines the moments of two sets of values (Chan, Golub and `LeVeque` 1979). One far outlier does not cost the
+    /// digits of all other values.
     pub(crate) fn merge(self, other: Self) -> Self {
         let count = self.count + other.count;
         let share = other.count as f64 / count as f64;
@@ -100,7 +100,7 @@ impl Moments {
     }
 }
 
-/// How a channel moves from row to row.
+/// The changes of a channel from row to row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Movement {
     /// Longest time for which the value stayed exactly the same, in microseconds.
@@ -114,7 +114,7 @@ pub(crate) struct Movement {
 }
 
 impl Movement {
-    /// Of `values` inside each of `stretches`; a missing value ends a run.
+    /// Measures the changes of `values` inside each of `stretches`; a missing value ends a run.
     pub(crate) fn of(values: &[f64], timestamps: &[Timestamp], stretches: &[Range<usize>]) -> Self {
         let mut movement = Self::default();
         let mut pairs = 0_u64;
@@ -162,8 +162,8 @@ impl Movement {
     }
 }
 
-/// The quantile `q` of the values that are not missing, with linear interpolation between them
-/// (type 7 of Hyndman and Fan, the default of NumPy). Reorders `values`.
+/// Returns the quantile `q` of the values that are not missing, with linear interpolation between them (type 7 of
+/// Hyndman and Fan, the default of NumPy). Reorders `values`.
 ///
 /// # Panics
 /// If all values are missing.

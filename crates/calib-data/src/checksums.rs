@@ -1,8 +1,8 @@
-//! Checksums of Parquet pages.
+//! Checks the checksums of Parquet pages.
 //!
-//! The reader decodes pages without looking at the CRC that writers may put into a page's header, nor at the one at the
-//! end of gzip data: what was damaged on disk would be read with other values. Both are checked here before the reader
-//! sees the pages. Pages that carry neither cannot be checked by anyone.
+//! The reader ignores the CRC that writers may store in a page header, and the CRC at the end of gzip data, so damage
+//! on disk would change values. This module checks both before the reader sees the pages. Pages with neither cannot be
+//! checked.
 
 use std::{
     io::{self, BufReader, Read, Seek as _},
@@ -19,34 +19,34 @@ use rayon::prelude::*;
 
 use crate::catch_panic::catch_panic;
 
-/// Bytes that are read at a time where only headers are looked at.
+/// Number of bytes that are read at a time where only headers are needed.
 const WINDOW: usize = 1 << 14;
 
 /// A run of pages: one column in one row group.
 struct Chunk {
     column: String,
     row_group: usize,
-    /// First byte and the one after the last.
+    /// First byte and the byte after the last.
     bytes: [u64; 2],
     values: i64,
-    /// Bytes of all pages when they are unpacked.
+    /// Uncompressed bytes of all pages.
     unpacked: i64,
     is_gzip: bool,
-    /// Whether a value is either there or missing: no lists, no structs.
+    /// Whether a value is either present or missing: no lists, no structs.
     is_optional: bool,
 }
 
-/// Check every page of the columns that `is_wanted`, in the file that `metadata` describes.
+/// Checks every page of the columns for which `is_wanted` is true, in the file that `metadata` describes.
 ///
 /// # Errors
-/// The first damage, in words; or that the file cannot be read.
+/// The first damage, in words; or an error if the file cannot be read.
 pub(crate) fn verify(
     path: &Path,
     file: &HeldFile,
     metadata: &pl::FileMetadata,
     is_wanted: impl Fn(&str) -> bool,
 ) -> Result<Result<(), String>, FileError> {
-    // The places of damaged chunks may lie beyond all numbers, which the reader's library answers with a panic.
+    // The offsets of damaged chunks may overflow, which makes the reader's library panic.
     let chunks = match catch_panic(|| Ok(chunks(metadata, is_wanted))) {
         Ok(chunks) => chunks,
         Err(reason) => return Ok(Err(reason)),
@@ -58,11 +58,11 @@ pub(crate) fn verify(
     Ok(found.into_iter().flatten().next().map_or(Ok(()), Err))
 }
 
-/// What is wrong with a chunk, in words; `None` if nothing is.
+/// Returns the damage of a chunk in words; `None` if it is intact.
 fn damage_of(chunk: &Chunk, path: &Path, file: &HeldFile) -> Result<Option<String>, FileError> {
     match chunk.check(file.reader(chunk.bytes[0])?) {
         Ok(damage) => Ok(damage.map(|damage| chunk.told(&damage))),
-        // The reader tells what it cannot read in its own words.
+        // The reader reports in its own words what it cannot read.
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
             Ok(Some(chunk.told("is cut off")))
         }
@@ -93,9 +93,9 @@ fn chunks(metadata: &pl::FileMetadata, is_wanted: impl Fn(&str) -> bool) -> Vec<
 }
 
 impl Chunk {
-    /// Look through the pages; what is wrong with the first that is not whole.
+    /// Checks the pages in order and returns the damage of the first damaged one.
     fn check(&self, file: HeldReader) -> io::Result<Option<String>> {
-        // Pages are taken into memory as they are: none is larger than the file.
+        // Each page is read into memory as a whole. None may be larger than the file.
         if self.bytes[1] > file.len()? {
             return Ok(Some("is cut off".to_owned()));
         }
@@ -138,8 +138,8 @@ impl Chunk {
         Ok((seen != self.values).then(|| "has fewer values than the file says".to_owned()))
     }
 
-    /// Whether the numbers of a header agree with those of the footer. No checksum covers a header, and the reader takes
-    /// as much memory as it asks for.
+    /// Whether the numbers in a header agree with those in the footer. No checksum covers a header, and the reader
+    /// allocates as much memory as it asks for.
     fn is_possible(&self, header: &PageHeader, left: i64) -> bool {
         let [packed, unpacked] = [header.compressed_page_size, header.uncompressed_page_size];
         let sizes = packed >= 0 && unpacked >= 0 && i64::from(unpacked) <= self.unpacked;
@@ -156,7 +156,7 @@ impl Chunk {
         sizes && v2 && (0..=left).contains(&of_data) && (0..=unpacked).contains(&of_dictionary)
     }
 
-    /// What is wrong with a page's content.
+    /// Returns the damage of a page's content.
     fn damage(header: &PageHeader, content: &[u8]) -> Option<String> {
         if let Some(written) = header.crc {
             let whole = crc32fast::hash(content) == written.cast_unsigned();
@@ -183,8 +183,8 @@ impl Chunk {
     }
 }
 
-/// Whether the number of nulls in the header of a v2 page is that of its definition levels: the reader believes the
-/// header, and values would move to other rows.
+/// Whether the number of nulls in the header of a v2 page matches its definition levels. The reader trusts the header,
+/// and values would move to other rows.
 fn counts_its_nulls(header: &PageHeader, content: &[u8]) -> bool {
     let Some(v2) = &header.data_page_header_v2 else { return true };
     let length = usize::try_from(v2.definition_levels_byte_length).unwrap_or(usize::MAX);
@@ -192,7 +192,7 @@ fn counts_its_nulls(header: &PageHeader, content: &[u8]) -> bool {
     content.get(..length).and_then(|levels| ones(levels, v2.num_values)) == Some(expected)
 }
 
-/// How many of `count` levels are 1, in the hybrid of run lengths and packed bits that levels are written in.
+/// Counts the ones among `count` levels, which are encoded as run lengths and packed bits (Parquet's hybrid encoding).
 fn ones(mut levels: &[u8], count: i32) -> Option<i32> {
     let mut left = count;
     let mut ones = 0;
@@ -228,15 +228,15 @@ fn ones(mut levels: &[u8], count: i32) -> Option<i32> {
     Some(ones)
 }
 
-/// Read the header of the next page and nothing after it.
+/// Reads the header of the next page and nothing after it.
 fn header(reader: &mut BufReader<HeldReader>, most: usize) -> Result<PageHeader, String> {
-    // Numbers of a damaged header can ask for any amount of memory.
+    // The numbers of a damaged header can ask for any amount of memory.
     let most = most.min(1 << 26);
     let mut protocol = TCompactInputProtocol::new(reader.by_ref(), most);
     PageHeader::read_from_in_protocol(&mut protocol).map_err(|error| error.to_string())
 }
 
-/// Values of a page; dictionaries and indices have none of their own.
+/// Returns the number of values in a page; 0 for dictionaries and indices.
 fn values(header: &PageHeader) -> i64 {
     let of_data = header.data_page_header.as_ref().map(|page| page.num_values);
     let of_data = of_data.or(header.data_page_header_v2.as_ref().map(|page| page.num_values));
@@ -246,7 +246,7 @@ fn values(header: &PageHeader) -> i64 {
     }
 }
 
-/// Bytes at the beginning of a page that are never compressed.
+/// Returns the number of bytes at the beginning of a page that are never compressed.
 fn levels(header: &PageHeader) -> usize {
     let Some(v2) = &header.data_page_header_v2 else { return 0 };
     [v2.definition_levels_byte_length, v2.repetition_levels_byte_length]

@@ -1,4 +1,4 @@
-//! When clocks in Europe are set forward and back: on the last Sundays of March and of October, at two or three o'clock in the night.
+//! Clock changes in Europe: on the last Sundays of March and October, at two or three o'clock in the night.
 
 use calib_core::Timestamp;
 use calib_text::format_time;
@@ -6,12 +6,14 @@ use calib_text::format_time;
 const HOUR: i64 = 3_600_000_000;
 const DAY: i64 = 24 * HOUR;
 
-/// The date of a time between two and three o'clock on the last Sunday of October: the clocks of Central Europe show it twice.
+/// Returns the date of a time between two and three o'clock on the last Sunday of October, which clocks in Central
+/// Europe show twice.
 pub(crate) fn comes_twice(time: Timestamp) -> Option<String> {
     if hour(time) == 2 { last_sunday(time, "10") } else { None }
 }
 
-/// The date of two successive rows between which the clocks of Central Europe were set forward, if they are apart by an hour and less than two periods.
+/// Returns the date of two successive rows between which the clocks of Central Europe were set forward. The rows must
+/// be more than an hour and less than an hour and two periods apart.
 pub(crate) fn was_left_out(from: Timestamp, to: Timestamp, period_secs: f64) -> Option<String> {
     let step = to.micros_since(from) as f64;
     let is_hour = step > HOUR as f64 && step < HOUR as f64 + 2.0 * period_secs * 1e6;
@@ -22,7 +24,7 @@ fn hour(time: Timestamp) -> i64 {
     time.as_micros().rem_euclid(DAY) / HOUR
 }
 
-/// The date of a time, if it is the last Sunday of this month, which has 31 days.
+/// Returns the date of a time, if it is the last Sunday of `month`, which has 31 days.
 fn last_sunday(time: Timestamp, month: &str) -> Option<String> {
     // 1970-01-01 was a Thursday.
     let is_sunday = (time.as_micros().div_euclid(DAY) + 4).rem_euclid(7) == 0;

@@ -1,4 +1,4 @@
-//! Second pass: the values of the kept channels become states.
+//! The second pass over a log: turns the values of the kept channels into states.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::{
     survey::{Sensor, Survey, sampled_period},
 };
 
-/// A log, cleaned and normalised.
+/// A cleaned and normalised log.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     /// The columns of the states, with their maps to physical units.
@@ -27,38 +27,37 @@ pub struct Dataset {
     pub held_out: Option<Frames>,
     /// Time from one row of a segment to the next.
     pub period: Period,
-    /// What the log is like, and what was done to it.
+    /// Description of the log and of its cleaning.
     pub profile: Profile,
-    /// Of what a model sees: columns, bounds, timestamps, segments and states of the training range.
-    /// It does not depend on how the log is cut into files, nor on what is held out.
+    /// Fingerprint of the input of a model: columns, bounds, timestamps, segments and states of the training range. It
+    /// does not depend on how the log is split into files, nor on the held-out range.
     pub fingerprint: Fingerprint,
-    /// The same of the held-out range.
+    /// Fingerprint of the held-out range.
     pub held_out_fingerprint: Option<Fingerprint>,
 }
 
 impl Dataset {
-    /// The fingerprint of `frames`, states with the columns of this log, such as a part of its training range.
+    /// Returns the fingerprint of `frames`: states with the columns of this log, such as a part of its training range.
     pub fn fingerprint_of(&self, frames: &Frames) -> Fingerprint {
         fingerprint(&self.normaliser, self.period, frames)
     }
 }
 
-/// What reading takes beside the states: a batch of channels, and for each row of the log its time and flags.
+/// Memory for reading in addition to the states, in bytes: a batch of channels, and per row of the log its time and
+/// flags.
 const READING: u64 = 320 << 20;
 const READING_A_ROW: u64 = 28;
 
-/// Read, clean, split and normalise a log.
+/// Reads, cleans, splits and normalises a log.
 ///
-/// Columns of the states, in this order: kept channels as the files have them; their traces, one
-/// decay rate after the other, called `trace(0.9) NAME`; `time_of_day_sin` and `time_of_day_cos`
-/// in `[-1, 1]`; `MODE=value` as 0 or 1.
+/// The states have these columns, in order: kept channels as in the files; their traces, one decay rate after the
+/// other, called `trace(0.9) NAME`; `time_of_day_sin` and `time_of_day_cos` in `[-1, 1]`; `MODE=value` as 0 or 1.
 ///
-/// The files are read twice: once to learn what every channel is like, once for the kept channels.
-/// Memory is bounded by the states, 8 bytes a row for each channel of a batch (256 MB, or two
-/// channels), and the timestamps.
+/// The files are read twice: once to describe every channel, and once for the values of the kept channels. Memory is
+/// bounded by the states, 8 bytes per row for each channel of a batch (256 MB, or two channels), and the timestamps.
 ///
 /// # Errors
-/// If the files, the ranges or the settings do not make a log with at least one transition in each range.
+/// If the files, the ranges or the settings do not give a log with at least one transition in each range.
 pub fn load(
     data: &DataConfig,
     preprocess: &PreprocessConfig,
@@ -67,7 +66,7 @@ pub fn load(
     survey(data, preprocess, monitor)?.load(&ScratchPlace::Memory, monitor)
 }
 
-/// The first half of [`load`]: what the states will be, before there are any.
+/// Runs the first pass of [`load`], which determines the size and columns of the states.
 ///
 /// # Errors
 /// As [`load`].
@@ -84,7 +83,7 @@ pub fn survey(
     Ok(Surveyed { survey, columns, preprocess: preprocess.clone() })
 }
 
-/// A log that was read once: everything is known but the states.
+/// A log after the first pass: all is known except the states.
 #[expect(missing_debug_implementations, reason = "it would be the log")]
 pub struct Surveyed {
     pub(crate) survey: Survey,
@@ -93,58 +92,58 @@ pub struct Surveyed {
 }
 
 impl Surveyed {
-    /// Number of training states.
+    /// Returns the number of training states.
     pub fn rows(&self) -> usize {
         self.survey.train.samples.rows()
     }
 
-    /// What the log is like.
+    /// Returns the profile of the log.
     pub fn profile(&self) -> &Profile {
         &self.survey.profile
     }
 
-    /// Time of each training state.
+    /// Returns the time of each training state.
     pub fn timestamps(&self) -> Vec<Timestamp> {
         self.survey.train.samples.timestamps(&self.survey.log.rows.timestamps)
     }
 
-    /// The runs of training states without a gap.
+    /// Returns the segments of training states without a gap.
     pub fn segment_rows(&self) -> &Segments {
         &self.survey.train.samples.segments
     }
 
-    /// Number of held-out states.
+    /// Returns the number of held-out states.
     pub fn held_out_rows(&self) -> usize {
         self.survey.held_out.as_ref().map_or(0, |part| part.samples.rows())
     }
 
-    /// Number of columns of the states.
+    /// Returns the number of columns of the states.
     pub fn columns(&self) -> usize {
         self.columns.len()
     }
 
-    /// Number of rows of the log.
+    /// Returns the number of rows of the log.
     pub fn log_rows(&self) -> usize {
         self.survey.log.rows.timestamps.len()
     }
 
-    /// Size of all states, in bytes.
+    /// Returns the size of all states, in bytes.
     pub fn state_bytes(&self) -> u64 {
         let rows = (self.rows() + self.held_out_rows()) as u64;
         rows * self.columns() as u64 * size_of::<f32>() as u64
     }
 
-    /// Memory that making the states takes beside them, in bytes: a batch of channels, and for each row of the log its
-    /// time and flags.
+    /// Returns the memory that computing the states needs in addition to the states, in bytes: a batch of channels,
+    /// and per row of the log its time and flags.
     pub fn working_bytes(&self) -> u64 {
         READING + READING_A_ROW * self.log_rows() as u64
     }
 
-    /// The second half of [`load`]: read the kept channels and make the states, which live in `place`. On a disk they
-    /// take twice their size there while they are made.
+    /// Runs the second pass of [`load`]: reads the kept channels and computes the states, which are stored in `place`.
+    /// On a disk they take twice their size there while they are computed.
     ///
     /// # Errors
-    /// If a file cannot be read any more, a state is not finite, there is no room, or the monitor interrupts.
+    /// If a file can no longer be read, a state is not finite, there is no room, or the monitor interrupts.
     pub fn load(self, place: &ScratchPlace, monitor: &dyn Monitor) -> Result<Dataset, DataError> {
         let Self { survey, columns, preprocess } = self;
         let mut train = Matrix::new(&survey.train, columns.len(), place)?;
@@ -173,11 +172,11 @@ impl Surveyed {
     }
 }
 
-/// What a log is like, and what [`load`] would make of it.
+/// Describes a log, and what [`load`] would make of it.
 ///
 /// # Errors
-/// If the files, the ranges or the settings do not make a log. Ranges without a transition, and
-/// logs without a usable channel, are not errors here: the profile shows why.
+/// If the files, the ranges or the settings do not give a log. Ranges without a transition, and logs without a usable
+/// channel, are not errors here: the profile shows the reason.
 pub fn inspect(
     data: &DataConfig,
     preprocess: &PreprocessConfig,
@@ -187,7 +186,7 @@ pub fn inspect(
 }
 
 impl Survey {
-    /// The columns of the states, in order.
+    /// Returns the columns of the states, in order.
     fn columns(&self, preprocess: &PreprocessConfig) -> Vec<Column> {
         let sensor_names = || {
             self.sensors
@@ -284,7 +283,7 @@ impl Survey {
         Ok(())
     }
 
-    /// Treat and fill what the first pass did, and clip.
+    /// Treats outliers and fills missing values as the first pass decided, then clips.
     fn repair(&self, values: &mut [f64], sensor: &Sensor, preprocess: &PreprocessConfig) {
         let profile = &self.profile.channels[sensor.channel];
         if let Some(fences) = sensor.fences.filter(|_| profile.far_out.spikes > 0) {
@@ -312,12 +311,12 @@ impl Survey {
     }
 }
 
-/// A column that is no sensor, as it is computed.
+/// Returns a computed column that is not a sensor.
 fn feature(name: String) -> Column {
     Column { name, kind: ColumnKind::Feature, bounds: Bounds::IDENTITY }
 }
 
-/// The fingerprint of the states of one range, and of what they mean.
+/// Returns the fingerprint of the states of one range and of their columns.
 fn fingerprint(normaliser: &Normaliser, period: Period, frames: &Frames) -> Fingerprint {
     let mut all = Fingerprinter::default();
     all.add(b"dataset 1").add(&period.as_micros().to_le_bytes());

@@ -1,4 +1,4 @@
-//! The part of a profile that concerns rows, not channels.
+//! The part of a profile that describes rows, not channels.
 
 use calib_core::Timestamp;
 
@@ -7,7 +7,7 @@ use crate::{
     log::{EXAMPLES, Log},
 };
 
-/// The profile of the rows; what concerns channels and ranges is empty.
+/// Returns the profile of the rows; its parts about channels and ranges are empty.
 pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
     let rows = &log.rows;
     let merged_rows = log.merged_rows();

@@ -1,4 +1,4 @@
-//! What in a log is probably not as meant, in sentences.
+//! Warnings about parts of a log that are probably not as intended, in sentences.
 
 use calib_core::Timestamp;
 use calib_text::format_time;
@@ -8,18 +8,18 @@ use crate::{
     clock_changes::was_left_out,
 };
 
-/// So many widths of the training range beyond it are no state of a plant. Our choice.
+/// A value this many widths of the training range beyond it is not a state of a plant. Our choice.
 const ABSURD: f64 = 1_000.0;
 /// So many widths of the training range beyond it, in so large a share of the held-out period, an input says nothing that agents
 /// know. Our choice.
 pub(crate) const ELSEWHERE: f64 = 20.0;
 const MUCH: f64 = 0.1;
-/// Channels that a sentence about several names.
+/// Maximum number of channels that one sentence names.
 const NAMED: usize = 5;
-/// A gap that is longer is said.
+/// A longer gap is reported.
 const YEAR_SECS: f64 = 365.0 * 86_400.0;
 
-/// What is said of a gap of years, of so many microseconds from `from` on.
+/// Returns the warning for a gap of years, of `micros` microseconds after `from`.
 pub fn long_gap(from: Timestamp, micros: i64) -> String {
     let years = micros as f64 / 1e6 / YEAR_SECS;
     let to = Timestamp::from_micros(from.as_micros().saturating_add(micros));
@@ -31,8 +31,8 @@ pub fn long_gap(from: Timestamp, micros: i64) -> String {
     )
 }
 
-/// What is said of a log in which more than a tenth of the steps in time are gaps: its period is not what it seems. `devices` names a
-/// column by which one of several devices may be kept.
+/// Returns the warning for a log in which more than a tenth of the steps are gaps: its period is probably wrong.
+/// `devices` names a column by which one of several devices can be chosen.
 pub fn many_gaps(
     gaps: u64,
     steps: u64,
@@ -48,7 +48,7 @@ pub fn many_gaps(
     })
 }
 
-/// What is said of a log whose rows are not as far apart as the period that the study gives.
+/// Returns the warning for a log whose sampling interval differs from the period in the study.
 pub fn contradicted_period(period_secs: f64, recorded_secs: f64) -> String {
     format!(
         "the rows are recorded every {recorded_secs} s, and data.period_secs asks for one every {period_secs} s: \
@@ -56,7 +56,7 @@ pub fn contradicted_period(period_secs: f64, recorded_secs: f64) -> String {
     )
 }
 
-/// What is said of so many tags of which most rows have one alone.
+/// Returns the warning for `tags` tags if most rows have a value of only one of them.
 fn own_times(tags: usize, resampled: bool) -> String {
     if resampled {
         return format!(
@@ -70,8 +70,8 @@ fn own_times(tags: usize, resampled: bool) -> String {
     )
 }
 
-/// How many tags there are, if most of so many rows have a value of only one of them. `present` is how many rows each has a value in; every row has
-/// one at least.
+/// Returns the number of tags, if most of `rows` rows have a value of only one of them. `present` is the number of rows
+/// with a value, per tag. Every row has at least one value.
 fn with_own_times(present: impl Iterator<Item = f64>, rows: f64) -> Option<usize> {
     let (mut tags, mut values) = (0, 0.0);
     for present in present.filter(|present| *present > 0.0) {
@@ -81,12 +81,13 @@ fn with_own_times(present: impl Iterator<Item = f64>, rows: f64) -> Option<usize
     (tags > 1 && 2.0 * values < 3.0 * rows).then_some(tags)
 }
 
-/// Channels with a value in fewer rows than this are recorded less often than others. Our choice.
+/// Channels with a value in a smaller share of the rows are recorded less often than others. Our choice.
 const SELDOM: f64 = 0.5;
 /// A channel is on a slower clock than its log if its own period is so many times that of the log. Our choice.
 const SLOWER: f64 = 1.5;
 
-/// What is said of `channels` that most rows of a log of several files or tags have no value of; none of none.
+/// Returns the warning for `channels` without a value in most rows of a log of several files or tags; `None` for no
+/// channels.
 fn recorded_less_often(channels: &[String]) -> Option<String> {
     let named = first_few(channels)?;
     let have = if channels.len() == 1 { "has" } else { "have" };
@@ -114,17 +115,17 @@ impl Sketch {
         recorded_less_often(&seldom.map(|channel| channel.name.clone()).collect::<Vec<String>>())
     }
 
-    /// Whether each tag was recorded at times of its own, and they are not on one clock yet.
+    /// Whether each tag was recorded at its own times, and the tags are not on one clock yet.
     pub fn needs_resampling(&self) -> bool {
         !self.resampled && self.tags_with_own_times().is_some()
     }
 
-    /// What is said where most rows have a value of only one of several tags; none where they have more.
+    /// Returns the warning if most rows have a value of only one of several tags.
     pub fn own_times_doubt(&self) -> Option<String> {
         Some(own_times(self.tags_with_own_times()?, self.resampled))
     }
 
-    /// How many tags there are, if most rows have a value of only one of them; `None` if not.
+    /// Returns the number of tags, if most rows have a value of only one of them.
     fn tags_with_own_times(&self) -> Option<usize> {
         if self.shape == Shape::Wide {
             return None;
@@ -137,7 +138,7 @@ impl Sketch {
     }
 }
 
-/// What is said of a log without times.
+/// Returns the warning for a log without times.
 pub fn without_times(period_secs: f64, files: usize) -> String {
     let between = if files > 1 { ", with a gap before each further file" } else { "" };
     format!(
@@ -159,7 +160,8 @@ impl Profile {
         recorded_less_often(&seldom.map(|channel| channel.name.clone()).collect::<Vec<String>>())
     }
 
-    /// What is said of the hour that clocks in Europe leave out in spring; none where no gap of a log without a zone is that.
+    /// Returns the warning for the hour that clocks in Europe skip in spring; `None` if no gap of a log without a zone
+    /// is this hour.
     fn left_out_hour(&self) -> Option<String> {
         let mut gaps = self.gaps.examples.iter().filter(|_| !self.utc);
         let date = gaps.find_map(|&(from, to)| was_left_out(from, to, self.period_secs))?;
@@ -169,7 +171,7 @@ impl Profile {
         ))
     }
 
-    /// How many tags there are, if most rows have a value of only one of them; `None` if not.
+    /// Returns the number of tags, if most rows have a value of only one of them.
     fn tags_with_own_times(&self) -> Option<usize> {
         if self.shape == Shape::Wide {
             return None;
@@ -179,11 +181,11 @@ impl Profile {
         with_own_times(present, self.rows as f64)
     }
 
-    /// What in the log's clock is probably not as meant, in sentences; empty for a good log.
+    /// Returns warnings about the log's clock, in sentences; empty for a good log.
     ///
-    /// A given period that most steps contradict makes segments of one row or runs rows together,
-    /// and a numeric sensor taken for the timestamp lies in the first weeks of 1970. Both are
-    /// possible readings of a log, so they are no errors.
+    /// If most steps contradict a given period, segments have one row or rows run together. If a numeric sensor is
+    /// taken for the timestamp, it lies in the first weeks of 1970. Both are possible readings of a log, so they are
+    /// not errors.
     pub fn clock_doubts(&self) -> Vec<String> {
         /// 1990-01-01, before plants logged to Parquet.
         const EARLY: Timestamp = Timestamp::from_micros(631_152_000_000_000);
@@ -221,7 +223,7 @@ impl Profile {
         doubts
     }
 
-    /// What is said of numbers that probably stand for a missing value; none where there are none.
+    /// Returns the warning for numbers that probably stand for a missing value; `None` if there are no such numbers.
     pub fn sentinel_doubt(&self) -> Option<String> {
         let values: Vec<String> =
             self.sentinels.iter().map(|sentinel| sentinel.value.to_string()).collect();
@@ -236,8 +238,8 @@ impl Profile {
         })
     }
 
-    /// Whether a column that the agent of a sensor reads beside it is far from its training range in much of the held-out period, as where
-    /// its unit changed.
+    /// Whether an input of the agent of `sensor` is far from its training range in much of the held-out period, for
+    /// example because its unit changed.
     pub fn has_inputs_elsewhere(&self, sensor: &str) -> bool {
         let Some(held_out) = &self.held_out else { return false };
         let mut inputs = self.kept().filter(|channel| channel.name != sensor);
@@ -254,8 +256,8 @@ impl Profile {
         told.collect()
     }
 
-    /// What of the columns that agents read makes their held-out errors worth little, in sentences; empty for a good log. Where one
-    /// sensor alone is `predicted`, [`Self::value_doubts`] tells of it.
+    /// Returns warnings about inputs of agents that make held-out errors meaningless, in sentences; empty for a good
+    /// log. If only one sensor is `predicted`, [`Self::value_doubts`] covers it.
     pub fn held_out_doubts(&self, predicted: &[String]) -> Vec<String> {
         let far: Vec<&ChannelProfile> =
             self.kept().filter(|channel| *predicted != [channel.name.as_str()]).collect();
@@ -278,8 +280,8 @@ impl Profile {
         far.into_iter().chain(self.late_changes()).collect()
     }
 
-    /// What is said where the held-out period has no transition, with the channels to blame; none where it has some, or nothing is held
-    /// out.
+    /// Returns the warning for a held-out period without transitions, with the channels that cause it; `None` if it has
+    /// some, or there is no held-out period.
     pub fn nothing_to_score(&self) -> Option<String> {
         let part = self.held_out.as_ref().filter(|part| part.transitions == 0)?;
         let mut channels: Vec<&ChannelProfile> =
@@ -304,7 +306,8 @@ impl Profile {
         ))
     }
 
-    /// What is said of channels that are constant in the training range and not in the held-out period; none where there are none.
+    /// Returns the warning for channels that are constant in the training range but not in the held-out period; `None`
+    /// if there are no such channels.
     pub fn late_changes(&self) -> Option<String> {
         let constant = self
             .channels
@@ -323,8 +326,8 @@ impl Profile {
         })
     }
 
-    /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences that do not name it; empty for
-    /// a good log.
+    /// Returns warnings about the values of the kept channels that spoil a model or a verdict: each channel with a
+    /// sentence that does not name it. Empty for a good log.
     pub fn value_doubts(&self, clock: &ShownClock) -> Vec<(&str, String)> {
         let mut doubts = Vec::new();
         let mut doubted: Vec<&str> = Vec::new();
@@ -389,7 +392,8 @@ impl ChannelProfile {
 }
 
 impl FarOut {
-    /// The furthest held-out value beside the end of the training range, as the end of a sentence; `None` if they are not known.
+    /// Compares the furthest held-out value with the end of the training range, as the end of a sentence; `None` if
+    /// they are unknown.
     fn furthest_value(&self) -> Option<String> {
         let [low, high] = self.trained?;
         let (end, name) = if self.furthest < 0.0 { (low, "minimum") } else { (high, "maximum") };
@@ -398,7 +402,7 @@ impl FarOut {
     }
 }
 
-/// Four digits of a value, without an exponent where it needs none.
+/// Rounds a value to four digits, without an exponent unless it needs one.
 fn short(value: f64) -> String {
     let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
     if rounded != 0.0 && !(1e-4..1e9).contains(&rounded.abs()) {
@@ -408,7 +412,8 @@ fn short(value: f64) -> String {
     }
 }
 
-/// What is said of channels that are pairs of words, each [with them](crate::switches::Switch::told); none of none.
+/// Returns the message for channels that are pairs of words, each [with its words](crate::switches::Switch::told);
+/// `None` for no channels.
 pub(crate) fn read_as_switches(channels: &[String]) -> Option<String> {
     let named = first_few(channels)?;
     Some(format!(
@@ -416,7 +421,8 @@ pub(crate) fn read_as_switches(channels: &[String]) -> Option<String> {
     ))
 }
 
-/// The few of the `channels` with most held-out values far out, as `told` has each, and how many more have any; none where none has.
+/// Lists the few of the `channels` with the most held-out values far out, each described by `told`, and the number of
+/// further ones; `None` if there are none.
 fn most_first(
     mut channels: Vec<&ChannelProfile>,
     told: impl Fn(&ChannelProfile) -> String,
@@ -427,7 +433,7 @@ fn most_first(
     first_few(&all)
 }
 
-/// The first few of `all`, and how many more there are; none of nothing.
+/// Lists the first few of `all` and the number of further ones; `None` if `all` is empty.
 pub(crate) fn first_few(all: &[String]) -> Option<String> {
     let (named, more) = all.split_at(all.len().min(NAMED));
     let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };

@@ -6,10 +6,10 @@ use calib_text::SignError;
 
 use crate::{BadRowsFound, ContradictionCause, names::hint};
 
-/// Why a log cannot be used. Every message says what was found where, and what to do.
+/// The reason why a log cannot be used. Every message says what was found, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// A study says what is held out, and not what is learned from.
+    /// A study sets the held-out range, but not the training range.
     #[error("data.held_out is set without data.train: set both, or data.train_fraction alone")]
     HeldOutWithoutTrain,
     /// A setting is out of range.
@@ -19,25 +19,25 @@ pub enum DataError {
         key: String,
         /// The value.
         got: String,
-        /// What is allowed.
+        /// Allowed values.
         expected: &'static str,
     },
-    /// A column that is asked for by its name is not there.
+    /// A column that is requested by name does not exist.
     #[error("the log has no column {name}{hint}")]
     NoSuchColumn {
         /// The name.
         name: String,
-        /// Columns that are called alike.
+        /// Columns with similar names.
         hint: String,
     },
-    /// A column that should hold numbers holds something else.
+    /// A column that should hold numbers holds another type.
     #[error(
         "column {name} is of type {type_name}, expected numbers or booleans; write its values as numbers"
     )]
     NoNumbers {
-        /// Its name.
+        /// Name of the column.
         name: String,
-        /// What it is.
+        /// Type of the column.
         type_name: String,
     },
     /// No path was given.
@@ -45,12 +45,12 @@ pub enum DataError {
         "data.path is empty: name a Parquet or CSV file, a folder, a glob pattern, or a list of them"
     )]
     NoPath,
-    /// A path or pattern leads to no file of a log.
+    /// A path or pattern matches no log file.
     #[error("no log at {pattern}: {reason}; data.path names files, folders or patterns of logs")]
     NoFile {
-        /// The path or pattern as it was given.
+        /// The given path or pattern.
         pattern: String,
-        /// What was looked for.
+        /// What was searched for.
         reason: String,
     },
     /// The partition filter leaves no file.
@@ -58,9 +58,9 @@ pub enum DataError {
     NoPartition {
         /// Hive key.
         key: String,
-        /// Value asked for.
+        /// Requested value.
         value: String,
-        /// Partitions that exist.
+        /// Existing partitions.
         available: String,
     },
     /// Files of different partitions cover the same time.
@@ -74,12 +74,12 @@ pub enum DataError {
         first: PathBuf,
         /// A file that overlaps it.
         second: PathBuf,
-        /// Hive key in which they differ.
+        /// Hive key in which the two differ.
         key: String,
-        /// The first file's value.
+        /// Value of the first file.
         value: String,
     },
-    /// The system refused.
+    /// The operating system refused access.
     #[error(transparent)]
     File(#[from] FileError),
     /// A file is not Parquet, or is damaged.
@@ -91,7 +91,7 @@ pub enum DataError {
     NotParquet {
         /// The file.
         path: PathBuf,
-        /// What the reader found.
+        /// Finding of the reader.
         reason: String,
     },
     /// A file is not text in records, or is damaged.
@@ -102,7 +102,7 @@ pub enum DataError {
         /// What was found, and what to do.
         reason: String,
     },
-    /// A cell of a text file is not what its column should hold.
+    /// A cell of a text file is not of the type of its column.
     #[error("{}, line {line}: {reason}", path.display())]
     Record {
         /// The file.
@@ -112,7 +112,7 @@ pub enum DataError {
         /// What was found, and what to do.
         reason: String,
     },
-    /// Times can be read in two ways.
+    /// Times can be read in several ways.
     #[error(
         "the times of {} can be read in several ways: {example:?} is {readings}. Choose one of them in the study, or with --set on the command line",
         path.display()
@@ -122,10 +122,10 @@ pub enum DataError {
         path: PathBuf,
         /// A time.
         example: String,
-        /// The instants that it may be, and how to choose each.
+        /// The possible instants, and how to choose each.
         readings: String,
     },
-    /// The files are of different shapes, or one could be of two.
+    /// The files have different shapes, or a file could have two.
     #[error("{reason}")]
     Shape {
         /// What was found, and what to do.
@@ -139,14 +139,14 @@ pub enum DataError {
         ContradictionCause::remedy(cause.as_ref())
     )]
     Contradictions {
-        /// Values that differ from another one of the same time.
+        /// Number of values that differ from another one at the same time.
         count: u64,
-        /// Three of them.
+        /// Three of these values.
         examples: Vec<String>,
-        /// Why, if that can be told.
+        /// The cause, if it is known.
         cause: Option<ContradictionCause>,
     },
-    /// Lines of text files are no rows.
+    /// Lines of text files are not rows.
     #[error(
         "{}{} {}",
         if found.count == 1 { String::new() } else { format!("{} of {lines} lines cannot be read: ", found.count) },
@@ -158,11 +158,11 @@ pub enum DataError {
         }
     )]
     BadRows {
-        /// How many, and the first few.
+        /// Their number, and the first few.
         found: BadRowsFound,
-        /// All lines below the headers.
+        /// Number of all lines below the headers.
         lines: u64,
-        /// Whether they are too many to be left out.
+        /// Whether they are too many to skip.
         too_many_to_skip: bool,
     },
     /// A file does not have the timestamp column.
@@ -198,10 +198,10 @@ pub enum DataError {
         path: String,
         /// Number of files.
         files: usize,
-        /// Rows that have no time.
+        /// Rows without a time.
         without_time: u64,
     },
-    /// The log has more rows than are counted in 32 bits.
+    /// The log has more rows than 32 bits can count.
     #[error(
         "the log has {rows} rows, more than the {} that calib can index; choose a part of it{}",
         u32::MAX,
@@ -210,35 +210,35 @@ pub enum DataError {
     TooManyRows {
         /// Number of rows.
         rows: u64,
-        /// Whether they are those of a clock that the study asks for.
+        /// Whether these are rows of a clock that the study asks for.
         resampled: bool,
     },
-    /// A clock that is far finer than what was recorded.
+    /// A clock that is far finer than the recorded data.
     #[error(
         "data.period_secs = {period_secs} makes {values} values of {samples} that were recorded; raise it, lower data.max_age_secs, \
          or choose channels with data.include"
     )]
     TooFine {
-        /// From one row to the next, in seconds.
+        /// Time from one row to the next, in seconds.
         period_secs: f64,
         /// Values of all channels on the clock.
         values: u64,
-        /// Values that were recorded.
+        /// Recorded values.
         samples: u64,
     },
-    /// Reading the log takes more memory than there is.
+    /// Reading the log needs more memory than is available.
     #[error("{what} takes {} of memory at least, and {} are available; {remedy}", size(*needed), size(*available))]
     TooLarge {
-        /// What takes it.
+        /// The part that needs the memory.
         what: String,
-        /// How much it takes, in bytes.
+        /// Needed memory, in bytes.
         needed: u64,
-        /// How much there is.
+        /// Available memory, in bytes.
         available: u64,
-        /// What takes less.
+        /// How to reduce the need.
         remedy: &'static str,
     },
-    /// The sample period cannot be told.
+    /// The sample period cannot be determined.
     #[error("one row at {at} does not tell the sample period: set data.period_secs, or add rows")]
     NoPeriod {
         /// Time of the row.
@@ -266,21 +266,21 @@ pub enum DataError {
         /// Last row of the log.
         end: String,
     },
-    /// A share of the time leaves one range almost without rows.
+    /// A fraction of the time span leaves one range almost without rows.
     #[error(
         "data.train_fraction divides the time of the log, most of which lies between {} and {}: {train} rows are for training and {held_out} are held out. \
          If the time {} is wrong, correct or delete that row; else say which rows are for what with data.train and data.held_out",
         gap[0], gap[1], if train < held_out { &gap[0] } else { &gap[1] }
     )]
     Lopsided {
-        /// Rows for training.
+        /// Training rows.
         train: usize,
-        /// Rows held out.
+        /// Held-out rows.
         held_out: usize,
-        /// Where the time without rows begins and ends.
+        /// Begin and end of the time without rows.
         gap: [String; 2],
     },
-    /// An entry of `data.angles` that makes no two channels.
+    /// An entry of `data.angles` that cannot be split into two channels.
     #[error("data.angles, {entry:?}: {reason}")]
     Angle {
         /// The name or pattern, or the channel that it names.
@@ -288,7 +288,7 @@ pub enum DataError {
         /// What was found, and what to do.
         reason: String,
     },
-    /// An entry of `data.max_age_secs` that names no channel, or that another one contradicts.
+    /// An entry of `data.max_age_secs` that names no channel, or contradicts another one.
     #[error("data.max_age_secs, {entry:?}: {reason}")]
     MaxAge {
         /// The name or pattern.
@@ -319,7 +319,7 @@ pub enum DataError {
     SensorDropped {
         /// The sensor.
         name: String,
-        /// Why, and what to do.
+        /// The reason, and what to do.
         reason: String,
     },
     /// The mode column cannot be one-hot encoded.
@@ -330,7 +330,7 @@ pub enum DataError {
         /// What was found and expected.
         reason: String,
     },
-    /// A channel of text has more words than are told apart.
+    /// A channel of text has more distinct words than calib can distinguish.
     #[error(
         "channel {name} has more different words, or longer ones, than calib tells apart; leave it out with data.exclude"
     )]
@@ -346,13 +346,14 @@ pub enum DataError {
     NoChannels {
         /// Number of channels in the log.
         channels: usize,
-        /// How many were dropped for which reason.
+        /// Number of dropped channels per reason.
         reasons: String,
     },
     /// A period that the times of the log contradict.
     #[error("{told}")]
     ContradictedPeriod {
-        /// Both, and what to set, as [`contradicted_period`](crate::contradicted_period) says it.
+        /// Both periods, and what to set, in the words of
+        /// [`contradicted_period`](crate::contradicted_period).
         told: String,
     },
     /// Cleaning leaves no transition.
@@ -368,7 +369,7 @@ pub enum DataError {
         dropped: usize,
         /// Segments left.
         segments: usize,
-        /// Channels that miss most, and what to do.
+        /// Channels with the most missing values, and what to do.
         culprits: String,
     },
     /// A value cannot be represented after normalisation.
@@ -381,12 +382,12 @@ pub enum DataError {
         /// Time of the row.
         at: String,
     },
-    /// The observer asked to stop.
+    /// The observer requested a stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
-/// A number of bytes as people read it.
+/// Formats a number of bytes for people.
 fn size(bytes: u64) -> String {
     const MIB: f64 = (1_u64 << 20) as f64;
     match bytes as f64 / MIB {
@@ -402,7 +403,7 @@ impl From<SignError> for DataError {
 }
 
 impl DataError {
-    /// A column that `data.where` names is not there.
+    /// Returns the error for a column in `data.where` that does not exist.
     pub(crate) fn where_column<'a>(
         path: &Path,
         name: &str,
@@ -430,12 +431,12 @@ impl DataError {
     }
 }
 
-/// A sentence with its full stop, unless it ends as a question.
+/// Ends a sentence with a full stop, unless it is a question.
 fn ended(sentence: &str) -> String {
     if sentence.ends_with('?') { sentence.to_owned() } else { format!("{sentence}.") }
 }
 
-/// Why a log of so many files has no rows, or none that has a time, and what to check.
+/// Explains why a log of `files` files has no rows, or no row with a time, and what to check.
 fn why_no_rows(files: usize, without_time: u64) -> String {
     match (files, without_time) {
         (1, 0) => "the file has a header and no rows; check data.path".to_owned(),

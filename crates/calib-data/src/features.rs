@@ -1,11 +1,11 @@
-//! Columns of the states that are not sensors.
+//! Columns of the states that are computed and not sensors.
 
 use std::{f64::consts::TAU, ops::Range};
 
 use calib_core::Timestamp;
 
-/// Exponential trace `e ← βe + (1 − β)x` inside each of `runs`, in place. It starts at the first value
-/// of a run, so that it has no start-up transient.
+/// Computes the exponential trace `e ← βe + (1 − β)x` inside each of `runs`, in place. It starts at
+/// the first value of a run, so it has no start-up transient.
 pub(crate) fn trace(values: &mut [f64], runs: &[Range<usize>], decay: f64) {
     for run in runs {
         let mut trace = values[run.start];
@@ -16,7 +16,8 @@ pub(crate) fn trace(values: &mut [f64], runs: &[Range<usize>], decay: f64) {
     }
 }
 
-/// Sine and cosine of the time of day (UTC, or as the log has it), midnight being the angle 0.
+/// Returns the sine and cosine of the time of day (UTC, or the clock of the log). Midnight is the
+/// angle 0.
 pub(crate) fn time_of_day(timestamps: &[Timestamp]) -> [Vec<f64>; 2] {
     [
         timestamps.iter().map(|&time| angle(time).sin()).collect(),
@@ -24,7 +25,7 @@ pub(crate) fn time_of_day(timestamps: &[Timestamp]) -> [Vec<f64>; 2] {
     ]
 }
 
-/// Of the hand of a clock that goes round once a day.
+/// Returns the angle of a clock hand that turns once per day, in radians.
 fn angle(time: Timestamp) -> f64 {
     const DAY: i64 = 86_400_000_000;
     time.as_micros().rem_euclid(DAY) as f64 / DAY as f64 * TAU

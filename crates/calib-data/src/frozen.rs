@@ -1,15 +1,16 @@
-//! Channels whose instrument was probably frozen.
+//! Warns of channels whose instrument was probably frozen.
 
 use crate::{Profile, Sketch, doubts::first_few};
 
 /// A frozen channel keeps one value for at least this share of the rows. Our choice.
 const CONSTANT: f64 = 0.02;
-/// It keeps its value in at most this share of the other rows: flows that stop every night are not frozen. Our choice.
+/// A frozen channel keeps its value in at most this share of the other rows: flows that stop every night are not
+/// frozen. Our choice.
 const UNCHANGED: f64 = 0.1;
-/// Channels of fewer values are switches and set-points, which stay as they are set.
+/// Channels with fewer distinct values are switches and set-points, which keep their value once set.
 const LEAST_VALUES: u32 = 16;
 
-/// How long a channel is constant, and how it moves otherwise.
+/// How long a channel is constant, and how often it changes otherwise.
 struct Constancy<'a> {
     name: &'a str,
     /// The longest time without a change.
@@ -21,10 +22,10 @@ struct Constancy<'a> {
 }
 
 impl Constancy<'_> {
-    /// Whether it is frozen, in a log of so many rows.
+    /// Whether the channel is frozen, in a log of `rows` rows.
     fn is_frozen(&self, rows: usize, period_secs: f64) -> bool {
         let rows = rows as f64;
-        // Where rows are far apart, a long time without a change has few of them.
+        // If rows are far apart, a long time without a change has few rows.
         let constant = (self.longest_secs / period_secs).min(self.unchanged * rows);
         let others = (self.unchanged * rows - constant) / (rows - constant).max(1.0);
         self.distinct.is_none_or(|distinct| distinct >= LEAST_VALUES)
@@ -34,7 +35,8 @@ impl Constancy<'_> {
 }
 
 impl Profile {
-    /// What is said of kept channels whose instrument was probably frozen; none where there are none.
+    /// Returns the warning for kept channels whose instrument was probably frozen; `None` if there are no such
+    /// channels.
     pub fn frozen_doubt(&self) -> Option<String> {
         let moving = self.kept().filter_map(|channel| {
             channel.values.as_ref().map(|values| Constancy {
@@ -49,7 +51,7 @@ impl Profile {
 }
 
 impl Sketch {
-    /// The same of the channels that are sensors.
+    /// Returns the same warning for the channels that are sensors.
     pub fn frozen_doubt(&self, is_sensor: impl Fn(&str) -> bool) -> Option<String> {
         let sensors = self.channels.iter().filter(|channel| is_sensor(&channel.name));
         let moving = sensors.map(|channel| Constancy {
@@ -78,7 +80,7 @@ fn told<'a>(
     ))
 }
 
-/// A long time, in words.
+/// Formats a long time in words.
 fn long(secs: f64) -> String {
     let units = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "min")];
     let (size, unit) = units.into_iter().find(|(size, _)| secs >= 2.0 * size).unwrap_or((1.0, "s"));
@@ -89,7 +91,7 @@ fn long(secs: f64) -> String {
 mod tests {
     use super::*;
 
-    /// Whether a channel is frozen that is constant for so many of 1000 rows, and unchanged in so many.
+    /// Whether a channel is frozen that is constant for `constant` of 1000 rows and unchanged in `unchanged` rows.
     fn is_frozen(constant: f64, unchanged: f64, distinct: Option<u32>) -> bool {
         let longest_secs = 60.0 * constant;
         let unchanged = unchanged / 1_000.0;

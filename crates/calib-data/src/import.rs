@@ -1,4 +1,4 @@
-//! A log of any form, written once as wide Parquet.
+//! Converts a log of any form to one wide Parquet file.
 
 use std::{collections::BTreeMap, io, path::Path};
 
@@ -14,9 +14,9 @@ use crate::{
     log::{Batch, Codes, Contradicting, Log, MemoryLimit, log_files},
 };
 
-/// Memory that a row group takes before it is written, in bytes.
+/// Maximum memory of a row group before it is written, in bytes.
 const GROUP_BYTES: usize = 64 << 20;
-/// Rows of a row group at most.
+/// Maximum number of rows of a row group.
 const GROUP_ROWS: usize = 1 << 20;
 
 /// What was written.
@@ -61,23 +61,23 @@ pub struct Dropped {
     pub bad_rows: BadRowsFound,
 }
 
-/// Where the values of a channel wait for their row groups.
+/// The place where the values of a channel wait for their row groups.
 struct Column {
     name: String,
     at: u64,
-    /// Of a channel of words: what its values number.
+    /// Labels that the values are indices of, for a channel of words.
     labels: Option<Vec<String>>,
 }
 
-/// Write the log that `data` names, with its rows in time order and each instant once, as one Parquet file: column
-/// `timestamp` (microseconds, no time zone: UTC where the log knows it) and one of `f64` for each channel, or of text where
-/// a channel has nothing but words. `data.include`, `exclude` and `resample` hold; ranges do not.
+/// Writes the log that `data` names as one Parquet file, with its rows in time order and each instant once. It has the
+/// column `timestamp` (microseconds, no time zone: UTC if the log has a zone) and one `f64` column per channel, or a
+/// text column for a channel of words only. `data.include`, `exclude` and `resample` apply; ranges do not.
 ///
 /// Memory holds the timestamps, a batch of channels, and a row group of at most 64 MB.
 ///
 /// # Errors
-/// If the log cannot be read, contradicts itself, or the file cannot be written: it is there and is to stay, or is a part of
-/// the log.
+/// If the log cannot be read or contradicts itself, or if the file cannot be written: because it exists and must be
+/// kept, or is a part of the log.
 pub fn import(
     data: &DataConfig,
     path: &Path,
@@ -123,7 +123,7 @@ fn group_rows(columns: usize) -> usize {
     (GROUP_BYTES / ((columns + 1) * size_of::<f64>())).clamp(1, GROUP_ROWS)
 }
 
-/// Memory that writing takes: for each column, and for each column in each row group what the footer says of it.
+/// Returns the memory for writing, in bytes: per column, and per column and row group for its entry in the footer.
 fn writer_bytes(rows: usize, columns: usize) -> u64 {
     const COLUMN: u64 = 12 << 10;
     const CHUNK: u64 = 1 << 11;
@@ -209,7 +209,7 @@ fn write(
     Ok(written?)
 }
 
-/// Rows from `first` on.
+/// Returns the rows from `first` on.
 fn frame(
     timestamps: &[Timestamp],
     first: usize,

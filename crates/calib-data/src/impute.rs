@@ -1,4 +1,4 @@
-//! Missing values: filled, or their rows dropped. Never across a gap.
+//! Fills missing values, or drops their rows, but never across a gap.
 
 use std::ops::Range;
 
@@ -6,8 +6,8 @@ use calib_core::Timestamp;
 
 use crate::Missing;
 
-/// Fill missing values (NaN) inside each of `stretches` as `missing` says, in place.
-/// Calls `left` with every row that stays missing. Returns how many values were filled.
+/// Fills missing values (NaN) inside each of `stretches` by the method `missing`, in place. Calls
+/// `left` with every row that stays missing. Returns the number of filled values.
 pub(crate) fn impute(
     values: &mut [f64],
     timestamps: &[Timestamp],
@@ -56,7 +56,7 @@ pub(crate) fn impute(
     filled
 }
 
-/// Maximal runs of rows inside each of `stretches` that are not dropped.
+/// Returns the maximal runs of rows inside each of `stretches` that are not dropped.
 pub(crate) fn clean(
     stretches: &[Range<usize>],
     dropped: impl Fn(usize) -> bool,
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(values[1], 1.0);
     }
 
-    /// Row by row, from the definition.
+    /// Fills row by row, straight from the definition.
     fn naive(
         values: &[f64],
         stretch: &Range<usize>,
@@ -171,7 +171,7 @@ mod tests {
                 prop_assert!(!run.is_empty());
                 prop_assert!(stretches.iter().any(|stretch| stretch.start <= run.start && run.end <= stretch.end));
             }
-            // Maximal: two runs that touch are in different stretches.
+            // Runs are maximal: two runs that touch are in different stretches.
             for pair in runs.windows(2) {
                 prop_assert!(pair[0].end < pair[1].start || pair[0].end == cut);
             }

@@ -1,24 +1,24 @@
-//! Plant logs in, tidy tables out. The only crate that names polars.
+//! Reads plant logs and writes tidy tables. This is the only crate that names polars.
 //!
 //! - [`DataConfig`], [`PreprocessConfig`]: the sections `[data]` and `[preprocess]` of a study.
-//! - [`inspect`]: what a log is like, and what preprocessing would make of it: a [`Profile`].
-//! - [`load`]: the cleaned, split and normalised log: a [`Dataset`]; [`survey`] tells its size before,
-//!   [`Surveyed::recorded`] has columns as they were recorded.
-//! - [`import`]: a log of any form as one wide Parquet file.
-//! - [`write_arrow_stream`]: a table in memory, handed over by another program, as a Parquet file.
-//! - [`sketch`]: a log looked at all over, for whoever has to choose how to read it.
-//! - [`entry_of`]: a channel as `data.exclude` names it and no other.
-//! - [`read_tags`]: units and labels of channels, from a list of tags.
+//! - [`inspect`]: describes a log and the result of preprocessing: a [`Profile`].
+//! - [`load`]: returns the cleaned, split and normalised log: a [`Dataset`]. [`survey`] returns its size first, and
+//!   [`Surveyed::recorded`] returns columns as they were recorded.
+//! - [`import`]: converts a log of any form to one wide Parquet file.
+//! - [`write_arrow_stream`]: writes a table from the memory of another program as a Parquet file.
+//! - [`sketch`]: describes a whole log, to help choose how to read it.
+//! - [`entry_of`]: returns an entry for `data.exclude` that names one channel and no other.
+//! - [`read_tags`]: reads units and labels of channels from a list of tags.
 //! - [`table`]: typed tables and plant logs as Parquet files.
 //! - [`parse_time`], [`format_time`]: instants as text.
 //!
-//! Files are recognised by their first rows (`log::shape`). Wide Parquet is read in place; text and tables of samples become
-//! columns outside of the memory first (`text`, `log::columns`, `log::series`).
+//! Files are recognised by their first rows (`log::shape`). Wide Parquet is read in place. Text and tables of samples
+//! are first converted to columns outside of memory (`text`, `log::columns`, `log::series`).
 //!
-//! A log is read in two passes. The first (`log`, `survey`) puts the rows of all files in time order,
-//! looks at every channel, decides which are kept (`select`) and which rows are dropped (`impute`).
-//! The second (`dataset`) reads the kept channels again and writes the states. Both go through the
-//! channels in batches, file by file and slice by slice: memory is the states, the timestamps and one batch.
+//! A log is read in two passes. The first (`log`, `survey`) sorts the rows of all files by time, examines every
+//! channel, and decides which channels are kept (`select`) and which rows are dropped (`impute`). The second
+//! (`dataset`) reads the kept channels again and writes the states. Both process the channels in batches, file by file
+//! and slice by slice: memory holds the states, the timestamps and one batch.
 //!
 //! ```
 //! use calib_core::{Silent, Timestamp};

@@ -9,11 +9,11 @@ use rayon::prelude::*;
 
 use crate::{DataError, sample::Samples, survey::RangeSamples};
 
-/// Rows of the states that one task fills.
+/// Number of rows of the states that one task fills.
 const BLOCK_ROWS: usize = 256;
 
-/// The states of one range, row by row in memory. In a file they lie column by column until all are known: columns that
-/// are written one after the other would touch each page of the rows once for each batch of channels.
+/// The states of one range, stored row by row in memory. In a file they are stored column by column until all are
+/// known: otherwise each batch of channels would touch every page of the rows.
 pub(crate) struct Matrix<'a> {
     part: &'a RangeSamples,
     values: Values,
@@ -43,7 +43,7 @@ impl<'a> Matrix<'a> {
         Ok(Self { part, values, width })
     }
 
-    /// Fill the columns from `first` on with the sampled, normalised values of `columns`.
+    /// Fills the columns from `first` on with the sampled, normalised values of `columns`.
     pub(crate) fn fill(
         &mut self,
         first: usize,
@@ -66,7 +66,7 @@ impl<'a> Matrix<'a> {
         Ok(())
     }
 
-    /// All columns are filled.
+    /// Returns the frames; all columns must be filled.
     pub(crate) fn into_frames(
         self,
         log: &[Timestamp],
@@ -105,7 +105,7 @@ fn fill_rows(
     columns: &[(&[f64], Bounds)],
 ) {
     states.par_chunks_mut(width * BLOCK_ROWS).enumerate().for_each(|(block, rows)| {
-        // Column by column: reads are contiguous, writes stay in the cache.
+        // Column by column: reads are contiguous, and writes stay in the cache.
         for (column, &(values, bounds)) in (first..).zip(columns) {
             for (row, state) in rows.chunks_exact_mut(width).enumerate() {
                 let physical = samples.value(values, block * BLOCK_ROWS + row);
@@ -115,14 +115,14 @@ fn fill_rows(
     });
 }
 
-/// The same values row by row. Strips of rows are written one after the other; each reads a piece of every column.
+/// Transposes the values to rows. Strips of rows are written one after the other; each reads a piece of every column.
 fn by_rows(
     columns: &ScratchFile<f32>,
     rows: usize,
     width: usize,
     directory: PathBuf,
 ) -> Result<Scratch<f32>, DataError> {
-    /// Values of a strip, so that pieces of columns are some thousand values long.
+    /// Number of values of a strip, so that pieces of columns are some thousand values long.
     const STRIP: usize = 1 << 22;
     let mut states = Scratch::zeroed(rows * width, &ScratchPlace::Disk(directory))?;
     let strip_rows = (STRIP / width.max(1)).clamp(1, rows.max(1));

@@ -1,4 +1,4 @@
-//! A column of modes, as one 0/1 column per mode.
+//! Converts a column of modes to one 0/1 column per mode.
 
 use std::{cmp::Ordering, collections::HashMap};
 
@@ -11,25 +11,25 @@ use crate::{
     names::hint,
 };
 
-/// More modes than this are not modes.
+/// Maximum number of distinct values that count as modes.
 const MODES: usize = 64;
 
 /// The mode of every row of the log.
 pub(crate) struct Modes {
     pub(crate) channel: usize,
-    /// The modes of the training range: numbers in order, then text in order.
+    /// The modes of the training range: first numbers in order, then text in order.
     pub(crate) labels: Vec<String>,
-    /// Position in `labels` of every row's mode. Modes that the training range does not have are
+    /// Position in `labels` of every row's mode. Modes that do not occur in the training range are
     /// past the end; NaN is a missing mode.
     pub(crate) positions: Vec<f64>,
-    /// Missing modes that were filled.
+    /// Number of missing modes that were filled.
     pub(crate) imputed: u64,
-    /// Rows whose mode stays missing.
+    /// Rows whose mode is still missing.
     pub(crate) left: Vec<usize>,
 }
 
 impl Modes {
-    /// Read the channel that `preprocess.one_hot` names.
+    /// Reads the channel that `preprocess.one_hot` names.
     pub(crate) fn read(
         log: &Log,
         preprocess: &PreprocessConfig,
@@ -81,7 +81,7 @@ impl Modes {
                 }
             })
             .collect();
-        // There is nothing between two modes to interpolate to.
+        // Modes cannot be interpolated.
         let missing = match preprocess.missing {
             Missing::DropRow => Missing::DropRow,
             Missing::ForwardFill | Missing::Linear => Missing::ForwardFill,
@@ -104,12 +104,12 @@ impl Modes {
         }))
     }
 
-    /// The names of the columns for the channel called `name`.
+    /// Returns the names of the columns for the channel called `name`.
     pub(crate) fn columns(&self, name: &str) -> impl Iterator<Item = String> {
         self.labels.iter().map(move |label| format!("{name}={label}"))
     }
 
-    /// 1 where the mode is number `mode`, 0 elsewhere.
+    /// Returns 1 for rows with mode number `mode`, and 0 for other rows.
     pub(crate) fn one_hot(&self, mode: usize) -> Vec<f64> {
         let positions = self.positions.iter();
         positions.map(|&position| f64::from(u8::from(position == mode as f64))).collect()

@@ -1,4 +1,4 @@
-//! Channels by name or pattern.
+//! Selects channels by name or pattern.
 
 use std::collections::{HashMap, HashSet};
 
@@ -6,11 +6,10 @@ use glob::Pattern;
 
 use crate::{DataConfig, DataError};
 
-/// Names of channels, some of them patterns.
+/// Names of channels, some of which are patterns.
 pub(crate) struct Names<'a> {
     entries: &'a [String],
-    /// The first entry that is each of these names, as it stands or as a pattern of nothing but letters that stand for
-    /// themselves.
+    /// The first entry for each of these names: the literal entry, or a pattern that matches only this name.
     literal: HashMap<String, usize>,
     /// Entries that may match other names too.
     patterns: Vec<(usize, Pattern)>,
@@ -21,7 +20,7 @@ impl<'a> Names<'a> {
         let mut literal = HashMap::new();
         let mut patterns = Vec::new();
         for (position, entry) in entries.iter().enumerate() {
-            // Tag names may hold brackets: a name that is equal matches, whatever it means as a pattern.
+            // Tag names may contain brackets: an equal name matches, whatever it means as a pattern.
             literal.entry(entry.clone()).or_insert(position);
             if let Some(name) = literally(entry) {
                 literal.entry(name).or_insert(position);
@@ -32,7 +31,7 @@ impl<'a> Names<'a> {
         Self { entries, literal, patterns }
     }
 
-    /// The first entry that is `channel`, or a pattern that matches it.
+    /// Returns the first entry that equals `channel`, or is a pattern that matches it.
     pub(crate) fn matching(&self, channel: &str) -> Option<&'a str> {
         let named = self.literal.get(channel).copied();
         let mut before =
@@ -42,7 +41,8 @@ impl<'a> Names<'a> {
         Some(&self.entries[position])
     }
 
-    /// The first entry that is one of `names` of a channel or matches it, of the first name that has one.
+    /// Returns the first entry that equals or matches one of `names` of a channel. The first name with an entry
+    /// decides.
     pub(crate) fn matching_any<'b>(
         &self,
         mut names: impl Iterator<Item = &'b str>,
@@ -50,7 +50,7 @@ impl<'a> Names<'a> {
         names.find_map(|name| self.matching(name))
     }
 
-    /// The entries that match none of `channels`.
+    /// Returns the entries that match none of `channels`.
     pub(crate) fn unused<'b>(
         &self,
         channels: &(impl Iterator<Item = &'b str> + Clone),
@@ -72,7 +72,7 @@ impl<'a> Names<'a> {
         unused.map(|(entry, _)| entry.as_str()).collect()
     }
 
-    /// Refuse entries that match none of `channels`.
+    /// Rejects entries that match none of `channels`.
     pub(crate) fn check<'b>(
         &self,
         channels: impl Iterator<Item = &'b str> + Clone,
@@ -87,9 +87,9 @@ impl<'a> Names<'a> {
     }
 }
 
-/// The channels that a study asks for.
+/// The channels that a study selects.
 pub(crate) struct Chosen<'a> {
-    /// None for all.
+    /// Included names; `None` for all.
     include: Option<Names<'a>>,
     exclude: Names<'a>,
 }
@@ -100,14 +100,14 @@ impl<'a> Chosen<'a> {
         Self { include, exclude: Names::new(&data.exclude) }
     }
 
-    /// Whether the channel that has these names is one.
+    /// Whether the channel with these names is selected.
     pub(crate) fn has<'b>(&self, names: &(impl Iterator<Item = &'b str> + Clone)) -> bool {
         self.include.as_ref().is_none_or(|include| include.matching_any(names.clone()).is_some())
             && self.exclude.matching_any(names.clone()).is_none()
     }
 }
 
-/// The only name that a pattern matches, if it is one of letters that stand for themselves: `T [[]°C]` is `T [°C]`.
+/// Returns the only name that a pattern matches, if there is only one: `T [[]°C]` matches only `T [°C]`.
 fn literally(pattern: &str) -> Option<String> {
     let mut name = String::with_capacity(pattern.len());
     let mut rest = pattern.chars();
@@ -124,13 +124,13 @@ fn literally(pattern: &str) -> Option<String> {
     Some(name)
 }
 
-/// The entry of `data.include` or `data.exclude` that is the channel called `name` and no other of the log, whose channels are
-/// those that `is_channel`: names may hold signs that mean something in patterns.
+/// Returns an entry for `data.include` or `data.exclude` that matches only the channel called `name`. `is_channel`
+/// tells whether a name is a channel of the log. Names may contain special characters of patterns.
 pub fn entry_of(name: &str, is_channel: impl Fn(&str) -> bool) -> String {
     if !name.contains(['*', '?', '[']) {
         return name.to_owned();
     }
-    // Another channel may be called as the pattern is written, and an equal name matches: `[**]` is a star as `[*]` is.
+    // Another channel may have the pattern as its name, and an equal name matches: `[**]` matches a star as `[*]` does.
     let mut times = 1;
     loop {
         let entry = bracketed(name, times);
@@ -141,7 +141,7 @@ pub fn entry_of(name: &str, is_channel: impl Fn(&str) -> bool) -> String {
     }
 }
 
-/// A name with each sign that means something in patterns in brackets, so many times.
+/// Puts brackets around each special character of patterns in a name, and repeats the character `times` times.
 fn bracketed(name: &str, times: usize) -> String {
     name.chars()
         .map(|letter| match letter {
@@ -151,19 +151,19 @@ fn bracketed(name: &str, times: usize) -> String {
         .collect()
 }
 
-/// `; did you mean A or B?`, or nothing.
+/// Returns `; did you mean A or B?`, or an empty string.
 pub fn hint<'a>(name: &str, channels: impl Iterator<Item = &'a str>) -> String {
     let similar = by_likeness(name, channels).into_iter().filter(|&(likeness, _)| likeness > 0.8);
     let names: Vec<&str> = similar.take(3).map(|(_, name)| name).collect();
     if names.is_empty() { String::new() } else { format!("; did you mean {}?", names.join(" or ")) }
 }
 
-/// All of these channels, those with the names most like `name` first.
+/// Returns all channels, those with names most similar to `name` first.
 pub fn nearest_names<'a>(name: &str, channels: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     by_likeness(name, channels).into_iter().map(|(_, channel)| channel).collect()
 }
 
-/// Each channel with how like `name` it is called, the most alike first.
+/// Returns each channel with the similarity of its name to `name`, the most similar first.
 fn by_likeness<'a>(name: &str, channels: impl Iterator<Item = &'a str>) -> Vec<(f64, &'a str)> {
     let wanted = name.to_lowercase();
     let mut all: Vec<(f64, &str)> = channels

@@ -1,20 +1,20 @@
-//! Values that no plant measured: single samples far outside of everything else.
+//! Values that no plant measured: single samples far outside of all others.
 //!
-//! What is normal is told by the training range. With Q(p) its quantiles, the *fences* of a channel are
+//! The training range defines the normal values. With Q(p) its quantiles, the *fences* of a channel are
 //!
 //! ```text
 //! Q(0.005) - 3 W  and  Q(0.995) + 3 W,   W = Q(0.995) - Q(0.005).
 //! ```
 //!
-//! These are Tukey's fences (*Exploratory Data Analysis*, 1977: beyond three times the spread is *far out*), with the central
-//! 99 % in the place of the central half. Plants have modes and bursts: half of the values of a turbidity or a valve say nothing
-//! about the others, and a median absolute deviation, as in Hampel's rule, is 0 where a channel rests most of the time. W is also
-//! at least twice the smallest change, so that two neighbouring steps of a quantised channel fence nothing off. Where
-//! 99 % of the values are equal, nothing is known of the others, and there are no fences.
+//! These are Tukey's fences (*Exploratory Data Analysis*, 1977: beyond three times the spread is *far out*), with the
+//! central 99 % instead of the central half. Plants have modes and bursts, so half of the values of a turbidity or a
+//! valve say nothing about the others. A median absolute deviation, as in Hampel's rule, is 0 if a channel rests most
+//! of the time. W is also at least twice the smallest change, so that neighbouring steps of a quantised channel are
+//! inside the fences. If 99 % of the values are equal, the others cannot be judged, and there are no fences.
 //!
-//! A *spike* is a run of at most three rows beyond a fence, between rows within the fences. What lasts longer, and what a stretch
-//! of the log begins or ends with, is kept: it may be so. (The numbers are our choices; what they flag on the logs that we have is
-//! in `docs/formats.md`.)
+//! A *spike* is a run of at most three rows beyond a fence, between rows within the fences. Longer runs, and runs at
+//! the beginning or end of a stretch of the log, are kept because they may be real. (The numbers are our choices.
+//! `docs/formats.md` lists what they flag on the logs that we have.)
 
 use std::ops::Range;
 
@@ -26,13 +26,13 @@ use crate::{
     channel::{is_same, quantile},
 };
 
-/// Share of the values on each side that the spread leaves out.
+/// Share of the values on each side that the spread excludes.
 const TAIL: f64 = 0.005;
-/// Spreads between a tail and its fence.
+/// Distance between a tail and its fence, in spreads.
 const FAR: f64 = 3.0;
-/// Rows of a spike at most.
+/// Maximum number of rows of a spike.
 const SPIKE_ROWS: usize = 3;
-/// Values that quantiles are told by: evenly thinned, where there are more.
+/// Number of values that quantiles are computed from; more values are evenly thinned.
 const LOOKED_AT: usize = 200_000;
 
 /// Between which values a channel lies, as far as its training range tells.
@@ -45,7 +45,7 @@ pub struct Fences {
 }
 
 impl Fences {
-    /// Of the values of the training range, NaN being missing; `None` where nearly all are equal.
+    /// Computes fences from the values of the training range, where NaN means missing; `None` if nearly all are equal.
     pub(crate) fn of(values: &[f64], smallest_change: Option<f64>) -> Option<Self> {
         let step = values.len() / LOOKED_AT + 1;
         let mut looked_at: Vec<f64> =
@@ -63,12 +63,12 @@ impl Fences {
         (fences.low.is_finite() && fences.high.is_finite()).then_some(fences)
     }
 
-    /// Whether `value` lies beyond a fence; a missing one does not.
+    /// Whether `value` lies beyond a fence; false for a missing value.
     pub fn far_out(&self, value: f64) -> bool {
         value < self.low || value > self.high
     }
 
-    /// Call `found` with every row of `values` that is a spike, inside each of `stretches`.
+    /// Calls `found` with every row of `values` that is a spike, inside each of `stretches`.
     pub(crate) fn spikes(
         &self,
         values: &[f64],
@@ -93,7 +93,7 @@ impl Fences {
         }
     }
 
-    /// Do with the spikes of `values` what the study says.
+    /// Treats the spikes of `values` by the method `outliers`.
     pub(crate) fn treat(&self, values: &mut [f64], stretches: &[Range<usize>], outliers: Outliers) {
         if outliers == Outliers::Keep {
             return;
@@ -125,7 +125,7 @@ mod tests {
         rows
     }
 
-    /// A level between 1480 and 1520.
+    /// Returns a level between 1480 and 1520.
     fn level(rows: usize) -> Vec<f64> {
         (0..rows).map(|row| 1500.0 + 20.0 * (row as f64 / 7.0).sin()).collect()
     }

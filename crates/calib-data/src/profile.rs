@@ -1,4 +1,4 @@
-//! What `calib inspect` shows.
+//! The description of a log that `calib inspect` shows.
 
 use calib_core::Timestamp;
 use schemars::JsonSchema;
@@ -120,12 +120,12 @@ pub struct ContradictionsFound {
     pub cause: Option<ContradictionCause>,
 }
 
-/// Up to this share of the rows, values that differ at the same time are no reason to do without a log, as where a clock was set
-/// back or recordings overlap: `calib init` keeps the first. More are a log that is read wrongly. Our choice.
+/// `calib init` accepts a log with contradicting values in at most this share of the rows, and keeps the first value. A
+/// clock that was set back or overlapping recordings cause so few. With more, the log is read wrongly. Our choice.
 pub const FEW_CONTRADICT: f64 = 0.01;
 
 impl ContradictionsFound {
-    /// Whether `calib init` makes a study of a log of so many rows all the same.
+    /// Whether there are so few contradictions in a log of `rows` rows that `calib init` accepts it.
     pub fn are_few(&self, rows: u64) -> bool {
         let is_of_plants = matches!(self.cause, Some(ContradictionCause::Column { .. }));
         self.count > 0
@@ -200,12 +200,12 @@ pub struct Description {
 }
 
 impl Description {
-    /// Whether it says nothing.
+    /// Whether the description is empty.
     pub fn is_empty(&self) -> bool {
         self.unit.is_none() && self.label.is_none()
     }
 
-    /// This, and from `other` what it does not say.
+    /// Returns this description, with missing parts taken from `other`.
     #[must_use]
     pub fn or(self, other: &Self) -> Self {
         Self {
@@ -281,7 +281,7 @@ pub struct FarOut {
 }
 
 impl FarOut {
-    /// Whether there is nothing to tell.
+    /// Whether there are no such values.
     pub fn is_none(&self) -> bool {
         self.spikes == 0 && self.held_out == 0
     }
@@ -300,7 +300,7 @@ pub struct BridgedStops {
 }
 
 impl BridgedStops {
-    /// Whether there are none.
+    /// Whether there are no such stops.
     pub fn is_none(&self) -> bool {
         self.count == 0
     }
@@ -363,10 +363,10 @@ impl PartProfile {
 }
 
 impl Profile {
-    /// The channel called `name`.
+    /// Returns the channel called `name`.
     ///
     /// # Errors
-    /// If there is none; the message suggests similar names.
+    /// If it does not exist; the message suggests similar names.
     pub fn channel(&self, name: &str) -> Result<&ChannelProfile, DataError> {
         let found = self.channels.iter().find(|channel| channel.name == name);
         found.ok_or_else(|| {
@@ -379,21 +379,23 @@ impl Profile {
         })
     }
 
-    /// What is said to somebody who names the angle `name` where one of its two channels is meant; `None` if it is not one.
+    /// Returns a hint for users who name the angle `name` instead of one of its two channels; `None` if it is not an
+    /// angle.
     pub fn angle_hint(&self, name: &str) -> Option<String> {
         angle_hint(name, self.channels.iter().filter_map(|channel| channel.angle.as_ref()))
     }
 
-    /// What the files call the channel `name`: of the sine or the cosine of an angle, that of the angle.
+    /// Returns the name of the channel `name` in the files. For the sine or cosine of an angle, it is the name of the
+    /// angle.
     pub fn recorded_name<'a>(&'a self, name: &'a str) -> &'a str {
         let recorded = self.channels.iter().find(|channel| channel.name == name);
         recorded.and_then(|channel| channel.angle.as_ref()).map_or(name, |angle| &angle.channel)
     }
 
-    /// Check that the channel called `name` is a sensor of the states.
+    /// Checks that the channel called `name` is a sensor of the states.
     ///
     /// # Errors
-    /// If there is no such channel, or it was dropped; the message says why.
+    /// If there is no such channel, or it was dropped; the message gives the reason.
     pub fn require_sensor(&self, name: &str) -> Result<(), DataError> {
         match &self.channel(name)?.dropped {
             None => Ok(()),
@@ -403,7 +405,7 @@ impl Profile {
         }
     }
 
-    /// The channels that are sensors of the states, in order.
+    /// Iterates over the channels that are sensors of the states, in order.
     pub fn kept(&self) -> impl Iterator<Item = &ChannelProfile> {
         self.channels.iter().filter(|channel| channel.dropped.is_none())
     }

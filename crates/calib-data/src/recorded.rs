@@ -1,4 +1,4 @@
-//! Columns as they were recorded, beside the states: what was done, and what it was worth.
+//! Columns as they were recorded, beside the states, such as actions and rewards.
 
 use calib_core::Monitor;
 
@@ -8,36 +8,37 @@ use crate::{
     names::hint,
 };
 
-/// Columns that are named where one is not there.
+/// Maximum number of columns that an error lists.
 const SHOWN: usize = 3;
 
 /// Columns as they were recorded.
 #[derive(Clone, Debug)]
 pub struct RecordedColumns {
-    /// `[names][rows]`, in the unit of the log; NaN where there is no number.
+    /// Values `[names][rows]`, in the unit of the log; NaN where there is no number.
     pub values: Vec<Vec<f64>>,
-    /// Text in them, one entry for each column that has any.
+    /// Text in the columns, one entry per column with text.
     pub texts: Vec<TextFound>,
 }
 
 /// Text in a column of numbers, which counts as missing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TextFound {
-    /// The column.
+    /// Name of the column.
     pub column: String,
     /// The most frequent text.
     pub example: String,
-    /// Rows of the whole log with text.
+    /// Number of rows with text in the whole log.
     pub rows: u64,
 }
 
 impl Surveyed {
-    /// The values of these channels in the training rows as recorded, without treatment. They may be channels that are no column of the
-    /// states.
+    /// Returns the values of these channels in the training rows as recorded, without treatment. The channels need not
+    /// be columns of the states.
     ///
     /// # Errors
-    /// If there is no such channel, it holds no numbers, it says two things of one time and the study does not say which counts, rows are sub-sampled (an action belongs to one row), a file cannot be read, or
-    /// the monitor interrupts.
+    /// If a channel does not exist or holds no numbers, or has two values at one time and the study does not select one
+    /// of them. If rows are sub-sampled (an action belongs to one row), a file cannot be read, or the monitor
+    /// interrupts.
     pub fn recorded(
         &self,
         names: &[String],

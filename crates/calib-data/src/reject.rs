@@ -1,4 +1,4 @@
-//! Logs of which nothing is left, or that contradict the study, and why.
+//! Rejects logs of which nothing remains, or that contradict the study, with the reason.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use crate::{
 };
 
 impl Survey {
-    /// Refuse a log that says two things of one time, unless the study says which counts.
+    /// Rejects a log with different values at one time, unless the study selects one of them.
     pub(crate) fn refuse_contradictions(&self, keep: Contradictions) -> Result<(), DataError> {
         let found = &self.profile.contradictions;
         if found.count == 0 || !keep.refuses() {
@@ -21,8 +21,8 @@ impl Survey {
         })
     }
 
-    /// Refuse a period that nearly all steps of the training range contradict, or that leaves no transition of it. Whatever else is
-    /// missing, the period has to be right first.
+    /// Rejects a period that nearly all steps of the training range contradict, or that leaves no transition in it.
+    /// This check comes first, because a wrong period hides other faults.
     pub(crate) fn refuse_period(&self) -> Result<(), DataError> {
         let profile = &self.profile;
         match profile.recorded_period_secs {
@@ -35,7 +35,7 @@ impl Survey {
         }
     }
 
-    /// Refuse a log without channels, or a range without transitions.
+    /// Rejects a log without channels, or a range without transitions.
     pub(crate) fn refuse_empty(
         &self,
         data: &DataConfig,
@@ -71,8 +71,8 @@ impl Survey {
         Ok(())
     }
 
-    /// The channels that cost most rows of the range `key`. What is missing in the held-out range alone, no limit of the training range
-    /// drops.
+    /// Lists the channels that cost most rows of the range `key`. A limit on the training range drops no channel whose
+    /// values are missing only in the held-out range.
     fn culprits(
         &self,
         key: &str,
@@ -112,7 +112,8 @@ impl Survey {
 }
 
 impl Sketch {
-    /// Refuse a period that nearly all steps contradict, or that makes all of them gaps: how channels move could not be seen.
+    /// Rejects a period that nearly all steps contradict, or that turns all steps into gaps: the changes of channels
+    /// would be unknown.
     ///
     /// # Errors
     /// [`DataError::ContradictedPeriod`].

@@ -1,4 +1,4 @@
-//! Sub-sampling: which rows of the log a row of the states stands for.
+//! Sub-sampling: maps rows of the states to rows of the log.
 
 use std::ops::Range;
 
@@ -6,17 +6,18 @@ use calib_core::{SegmentError, Segments, Timestamp};
 
 use crate::Reduce;
 
-/// The rows of the states of one range: each stands for `width` rows of the log from `starts[i]` on.
+/// The rows of the states of one range. Row i stands for `width` rows of the log from `starts[i]`
+/// on.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Samples {
     pub(crate) starts: Vec<u32>,
-    /// 1 if a row is kept as it is; otherwise the number of rows whose mean it is.
+    /// 1 if rows are kept unchanged; otherwise the number of rows that are averaged.
     pub(crate) width: usize,
     pub(crate) segments: Segments,
 }
 
 impl Samples {
-    /// One row in `every` of each of `runs`, counted from its first row.
+    /// Takes one row in `every` of each of `runs`, counted from the first row of the run.
     pub(crate) fn of(
         runs: &[Range<usize>],
         every: usize,
@@ -48,12 +49,13 @@ impl Samples {
         self.starts.len()
     }
 
-    /// Pairs of successive rows inside segments.
+    /// Returns the number of pairs of successive rows inside segments.
     pub(crate) fn transitions(&self) -> usize {
         self.rows() - self.segments.len()
     }
 
-    /// The time of each row: a mean is known when its last row is.
+    /// Returns the time of each row: a mean has the time of its last row, because it is not known
+    /// earlier.
     pub(crate) fn timestamps(&self, log: &[Timestamp]) -> Vec<Timestamp> {
         let last = self.width - 1;
         self.starts.iter().map(|&start| log[start as usize + last]).collect()

@@ -1,4 +1,4 @@
-//! Which channels become sensors of the states, and why the others do not.
+//! Decides which channels become sensors of the states, and why the others do not.
 
 use std::fmt;
 
@@ -84,7 +84,8 @@ impl fmt::Display for DropReason {
     }
 }
 
-/// A value as it was recorded: of one that single precision holds, as most logs have it, the digits of that.
+/// A recorded value. If single precision holds it, as in most logs, it is shown with the digits of single
+/// precision.
 struct Short(f64);
 
 impl fmt::Display for Short {
@@ -94,8 +95,8 @@ impl fmt::Display for Short {
     }
 }
 
-/// The normalisation of a channel with these values, or why it is dropped.
-/// Fitted on the recorded values of the training rows only; `values` and `moments` are theirs.
+/// Returns the normalisation of a channel with these values, or the reason to drop it. It is fitted only on
+/// the recorded values of the training rows: `values` and `moments` belong to them.
 pub(crate) fn fit(
     values: &[f64],
     moments: Option<Moments>,
@@ -122,7 +123,7 @@ pub(crate) fn fit(
             (low, high - low)
         }
     };
-    // The states are f32: a scale below its range would make all of them infinite.
+    // The states are f32: a scale below their range would make all of them infinite.
     if scale > 0.0 && scale.is_finite() {
         Ok(Bounds { offset, scale })
     } else {

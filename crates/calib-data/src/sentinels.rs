@@ -1,15 +1,15 @@
-//! Numbers that loggers write where they have no value, such as -200, -999.9 or 9999.
+//! Finds numbers that loggers write for a missing value, such as -200, -999.9 or 9999.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Distinct values that are kept at each end of a channel: two numbers for "no value", and what lies behind them.
+/// Number of distinct values that are kept at each end of a channel: two sentinels, and the next value behind them.
 const KEPT: usize = 3;
-/// Channels with fewer distinct values are modes: a far value is one of them.
+/// Channels with fewer distinct values are modes, so a far value is one of the modes.
 const DISTINCT: usize = 20;
-/// A number occurs often if it does so many times, and in one of so many values.
+/// A number is frequent if it occurs at least this many times, and in one of this many values.
 const OFTEN: (u64, u64) = (3, 50_000);
-/// A number that looks like one for "no value" may lie so near, in widths of the other values of its channel.
+/// Minimum distance of a number that looks like a sentinel, in widths of the other values of its channel.
 const NEAR: f64 = 0.1;
 
 /// A number that probably stands for a missing value.
@@ -26,7 +26,7 @@ pub struct Sentinel {
 }
 
 impl Sentinel {
-    /// What was found, in words.
+    /// Describes the finding in words.
     pub fn told(&self) -> String {
         const NAMED: usize = 3;
         let named: Vec<&str> = self.channels.iter().take(NAMED).map(String::as_str).collect();
@@ -43,14 +43,14 @@ impl Sentinel {
     }
 }
 
-/// The smallest and the largest values of a channel, and how often each occurs.
+/// The smallest and the largest values of a channel, with their frequencies.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Extremes {
-    /// The smallest first.
+    /// The smallest values, in ascending order.
     low: Vec<(f64, u64)>,
-    /// The largest first.
+    /// The largest values, in descending order.
     high: Vec<(f64, u64)>,
-    /// Values that are not missing.
+    /// Number of values that are not missing.
     count: u64,
     /// Some of the distinct values.
     distinct: Vec<u64>,
@@ -70,12 +70,13 @@ impl Extremes {
         extremes
     }
 
-    /// The smallest and the largest value; `None` without one.
+    /// Returns the smallest and the largest value; `None` without values.
     pub(crate) fn range(&self) -> Option<[f64; 2]> {
         Some([self.low.first()?.0, self.high.first()?.0])
     }
 
-    /// The numbers at its ends that occur often, and how far from the other values they lie, in widths of these.
+    /// Returns the frequent numbers at the ends of the channel, with their distances from the other values, in widths
+    /// of these.
     fn far(&self) -> Vec<(f64, f64)> {
         if self.distinct.len() < DISTINCT {
             return Vec::new();
@@ -103,14 +104,14 @@ impl Extremes {
         best
     }
 
-    /// How often `value` stands at an end of the channel.
+    /// Returns how often `value` occurs at an end of the channel.
     fn times(&self, value: f64) -> u64 {
         let ends = self.low.iter().chain(&self.high);
         ends.filter(|end| end.0.total_cmp(&value).is_eq()).map(|end| end.1).max().unwrap_or(0)
     }
 }
 
-/// Keep `value` among the first few, where `comes` says which of two values comes before the other.
+/// Keeps `value` among the first few; `comes` is true if its first argument comes before the second.
 fn note(ends: &mut Vec<(f64, u64)>, value: f64, comes: impl Fn(f64, f64) -> bool) {
     if ends.len() == KEPT && comes(ends[KEPT - 1].0, value) {
         return;
@@ -125,11 +126,12 @@ fn note(ends: &mut Vec<(f64, u64)>, value: f64, comes: impl Fn(f64, f64) -> bool
     }
 }
 
-/// The numbers that probably stand for a missing value in the log, the most frequent first.
+/// Returns the numbers that probably stand for a missing value in the log, the most frequent first.
 ///
-/// One that looks like it (nothing but nines, a limit of 16 or 32 bits, a negative hundred) has to lie at the end of a channel, at least as
-/// far from its other values as these are wide; a negative number that does not, at the ends of two channels without other
-/// negative values. 0 is none: pumps stand still. (Our choice.)
+/// Some numbers look like a sentinel: only nines, a limit of 16 or 32 bits, or a negative hundred. Such a number must
+/// lie at the end of a channel, at least as far from the other values as these are wide. A negative number that does
+/// not look like a sentinel must lie so at the ends of two channels without other negative values. 0 is never a
+/// sentinel: pumps stop. (Our choice.)
 pub(crate) fn sentinels(channels: &[(&str, &Extremes)]) -> Vec<Sentinel> {
     let mut candidates: Vec<(f64, [usize; 2])> = Vec::new();
     for (_, extremes) in channels {
@@ -171,7 +173,7 @@ pub(crate) fn sentinels(channels: &[(&str, &Extremes)]) -> Vec<Sentinel> {
     found
 }
 
-/// The number as it was written, if it was rounded to 32 bits: -999.9 rather than -999.900024.
+/// Returns the number as it was written before rounding to 32 bits: -999.9 rather than -999.900024.
 fn decimal(value: f64) -> f64 {
     let single = value as f32;
     if f64::from(single).total_cmp(&value).is_eq() {
@@ -181,7 +183,7 @@ fn decimal(value: f64) -> f64 {
     }
 }
 
-/// Whether people and programs write this number for "no value".
+/// Whether people and programs usually write this number for a missing value.
 fn looks_missing(value: f64) -> bool {
     const LIMITS: [f64; 8] = [
         32_767.0,
@@ -202,7 +204,7 @@ fn looks_missing(value: f64) -> bool {
         || value < 0.0 && value % 100.0 == 0.0
 }
 
-/// Make what `declared` says missing, and say how much of it there was.
+/// Replaces the `declared` values by NaN, and returns their number.
 pub(crate) fn make_missing(values: &mut [f64], declared: &[f64]) -> u64 {
     if declared.is_empty() {
         return 0;
@@ -215,7 +217,7 @@ pub(crate) fn make_missing(values: &mut [f64], declared: &[f64]) -> u64 {
     count
 }
 
-/// Whether `declared` has this value, perhaps rounded to 32 bits.
+/// Whether `declared` contains this value, possibly rounded to 32 bits.
 pub(crate) fn stands_for_missing(value: f64, declared: &[f64]) -> bool {
     declared.iter().any(|&sentinel| value == sentinel || value == f64::from(sentinel as f32))
 }
@@ -234,7 +236,7 @@ mod tests {
             .collect()
     }
 
-    /// Values from `low` to `high`, and `others` between them.
+    /// Returns values from `low` to `high`, followed by `others`.
     fn wave(low: f64, high: f64, others: &[f64]) -> Vec<f64> {
         let middle = f64::midpoint(low, high);
         let wave = (0..600).map(|row| middle + (high - low) / 2.0 * (f64::from(row) / 9.0).sin());

@@ -1,20 +1,22 @@
-//! The clock that times are shown on.
+//! The clock on which times are shown.
 
 use calib_core::Timestamp;
 use calib_text::{Zone, format_time};
 
 use crate::DataConfig;
 
-/// The clock that people read times on: that of `data.time_zone`, if a study names one, else that of the log.
+/// The clock on which people read times: that of `data.time_zone`, if a study sets it, or otherwise that of
+/// the log.
 #[derive(Clone, Debug, Default)]
 pub struct ShownClock {
     zone: Option<Zone>,
-    /// Its name; none where times are as the log has them.
+    /// Name of the clock; `None` if times are unchanged from the log.
     name: Option<String>,
 }
 
 impl ShownClock {
-    /// That of a study with this section. `utc` says whether calib has the times of the log in UTC.
+    /// Returns the clock of a study with this section. `utc` is whether the times of the log are known in
+    /// UTC.
     pub fn of(data: &DataConfig, utc: bool) -> Self {
         let zone = data.time_zone.as_deref().and_then(Zone::new);
         let name = match (&zone, utc) {
@@ -36,18 +38,18 @@ impl ShownClock {
         zone.map_or_else(|| format_time(time), |zone| zone.written(time).replacen('T', " ", 1))
     }
 
-    /// `2024-03-01 00:00:00 to 2024-03-08 00:00:00 (Europe/Berlin)`.
+    /// Formats a range as `2024-03-01 00:00:00 to 2024-03-08 00:00:00 (Europe/Berlin)`.
     pub fn range(&self, [first, last]: [Timestamp; 2]) -> String {
         format!("{} to {}", self.shown(first), self.named(last))
     }
 
-    /// A time on this clock, and the name of the clock behind it.
+    /// Formats a time on this clock, followed by the name of the clock.
     pub fn named(&self, time: Timestamp) -> String {
         let name = self.name.as_ref().map_or_else(String::new, |name| format!(" ({name})"));
         format!("{}{name}", self.shown(time))
     }
 
-    /// What is said of times that are shown without the name of their clock.
+    /// Describes the clock, for times that are shown without its name.
     pub fn told(&self) -> String {
         match &self.name {
             Some(name) => format!("in {name}"),

@@ -1,4 +1,4 @@
-//! What a log is like all over, for whoever has to choose how to read it: [`Sketch`].
+//! Describes a whole log, to help choose how to read it: [`Sketch`].
 
 use std::ops::Range;
 
@@ -21,29 +21,30 @@ mod counting;
 
 pub use counting::{FEW_VALUES, counts_on_evenly};
 
-/// Bins at most that a log is cut into.
+/// Maximum number of bins of a log.
 const BINS: usize = 64;
-/// Values at most of a channel that are kept for comparisons with others; fewer where there are very many channels.
+/// Maximum number of values per channel that are kept for comparisons with other channels; fewer if there are very many
+/// channels.
 const THINNED: usize = 4_000;
-/// The same of all channels, and of each at least.
+/// Maximum number of kept values of all channels, and minimum number per channel.
 const ALL_THINNED: usize = 32 << 20;
 const LEAST_THINNED: usize = 250;
-/// Distances, in rows, over which it is seen how far channels move.
+/// Lags, in rows, for the autocorrelation.
 const LAGS: [usize; 19] =
     [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 150, 200, 300, 600, 1_000, 2_000, 3_000, 6_000, 10_000];
 
-/// A log, looked at all over: which channels are where, how they move, and what does not look like a sensor.
+/// A description of a whole log: where channels have values, how they change, and which ones do not look like sensors.
 #[derive(Clone, Debug)]
 pub struct Sketch {
     /// What a row of the files is.
     pub shape: Shape,
-    /// Whether rows have no times but their numbers.
+    /// Whether rows have no times, so that they are numbered.
     pub without_times: bool,
-    /// How columns are read otherwise than each by itself, in sentences.
+    /// Sentences about columns that are not read independently, such as joined times.
     pub read_as: Vec<String>,
     /// Number of files.
     pub files: usize,
-    /// Lines of text files that were left out.
+    /// Lines of text files that were skipped.
     pub bad_rows: BadRowsFound,
     /// Whether times are UTC.
     pub utc: bool,
@@ -51,15 +52,16 @@ pub struct Sketch {
     pub clock: ShownClock,
     /// The median step, or the period that was given, in seconds.
     pub period_secs: f64,
-    /// The median step in seconds, if a period was given that it contradicts: nearly all steps are as long, or most are gaps.
+    /// The median step in seconds, if it contradicts the given period: nearly all steps have this length, or most are
+    /// gaps.
     pub recorded_period_secs: Option<f64>,
     /// Steps back in time inside a file.
     pub backward_steps: BackwardSteps,
-    /// Whether the rows are those of a clock that `data.resample` puts all channels on.
+    /// Whether the rows are those of a clock on which `data.resample` puts all channels.
     pub resampled: bool,
     /// Time of each row.
     pub timestamps: Vec<Timestamp>,
-    /// Where the rows are cut into bins of equally many rows.
+    /// Bins with equal numbers of rows.
     pub bins: Vec<Range<usize>>,
     /// Entries of `data.exclude` that match no channel.
     pub unused_excludes: Vec<String>,
@@ -72,52 +74,52 @@ pub struct Sketch {
 /// One channel of a [`Sketch`].
 #[derive(Clone, Debug)]
 pub struct ChannelSketch {
-    /// Its name.
+    /// Name of the channel.
     pub name: String,
-    /// The angle of which it is the sine or the cosine, if it is.
+    /// The angle, if the channel is its sine or cosine.
     pub angle: Option<AngleOf>,
-    /// The most frequent text in it that is no number; none where there is none.
+    /// The most frequent text in the channel that is not a number; `None` without text.
     pub text: Option<String>,
-    /// The share of the rows of each bin that have a value.
+    /// Share of the rows with a value, per bin.
     pub present: Vec<f64>,
-    /// Whether it changes within each bin, spikes left aside.
+    /// Whether the channel changes within each bin, not counting spikes.
     pub moves: Vec<bool>,
     /// Number of distinct values, if there are at most 256.
     pub distinct: Option<u32>,
-    /// Its smallest and its largest value, spikes left aside; `None` without a value.
+    /// Smallest and largest value, not counting spikes; `None` without a value.
     pub range: Option<[f64; 2]>,
-    /// The share of its changes that go up.
+    /// Share of the changes that go up.
     pub rises: f64,
-    /// The share of its changes that are as large as most are.
+    /// Share of the changes that have the usual size.
     pub even: f64,
-    /// Whether nearly all changes go up, and all others far down: a total that starts anew.
+    /// Whether nearly all changes go up, and all others far down: a total that restarts.
     pub restarts: bool,
-    /// A full turn, if it is an angle: it fills the turn, and goes on at one end of it after the other.
+    /// A full turn, if the channel is an angle: its values fill the turn, and wrap around at its ends.
     pub wraps: Option<f64>,
-    /// The share of successive rows without a change.
+    /// Share of successive rows without a change.
     pub unchanged: f64,
     /// Longest time without any change, in seconds.
     pub longest_stuck_secs: f64,
-    /// Autocorrelation at each of these distances, in rows: `1 - mean((x[i + lag] - x[i])²) / (2 variance)`, from rows of the same
-    /// stretch without a gap (Matheron's variogram, 1963: gaps do not disturb it). Empty for a constant.
+    /// Autocorrelation at each of these lags, in rows: `1 - mean((x[i + lag] - x[i])²) / (2 variance)`, from rows of
+    /// the same stretch without a gap (Matheron's variogram, 1963: gaps do not disturb it). Empty for a constant.
     pub autocorrelation: Vec<(usize, f64)>,
-    /// Spikes.
+    /// Number of spikes.
     pub spikes: u64,
-    /// A time at which its unit probably changed.
+    /// A time at which the unit probably changed.
     pub unit_change: Option<UnitChange>,
-    /// Values that another one of the same time contradicts.
+    /// Number of values that another one at the same time contradicts.
     pub contradicting: u64,
-    /// Stops of its recording over which the last value stood, under `data.resample`.
+    /// Recording stops that the last value bridged, under `data.resample`.
     pub bridged: BridgedStops,
-    /// Values at evenly spread rows, NaN where missing; all channels have the same rows.
+    /// Values at evenly spaced rows, NaN where missing; all channels have the same rows.
     pub thinned: Vec<f64>,
-    /// The longest run of rows that most runs of missing values do not exceed (the 95 % quantile); 0 without one.
+    /// The 95 % quantile of the lengths of runs of missing values, in rows; 0 without such runs.
     pub missing_run: usize,
     /// Median time between successive values, in seconds.
     pub own_period_secs: Option<f64>,
 }
 
-/// Look at the log all over, whatever its ranges.
+/// Describes the whole log, regardless of its ranges.
 ///
 /// # Errors
 /// If the log cannot be read or contradicts itself.
@@ -154,7 +156,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     if found.count > 0 && log.contradictions.refuses() {
         let cause = log.cause_of_contradictions(monitor)?;
         let found = ContradictionsFound { cause, ..found };
-        // Exports that overlap may differ in a few rows.
+        // Overlapping exports may differ in a few rows.
         if !found.are_few(rows as u64) {
             let ContradictionsFound { count, examples, cause, .. } = found;
             return Err(DataError::Contradictions { count, examples, cause });
@@ -183,7 +185,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
 }
 
 impl Sketch {
-    /// What is said of channels whose unit probably changed.
+    /// Returns warnings about channels whose unit probably changed.
     pub fn unit_doubts(&self) -> Vec<String> {
         let changed = self.channels.iter().filter_map(|channel| {
             let change = channel.unit_change.as_ref()?;
@@ -193,11 +195,11 @@ impl Sketch {
     }
 }
 
-/// What all channels share.
+/// The inputs that all channels share.
 struct Sketcher<'a> {
     log: &'a Log,
     bins: &'a [Range<usize>],
-    /// Rows from one value that is kept to the next.
+    /// Number of rows from one kept value to the next.
     every: usize,
 }
 
@@ -235,7 +237,7 @@ impl Sketcher<'_> {
         }
     }
 
-    /// The same of a channel that has a value in few rows, by these rows alone.
+    /// Describes a channel with values in few rows, from these rows alone.
     fn sparse(&self, source: &Channel, sparse: &SparseValues, contradicting: u64) -> ChannelSketch {
         let timestamps = &self.log.rows.timestamps;
         let mut near = sparse.with_neighbours(&self.log.steps.stretches);
@@ -287,7 +289,8 @@ struct Sample {
     value: f64,
 }
 
-/// What the moments and the movement of values tell of a channel, and the moments. Its spikes are missing afterwards.
+/// Returns the part of the sketch that follows from the moments and changes of the values, and the moments. It replaces
+/// spikes in `values` by NaN.
 fn moving(
     source: &Channel,
     values: &mut [f64],
@@ -337,7 +340,7 @@ fn moves(values: &[f64]) -> bool {
     Moments::of(values).is_some_and(|moments| !is_same(moments.min, moments.max))
 }
 
-/// How a channel changes from one value to the next.
+/// The changes of a channel from one value to the next.
 struct Changes {
     rises: f64,
     even: f64,
@@ -345,15 +348,16 @@ struct Changes {
     wraps: Option<f64>,
 }
 
-/// A total that starts anew rises in this share of its changes, and falls by half of its range in the others.
+/// A total that restarts rises in at least this share of its changes, and falls by at least half of its range in the
+/// others.
 const TOTAL_RISES: f64 = 0.9;
 const TOTAL_FALLS: f64 = 0.5;
-/// An angle fills this share of a turn.
+/// Minimum share of a turn that the values of an angle fill.
 const TURN: f64 = 0.95;
-/// So many jumps of more than half a turn are the least that tells one, and most of them lead nearly once around.
+/// Minimum number of jumps of more than half a turn in an angle. Most of them must be nearly a full turn.
 const JUMPS: usize = 5;
 const AROUND: f64 = 0.8;
-/// The short way around of most jumps is at most so many times as long as all but a tenth of the other changes.
+/// For most jumps, the short way around is at most this many times as long as nine tenths of the other changes.
 const LONGER: f64 = 2.0;
 const LONG_STEPS: f64 = 0.9;
 
@@ -388,8 +392,9 @@ impl Changes {
     }
 }
 
-/// Whether changes are those of an angle: most that are longer than half a turn lead nearly once around, and the short way around they
-/// are no longer than other changes. The last does not hold of a pump that is either off or near its full speed of 360.
+/// Whether the changes are those of an angle: most changes of more than half a turn are nearly a full turn, and the
+/// short way around they are no longer than other changes. The last condition fails for a pump that is either off or
+/// near its full speed of 360.
 fn goes_around(changes: &[f64], turn: f64) -> bool {
     let sizes = changes.iter().map(|change| change.abs());
     let (jumps, mut steps): (Vec<f64>, Vec<f64>) = sizes.partition(|size| *size > turn / 2.0);
@@ -408,7 +413,7 @@ fn goes_around(changes: &[f64], turn: f64) -> bool {
     usual <= LONGER * long
 }
 
-/// The turn that a range of values fills, in degrees or radians, from 0 on or around 0.
+/// Returns the turn that a range of values fills, in degrees or radians, from 0 on or around 0.
 fn turn([low, high]: [f64; 2]) -> Option<f64> {
     [360.0, std::f64::consts::TAU].into_iter().find(|turn| {
         let slack = 0.01 * turn;
@@ -457,7 +462,8 @@ impl Pairs {
     }
 }
 
-/// `1 - mean((x[i + lag] - x[i])²) / (2 variance)` at each of [`LAGS`] that has enough pairs, which `pairs_at` adds.
+/// Returns `1 - mean((x[i + lag] - x[i])²) / (2 variance)` for each of [`LAGS`] with enough pairs, which `pairs_at`
+/// adds.
 fn variogram(variance: f64, pairs_at: impl Fn(usize, &mut Pairs)) -> Vec<(usize, f64)> {
     if variance <= 0.0 {
         return Vec::new();
@@ -471,8 +477,8 @@ fn variogram(variance: f64, pairs_at: impl Fn(usize, &mut Pairs)) -> Vec<(usize,
     known.collect()
 }
 
-/// The 95 % quantile of the lengths of runs of missing values between two that are there, in a stretch. `there` has the stretch and the
-/// row of each value.
+/// Returns the 95 % quantile of the lengths of runs of missing values between two present values in a stretch. `there`
+/// has the stretch and the row of each value.
 fn missing_run(there: impl Iterator<Item = (usize, usize)>) -> usize {
     let mut runs: Vec<usize> = Vec::new();
     let mut before = None;

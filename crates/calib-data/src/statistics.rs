@@ -1,16 +1,17 @@
-//! What the footer of a Parquet file says of the values of its columns.
+//! Compares the values that were read with the statistics in the footer of a Parquet file.
 //!
-//! Most writers put no checksums into pages, and almost all of them put the smallest and the largest value and the number of
-//! nulls of each column into the footer. Where what was read is something else, one of the two is damaged.
+//! Most writers store no checksums in pages. Almost all of them store the smallest and the largest value and the number
+//! of nulls of each column in the footer. If the values that were read differ, either the pages or the footer are
+//! damaged.
 
 use std::ops::Range;
 
 use polars::prelude as pl;
 
-/// Check what was read of column `name` in `rows` of the file that `metadata` describes.
+/// Checks the values that were read of column `name` in `rows` of the file that `metadata` describes.
 ///
 /// # Errors
-/// The first row group that does not hold what the footer says of it, in words.
+/// The first row group that contradicts the footer, in words.
 pub(crate) fn verify(
     metadata: &pl::FileMetadata,
     name: &str,
@@ -73,17 +74,17 @@ pub(crate) fn verify(
     Ok(())
 }
 
-/// The smallest and the largest value, as they were read and as the footer has them.
+/// The smallest and the largest value, as read and as stated in the footer.
 struct Extent {
     read: [String; 2],
     said: [String; 2],
     is_same: bool,
-    /// Whether what was read lies within what is said.
+    /// Whether the read range lies within the stated range.
     is_within: bool,
 }
 
 impl Extent {
-    /// Of a part of a row group not every value was read.
+    /// Whether the ranges agree. A partly read row group may have a smaller range.
     fn fits(&self, is_whole: bool) -> bool {
         self.is_same || self.is_within && !is_whole
     }
@@ -98,7 +99,7 @@ impl Extent {
         for number in numbers.f64().ok()?.iter().flatten().filter(|number| !number.is_nan()) {
             read = [read[0].min(number), read[1].max(number)];
         }
-        // Writers may leave zeros of either sign, and of no values they need not say anything.
+        // Writers may state zeros of either sign, and need not state anything if there are no values.
         let is_empty = read[0] > read[1];
         Some(Self {
             is_same: is_empty || read == said,
@@ -112,7 +113,7 @@ impl Extent {
         use pl::DataType as D;
         let said = said?;
         let said = match column.dtype() {
-            // Unsigned numbers lie in the bits of signed ones.
+            // Unsigned numbers are stored in the bits of signed ones.
             D::UInt64 => [said.0, said.1].map(|number| i128::from(number.cast_unsigned())),
             D::UInt8 | D::UInt16 | D::UInt32 => {
                 [said.0, said.1].map(|number| i128::from((number as i32).cast_unsigned()))
@@ -150,7 +151,7 @@ impl Extent {
         })
     }
 
-    /// What is said of text may be cut off: its values lie within.
+    /// The stated text may be cut off, so the values need only lie within the stated range.
     fn of_text(column: &pl::Column, min: Option<&[u8]>, max: Option<&[u8]>) -> Option<Self> {
         let min = min?;
         let max = max?;
@@ -169,7 +170,7 @@ impl Extent {
     }
 }
 
-/// The beginning of a text, in quotes.
+/// Quotes the beginning of a text.
 fn quoted(text: &str) -> String {
     format!("{:?}", text.chars().take(40).collect::<String>())
 }

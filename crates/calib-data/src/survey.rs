@@ -1,4 +1,4 @@
-//! First pass over the values: what every channel is like, what is kept, which rows are dropped.
+//! The first pass over the values: describes every channel, and decides which channels and rows are kept.
 
 use std::{
     borrow::Cow,
@@ -31,7 +31,7 @@ use crate::{
     unit_change::LEAST_ROWS,
 };
 
-/// What the first pass found: everything but the values.
+/// The result of the first pass: everything but the values.
 pub(crate) struct Survey {
     pub(crate) log: Log,
     pub(crate) stretches: Vec<Range<usize>>,
@@ -39,7 +39,7 @@ pub(crate) struct Survey {
     /// Kept channels, in order.
     pub(crate) sensors: Vec<Sensor>,
     pub(crate) modes: Option<Modes>,
-    /// Runs of rows that are not dropped.
+    /// The training rows that are not dropped.
     pub(crate) train: RangeSamples,
     pub(crate) held_out: Option<RangeSamples>,
 }
@@ -139,31 +139,31 @@ pub(crate) fn sampled_period(period: Period, preprocess: &PreprocessConfig) -> P
     Period::from_micros(period.as_micros().saturating_mul(every)).unwrap_or(period)
 }
 
-/// What all channels of a scan share.
+/// The state that all channels of a scan share.
 struct Scan<'a> {
     log: &'a Log,
     preprocess: &'a PreprocessConfig,
     stretches: &'a [Range<usize>],
     /// Rows that miss a value of a kept channel.
     dropped_rows: Vec<AtomicBool>,
-    /// Duplicates that contradict the row that is kept.
+    /// Duplicates that contradict the kept row.
     conflicts: Vec<AtomicBool>,
-    /// By channel.
+    /// Contradictions, by channel.
     contradictions: Mutex<BTreeMap<usize, Contradicting>>,
 }
 
 struct Scanned {
-    /// Of all channels.
+    /// Profiles of all channels.
     channels: Vec<ChannelProfile>,
-    /// The channels that are kept.
+    /// The kept channels.
     sensors: Vec<Sensor>,
-    /// The ends of the channels that were read, with their positions.
+    /// The extreme values of the channels that were read, with the channels' positions.
     extremes: Vec<(usize, Extremes)>,
-    /// The channels that are pairs of words, with them.
+    /// The channels that are pairs of words, each with its words.
     switches: Vec<String>,
 }
 
-/// The contradictions of a log, and their cause.
+/// Returns the contradictions of a log, and their cause.
 fn contradictions_found(
     log: &Log,
     found: BTreeMap<usize, Contradicting>,
@@ -175,7 +175,7 @@ fn contradictions_found(
     Ok(ContradictionsFound { cause, ..found })
 }
 
-/// Those of `channels`, whose values these are, that are pairs of words, with them.
+/// Returns those of `channels` that are pairs of words, each with its words; `values` are their values.
 pub(crate) fn switches_in(log: &Log, channels: &[usize], values: &[ChannelValues]) -> Vec<String> {
     let pairs = channels.iter().zip(values).filter_map(|(&channel, values)| {
         values.not_numbers.switch.as_ref()?.told(&log.channels[channel].name)
@@ -240,7 +240,7 @@ impl Scan<'_> {
         Ok(Scanned { channels: profiles, sensors, extremes, switches })
     }
 
-    /// The profile of one channel, and its bounds if it is kept.
+    /// Returns the profile of one channel, and its bounds if it is kept.
     fn channel(
         &self,
         index: usize,
@@ -315,14 +315,14 @@ impl Scan<'_> {
         (profile, bounds.ok())
     }
 
-    /// Whether a channel is dropped for what it misses in the training range.
+    /// Whether a channel misses so many values in the training range that it is dropped.
     fn misses_too_much(&self, sparse: &SparseValues) -> bool {
         let train = &self.log.train;
         let missing = 1.0 - sparse.count(train) as f64 / train.len() as f64;
         missing > self.preprocess.max_missing
     }
 
-    /// What the values are like; spikes are treated as the study says.
+    /// Summarises the values; spikes are treated as configured.
     fn summarise(&self, view: &mut ChannelView<'_>) -> ValueSummary {
         let movement = Movement::of(view.values, &view.timestamps, &view.stretches);
         let mut far_out = self.treat_spikes(view, movement.smallest_change);
@@ -360,7 +360,7 @@ impl Scan<'_> {
         }
     }
 
-    /// Find the spikes of a channel, and do with them what the study says.
+    /// Finds the spikes of a channel, and treats them as configured.
     fn treat_spikes(&self, view: &mut ChannelView<'_>, smallest_change: Option<f64>) -> FarOut {
         let ChannelView { values, timestamps, cut, train, .. } = view;
         let mut found = FarOut::default();
@@ -381,13 +381,13 @@ impl Scan<'_> {
     }
 }
 
-/// The values of a channel in all rows of the log, or in those that say something of it.
+/// The values of a channel in all rows of the log, or only in the relevant rows of a sparse channel.
 struct ChannelView<'a> {
     values: &'a mut [f64],
     timestamps: Cow<'a, [Timestamp]>,
     /// Stretches without a gap.
     stretches: Cow<'a, [Range<usize>]>,
-    /// The same, cut at the ends of the ranges.
+    /// Stretches, cut at the ends of the ranges.
     cut: Cow<'a, [Range<usize>]>,
     train: Range<usize>,
     held_out: Option<Range<usize>>,
@@ -421,7 +421,7 @@ impl<'a> ChannelView<'a> {
     }
 }
 
-/// What the values of a channel are like.
+/// Summary of the values of a channel.
 struct ValueSummary {
     in_train: Option<Moments>,
     missing: usize,
@@ -431,7 +431,8 @@ struct ValueSummary {
     unit_change: Option<UnitChange>,
 }
 
-/// Count what lies further from the training range than it is wide: of a range without a width, all other values.
+/// Counts the values that lie further from the training range than it is wide. If the range has no width, it
+/// counts all other values.
 fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
     let width = train.max - train.min;
     if is_same(train.min, train.max) {
@@ -456,7 +457,7 @@ fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
     }
 }
 
-/// The profile of a channel whose values nobody has looked at.
+/// Returns the profile of a channel whose values were not read.
 fn unread(channel: &Channel, dropped: Option<DropReason>) -> ChannelProfile {
     ChannelProfile {
         name: channel.name.clone(),

@@ -1,6 +1,6 @@
-//! Words that say whether something is on: pairs that are read as 1 and 0.
+//! Pairs of words for the state of a switch, which are read as 1 and 0.
 
-/// The word for 1 and that for 0, in small letters. Our choice: pairs of which no word means anything else in a log.
+/// The word for 1 and the word for 0, in lower case. Our choice: pairs without another meaning in a log.
 const PAIRS: [[&str; 2]; 24] = [
     ["on", "off"],
     ["open", "closed"],
@@ -28,7 +28,8 @@ const PAIRS: [[&str; 2]; 24] = [
     ["open", "dicht"],
 ];
 
-/// The word for 1 and that for 0, as a channel writes them. One is `None` in a log in which a switch never moved: a later log has both.
+/// The word for 1 and the word for 0, as a channel writes them. One is `None` in a log in which a switch never moved: a
+/// later log has both.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Switch {
     on: Option<String>,
@@ -36,7 +37,8 @@ pub(crate) struct Switch {
 }
 
 impl Switch {
-    /// Of a channel that has these words and no others; none if they are no pair, nor one word of a pair.
+    /// Recognises the pair of a channel that has only these words; `None` if they are neither a pair nor one word of a
+    /// pair.
     pub(crate) fn of<'a>(words: impl Iterator<Item = &'a str>) -> Option<Self> {
         let distinct: Vec<&str> = words.take(3).collect();
         match distinct[..] {
@@ -60,7 +62,7 @@ impl Switch {
         }
     }
 
-    /// 1 or 0; none for another word.
+    /// Returns 1 or 0; `None` for another word.
     pub(crate) fn value(&self, word: &str) -> Option<f64> {
         match Some(word) {
             word if word == self.on.as_deref() => Some(1.0),
@@ -69,7 +71,7 @@ impl Switch {
         }
     }
 
-    /// A channel and its words, if it has both.
+    /// Describes a channel and its words, if it has both.
     pub(crate) fn told(&self, channel: &str) -> Option<String> {
         let (on, off) = self.on.as_ref().zip(self.off.as_ref())?;
         Some(format!("{channel} ({on:?} and {off:?})"))

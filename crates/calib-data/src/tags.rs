@@ -1,4 +1,4 @@
-//! Lists of tags: what each channel is called by people, and its unit.
+//! Reads lists of tags: readable names of channels, and their units.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -14,9 +14,9 @@ const UNITS: [&str; 7] = ["unit", "units", "uom", "engunits", "engunit", "engine
 const LABELS: [&str; 8] =
     ["description", "desc", "label", "descriptor", "comment", "longname", "text", "displayname"];
 
-/// Read a list of tags: text with a header and a row for each tag, with a column of names (`tag`, `name`, `point` …), and one of units
-/// (`unit`, `uom`, `engunits` …), or of descriptions (`description`, `descriptor`, `label` …), or both. Cells are separated by tabs,
-/// semicolons or commas.
+/// Reads a list of tags: text with a header and one row per tag. It has a column of names (`tag`, `name`, `point` …),
+/// and one of units (`unit`, `uom`, `engunits` …), or of descriptions (`description`, `descriptor`, `label` …), or
+/// both. Cells are separated by tabs, semicolons or commas.
 ///
 /// # Errors
 /// If the file cannot be read, or no columns have such names.

@@ -1,9 +1,10 @@
-//! A time at which a channel probably changed its unit.
+//! Finds a time at which a channel probably changed its unit.
 //!
-//! The values before and after it do not overlap, nothing lies between them, and those after are those before in another unit: their
-//! level, their spread and their steps from row to row grew or shrank alike, by a factor of three or more, or degrees Celsius,
-//! Fahrenheit and kelvins stand for each other. A set point, a season or a pump does not move all three by the same factor. (The
-//! numbers are our choices: with them, no channel of the recorded plant logs that we have is told.)
+//! The values before and after this time do not overlap, and nothing lies between them. The values after it are those
+//! before it in another unit. Either level, spread and steps from row to row grew or shrank by about the same factor,
+//! of three or more. Or degrees Celsius, Fahrenheit and kelvins replace each other. A set point, a season or a pump
+//! does not change all three by the same factor. (The numbers are our choices: with them, no channel of the recorded
+//! plant logs that we have is reported.)
 
 use calib_core::Timestamp;
 use schemars::JsonSchema;
@@ -11,28 +12,30 @@ use serde::{Deserialize, Serialize};
 
 use crate::channel::quantile;
 
-/// Fewer rows than this, and than a twentieth of all, on either side say nothing of a unit.
+/// Minimum number of rows on either side, which must also have a twentieth of all rows.
 pub(crate) const LEAST_ROWS: usize = 200;
-/// Blocks whose medians are compared, so that a few bad samples hide nothing.
+/// Number of blocks whose medians are compared, so that a few bad samples hide nothing.
 const BLOCKS: usize = 200;
-/// The share of the values that may lie on the wrong side.
+/// Maximum share of the values on the wrong side.
 const MISPLACED: f64 = 0.01;
-/// Rows on each side of the time in which a change would show that is none of a unit: some, or the same share as a block.
+/// Number of rows on each side of the change that are searched for a gradual transition: this many, or as many as a
+/// block has.
 const NEAR_ROWS: usize = 20;
-/// So many of these may lie between both ranges. A plant that starts up, or a vessel that empties, passes through.
+/// Maximum number of these rows between both ranges. A plant that starts up, or a vessel that empties, passes through.
 const PASSING: usize = 3;
-/// A factor that is nearer to 1 may be a set point.
+/// A factor closer to 1 may be a set point.
 const LEAST_FACTOR: f64 = 3.0;
-/// Level, spread and steps from row to row have factors that differ by this one at most: a plant does not do the same all the time.
+/// Maximum ratio between the factors of level, spread and steps from row to row: a plant does not behave the same all
+/// the time.
 const ALIKE: f64 = 2.0;
-/// The same of the spread in degrees, whose factor is known.
+/// Maximum ratio for the spread in degrees, whose factor is known.
 const ALIKE_DEGREES: f64 = 1.5;
-/// By this share of its change a level in degrees may differ from what the unit makes of it.
+/// Maximum deviation of a level in degrees from its conversion, as a share of its change.
 const NEAR_DEGREES: f64 = 0.15;
-/// Values that are looked at: evenly thinned, where there are more.
+/// Number of values that are examined; more values are evenly thinned.
 const LOOKED_AT: usize = 200_000;
 
-/// What a change from one unit to another makes of values.
+/// The conversion of values from one unit to another.
 struct Conversion {
     factor: f64,
     offset: f64,
@@ -58,7 +61,7 @@ pub struct UnitChange {
 }
 
 impl UnitChange {
-    /// Of these values, NaN being missing, and their times. `least` rows have to be on each side.
+    /// Searches these values, where NaN means missing, with their times. Each side must have at least `least` rows.
     pub(crate) fn find(values: &[f64], timestamps: &[Timestamp], least: usize) -> Option<Self> {
         let step = values.len() / LOOKED_AT + 1;
         let looked_at = values.iter().copied().enumerate().step_by(step);
@@ -99,26 +102,26 @@ impl UnitChange {
     }
 }
 
-/// A number with three significant digits.
+/// Rounds a number to three significant digits.
 fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
-/// Where the medians of blocks before and after do not overlap.
+/// A position at which the medians of the blocks before and after do not overlap.
 #[derive(Clone, Copy)]
 struct Gap {
-    /// The first block after it.
+    /// The first block after the gap.
     block: usize,
     /// The largest median on the lower side.
     low: f64,
-    /// The smallest one on the upper side.
+    /// The smallest median on the upper side.
     high: f64,
     /// Whether the upper side comes later.
     rises: bool,
 }
 
 impl Gap {
-    /// The widest one; none where medians overlap wherever they are divided.
+    /// Returns the widest gap; `None` if medians overlap at every division.
     fn of(medians: &[f64]) -> Option<Self> {
         let mut later = Vec::with_capacity(medians.len());
         let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
@@ -153,10 +156,10 @@ impl Gap {
         (value > f64::midpoint(self.low, self.high)) == self.rises
     }
 
-    /// The first row after it, with the fewest values on the wrong side near it. Blocks have `size` rows.
+    /// Returns the first row after the gap, with the fewest values on the wrong side near it. Blocks have `size` rows.
     fn row(&self, values: &[f64], size: usize) -> usize {
         let near = (self.block - 1) * size..((self.block + 1) * size).min(values.len());
-        // Divided before the first of these rows, those that belong before it are misplaced.
+        // If the division is before the first of these rows, all rows that belong before it are misplaced.
         let early = values[near.clone()].iter().filter(|value| !self.is_later(**value)).count();
         let mut misplaced = early as i64;
         let mut fewest = misplaced;
@@ -171,7 +174,7 @@ impl Gap {
         best
     }
 
-    /// The share of the values that are on the wrong side where they are divided before `row`.
+    /// Returns the share of the values on the wrong side of a division before `row`.
     fn misplaced(&self, values: &[f64], row: usize) -> f64 {
         let early = values[..row].iter().filter(|value| self.is_later(**value)).count();
         let late = values[row..].iter().filter(|value| !self.is_later(**value)).count();
@@ -179,7 +182,7 @@ impl Gap {
     }
 }
 
-/// Where values lie.
+/// The distribution of values.
 struct Level {
     /// The 5 % quantile.
     low: f64,
@@ -187,7 +190,7 @@ struct Level {
     middle: f64,
     /// The 95 % quantile.
     high: f64,
-    /// The 90 % quantile of the changes from row to row that are not 0; 0 where it never changes.
+    /// The 90 % quantile of the changes from row to row that are not 0; 0 if the value never changes.
     step: f64,
 }
 
@@ -209,7 +212,7 @@ impl Level {
         self.high - self.low
     }
 
-    /// Whether hardly a value `near` the time of the change lies between this level and the one before.
+    /// Whether hardly any value `near` the time of the change lies between this level and the one before.
     fn is_abrupt(&self, before: &Self, near: &[f64]) -> bool {
         let (low, high) = if self.middle > before.middle {
             (before.high, self.low)
@@ -245,7 +248,7 @@ impl Level {
     }
 }
 
-/// Whether the quotient of two positive numbers lies within a factor of 1.
+/// Whether the quotient of two positive numbers is between `1 / factor` and `factor`.
 fn are_within(one: f64, other: f64, factor: f64) -> bool {
     (one / other).ln().abs() <= factor.ln()
 }
@@ -256,7 +259,7 @@ mod tests {
 
     const ROWS: usize = 4_000;
 
-    /// A level between 1 and 3 that never repeats itself.
+    /// Returns a level between 1 and 3 that never repeats.
     fn level(row: usize) -> f64 {
         2.0 + 0.7 * (row as f64 / 40.0).sin() + 0.3 * (row as f64 / 2.3).sin()
     }
@@ -268,7 +271,7 @@ mod tests {
         UnitChange::find(&values, &timestamps, LEAST_ROWS)
     }
 
-    /// The row at which a unit changes.
+    /// Returns the row at which a unit changes.
     fn row_of(value_at: impl Fn(usize) -> f64) -> Option<usize> {
         found(value_at).map(|change| (change.at.as_micros() / 60_000_000) as usize)
     }
@@ -315,19 +318,19 @@ mod tests {
             row_of(|row| level(row) + row as f64 / 100.0),
             // A switch.
             row_of(|row| if is_early(row) { 0.0 } else { 100.0 }),
-            // A pump that stood still.
+            // A pump that was off.
             row_of(|row| if is_early(row) { 0.01 * level(row) } else { 40.0 + level(row) }),
             // A storm.
             row_of(|row| level(row) * if (900..1_500).contains(&row) { 9.0 } else { 1.0 }),
             // Few rows before.
             row_of(|row| level(row) * if row < 100 { 1.0 } else { 100.0 }),
-            // Another load, whose noise is as it was: steps do not grow with the level.
+            // Another load with the same noise: steps do not grow with the level.
             row_of(|row| {
                 let wave = (row as f64 / 40.0).sin();
                 let noise = 0.2 * (row as f64 * 1.7).sin();
                 noise + (2.0 + 0.7 * wave) * if is_early(row) { 1.0 } else { 8.0 }
             }),
-            // A vessel that empties passes all levels between.
+            // A vessel that empties passes all levels in between.
             row_of(|row| match row {
                 0..2_000 => 10.0 * level(row),
                 2_000..2_020 => 20.0 - (row - 2_000) as f64 * 0.9,

@@ -109,7 +109,7 @@ pub struct DataConfig {
     pub memory: Option<u64>,
 }
 
-/// Values that are written as numbers are the texts that the files have.
+/// Reads values as text; numbers become the texts that the files have.
 fn values_as_text<'de, D>(deserializer: D) -> Result<BTreeMap<String, String>, D::Error>
 where
     D: serde::Deserializer<'de>,
@@ -144,7 +144,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Whether it is [`Shape::Wide`].
+    /// Whether the shape is [`Shape::Wide`].
     pub fn is_wide(&self) -> bool {
         *self == Self::Wide
     }
@@ -190,7 +190,7 @@ impl Contradictions {
         *self == Self::Refuse
     }
 
-    /// Whether a log is refused in which values contradict each other.
+    /// Whether contradicting values are an error.
     pub fn refuses(self) -> bool {
         matches!(self, Self::Refuse | Self::Spread)
     }
@@ -246,17 +246,17 @@ impl Default for DataConfig {
 }
 
 impl DataConfig {
-    /// The log at `path`, with every other setting at its default.
+    /// Returns the configuration of the log at `path`, with all other keys at their defaults.
     pub fn at(path: impl Into<Paths>) -> Self {
         Self { path: path.into(), ..Self::default() }
     }
 
-    /// Make relative paths relative to `base`, the folder of the study file.
+    /// Makes relative paths relative to `base`, the folder of the study file.
     pub fn resolve(&mut self, base: &Path) {
         self.path.resolve(base);
     }
 
-    /// Check every value on its own.
+    /// Checks every key on its own.
     ///
     /// # Errors
     /// If a value is outside its range, or two values contradict each other.
@@ -343,7 +343,7 @@ impl DataConfig {
         Ok(())
     }
 
-    /// The instant that `moment` is on the clock of the log.
+    /// Returns the instant of `moment` on the clock of the log.
     pub fn instant(&self, moment: &Moment) -> Timestamp {
         match (parse_stamp(&moment.to_string()), self.time_zone.as_deref().and_then(Zone::new)) {
             (Some(ParsedTime::Wall(wall)), Some(zone)) => {
@@ -353,14 +353,14 @@ impl DataConfig {
         }
     }
 
-    /// The same range, with its moments on the clock of the log.
+    /// Returns the same range, with its moments on the clock of the log.
     #[must_use]
     pub fn on_its_clock(&self, range: &TimeRange) -> TimeRange {
         let moved = |at: &Option<Moment>| at.as_ref().map(|at| at.moved_to(self.instant(at)));
         TimeRange { start: moved(&range.start), end: moved(&range.end) }
     }
 
-    /// How long a recorded value of a channel without an entry of its own stands for what follows it, in microseconds.
+    /// Returns how long a recorded value stays valid in a channel without an entry of its own, in microseconds.
     pub(crate) fn max_age(&self, period: Period) -> i64 {
         let given = self.max_age_secs.as_ref().and_then(MaxAge::default_secs);
         let given = given.and_then(Period::from_secs);
@@ -368,12 +368,12 @@ impl DataConfig {
     }
 }
 
-/// An error that says which value a key of `[data]` has, and which it may have.
+/// Returns an error with the value of a key in `[data]` and the values that it may have.
 fn refuse(key: &str, got: String, expected: &'static str) -> Result<(), DataError> {
     Err(DataError::config(format!("data.{key}"), got, expected))
 }
 
-/// Periods for which a recorded value stands for what follows it, unless the study says.
+/// Default number of periods for which a recorded value stays valid.
 const PERIODS_OF_AGE: i64 = 10;
 
 #[cfg(test)]

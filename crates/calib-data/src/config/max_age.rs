@@ -6,7 +6,7 @@ use serde::{
     de::{Error, MapAccess, Visitor, value::MapAccessDeserializer},
 };
 
-/// The entry for channels that no other one names.
+/// Key of the entry for all channels without an entry of their own.
 const DEFAULT: &str = "default";
 
 /// How long a recorded value stands for what follows it, in seconds; a number or a table in the study.
@@ -20,7 +20,7 @@ pub enum MaxAge {
 }
 
 impl MaxAge {
-    /// For channels without an entry of their own, if the study says.
+    /// Returns the age for channels without an entry of their own, if the study sets it.
     pub(crate) fn default_secs(&self) -> Option<f64> {
         match self {
             Self::All(secs) => Some(*secs),
@@ -28,7 +28,7 @@ impl MaxAge {
         }
     }
 
-    /// The entries that name channels, with their seconds.
+    /// Returns the entries that name channels, with their seconds.
     pub(crate) fn entries(&self) -> Vec<(&String, f64)> {
         match self {
             Self::All(_) => Vec::new(),
@@ -40,7 +40,7 @@ impl MaxAge {
         }
     }
 
-    /// Every number, with the key below `[data]` that has it.
+    /// Returns every number, with its key below `[data]`.
     pub(crate) fn keys(&self) -> Vec<(String, f64)> {
         match self {
             Self::All(secs) => vec![("max_age_secs".to_owned(), *secs)],
@@ -68,7 +68,7 @@ impl JsonSchema for MaxAge {
     }
 }
 
-/// Written by hand because serde's untagged enumerations do not say what is wrong with a value.
+/// Written by hand because serde's untagged enumerations do not report what is wrong with a value.
 impl<'de> Deserialize<'de> for MaxAge {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct NumberOrTable;

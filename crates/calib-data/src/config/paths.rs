@@ -16,7 +16,7 @@ use serde::{
 pub struct Paths(pub Vec<String>);
 
 impl Paths {
-    /// Make relative paths relative to `base`.
+    /// Makes relative paths relative to `base`.
     pub fn resolve(&mut self, base: &Path) {
         for path in &mut self.0 {
             if Path::new(path).is_relative() {

@@ -115,7 +115,7 @@ impl Default for PreprocessConfig {
 }
 
 impl PreprocessConfig {
-    /// Check every value on its own.
+    /// Checks every key on its own.
     ///
     /// # Errors
     /// If a value is outside its range, or two values contradict each other.
@@ -143,7 +143,7 @@ impl PreprocessConfig {
     }
 }
 
-/// An error that says which value a key of `[preprocess]` has, and which it may have.
+/// Returns an error with the value of a key in `[preprocess]` and the values that it may have.
 fn refuse(key: &str, got: String, expected: &'static str) -> Result<(), DataError> {
     Err(DataError::config(format!("preprocess.{key}"), got, expected))
 }

@@ -19,9 +19,9 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// The moment that `text` names: `2022-11-01`, `2022-11-01T06:00:00`, or with an offset.
-    /// Without an offset it is read like the log: on the clock of `data.time_zone`, or as it stands: UTC where
-    /// the log has a time zone.
+    /// Reads the moment in `text`: `2022-11-01`, `2022-11-01T06:00:00`, or with an offset. Without an offset
+    /// it is read like the log: on the clock of `data.time_zone`, or else unchanged, which is UTC if the log
+    /// has a time zone.
     ///
     /// # Errors
     /// If `text` is neither a date nor a date and time.
@@ -38,12 +38,12 @@ impl Moment {
             })
     }
 
-    /// The same text, of another instant.
+    /// Returns a moment with the same text at another instant.
     pub(crate) fn moved_to(&self, instant: Timestamp) -> Self {
         Self { text: self.text.clone(), instant }
     }
 
-    /// The instant.
+    /// Returns the instant.
     pub fn instant(&self) -> Timestamp {
         self.instant
     }

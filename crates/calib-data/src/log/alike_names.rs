@@ -1,4 +1,4 @@
-//! Channels of several files whose names differ in nothing but capital letters.
+//! Finds channels of several files whose names differ only in capital letters.
 
 use std::collections::{BTreeMap, btree_map::Entry};
 

@@ -1,15 +1,15 @@
-//! In the place of each channel that `data.angles` names: a channel of its sine, and one of its cosine.
+//! Replaces each channel in `data.angles` by a channel of its sine and one of its cosine.
 
 use std::{collections::HashSet, iter::once};
 
 use super::{Channel, entries::Entries};
 use crate::{AngleOf, DataConfig, DataError, angle::AnglePart, names::Chosen};
 
-/// The channels of a log in which angles are two channels each.
+/// Returns the channels of a log, in which each angle is two channels.
 ///
 /// # Errors
-/// If an entry of `data.angles` names no channel, two of them disagree about one, a new name is taken, or a chosen angle can be no
-/// number.
+/// If an entry of `data.angles` names no channel, two entries disagree about a channel, a new name is taken, or a
+/// chosen angle is not numeric.
 pub(super) fn with_angles(
     channels: Vec<Channel>,
     data: &DataConfig,
@@ -51,7 +51,7 @@ pub(super) fn with_angles(
     Ok(all)
 }
 
-/// Refuse names that two channels would have.
+/// Rejects names that two channels would have.
 fn refuse_taken(channels: &[Channel]) -> Result<(), DataError> {
     let recorded = channels.iter().filter(|channel| channel.angle.is_none());
     let mut taken: HashSet<&str> = recorded.map(|channel| channel.name.as_str()).collect();
@@ -72,7 +72,7 @@ fn refuse_taken(channels: &[Channel]) -> Result<(), DataError> {
 }
 
 impl Channel {
-    /// Its sine and its cosine.
+    /// Returns the sine and the cosine of the channel.
     fn parts(&self, turn: f64) -> [Self; 2] {
         AnglePart::ALL.map(|part| {
             let angle = AngleOf { channel: self.name.clone(), turn, part, recorded: None };
@@ -85,7 +85,8 @@ impl Channel {
         })
     }
 
-    /// What entries of `data.include` and `data.exclude` may call it: its name, and what the files call the angle that it is of.
+    /// Iterates over the names that entries of `data.include` and `data.exclude` may use for the channel: its own name,
+    /// and the name of its angle in the files.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> + Clone {
         let angle = self.angle.as_ref().map(|angle| angle.channel.as_str());
         once(self.name.as_str()).chain(angle)

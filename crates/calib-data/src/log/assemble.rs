@@ -1,4 +1,4 @@
-//! From what files hold to a log: its rows in time order, the ranges.
+//! Assembles a log from the contents of its files: sorts its rows by time and splits them into ranges.
 
 use std::collections::HashMap;
 
@@ -22,7 +22,7 @@ use super::{
 };
 use crate::{DataConfig, DataError, Description, Shape, names::Chosen};
 
-/// What rows there are, before they are cut into ranges.
+/// The rows of a log before they are split into ranges.
 struct Planned {
     origin: Origin,
     files: Vec<FileSummary>,
@@ -30,7 +30,7 @@ struct Planned {
     channels: Vec<Channel>,
     rows: Rows,
     split: Split,
-    /// The first and the last instant of all.
+    /// The first and the last instant of all rows.
     span: (i64, i64),
     bad_quality: u64,
     undecided: u64,
@@ -191,7 +191,8 @@ impl Planned {
             split::refuse_lopsided(data.train_fraction, &rows.timestamps, &train, held_out)?;
         }
         let period = given_period
-            // By the training range where that is enough: what is held out must not change what a model follows from.
+            // The training range is enough if it has a period: the held-out range must not change what a model is built
+            // from.
             .or_else(|| gaps::detect_period(&rows.timestamps[train.clone()]))
             .or_else(|| gaps::detect_period(&rows.timestamps))
             .ok_or_else(|| DataError::NoPeriod { at: format_time(rows.timestamps[0]) })?;
@@ -244,7 +245,8 @@ fn grid_rows(
     Ok(grid.rows(&mut coverage))
 }
 
-/// More values than this are not made of a thousandth of them: what would come of it is what was recorded, again and again.
+/// A log of more values must have recorded at least a thousandth of them. Otherwise the result would repeat the same
+/// values again and again.
 const MANY: u64 = 2_000_000_000;
 
 fn refuse_too_fine(
@@ -265,7 +267,7 @@ fn refuse_too_fine(
     Ok(())
 }
 
-/// Wells and plants logged at the same time are not one log, however similar their channels.
+/// Wells and plants that were logged at the same time are not one log, however similar their channels are.
 fn refuse_mixed_partitions(
     files: &[LogFile],
     irregularities: &Irregularities,
@@ -276,7 +278,7 @@ fn refuse_mixed_partitions(
     Ok(())
 }
 
-/// The union of the files' columns, in order of appearance.
+/// Returns the union of the files' columns, in order of appearance.
 fn list_channels(files: &[LogFile], times: &[usize], file_as_prefix: bool) -> Vec<Channel> {
     let prefixes = if file_as_prefix {
         prefixes(&files.iter().map(LogFile::path).collect::<Vec<_>>())

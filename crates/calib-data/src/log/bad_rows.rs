@@ -1,4 +1,5 @@
-//! Lines of text files that are no rows: cut off when the power failed, written into one another, headers in the middle.
+//! Lines of text files that are not rows: cut off when the power failed, written into one another, or headers in the
+//! middle.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::{BadRows, DataConfig, DataError};
 
 const SHOWN: usize = 5;
-/// The largest share of the lines that `data.bad_rows = "skip"` leaves out. More are a log that is read wrongly.
+/// The largest share of the lines that `data.bad_rows = "skip"` skips. With more, the log is read wrongly.
 const MOST: f64 = 0.01;
 
 /// Lines that cannot be read.
@@ -19,12 +20,12 @@ pub struct BadRowsFound {
 }
 
 impl BadRowsFound {
-    /// Whether there are none.
+    /// Whether there are no such lines.
     pub fn is_none(&self) -> bool {
         self.count == 0
     }
 
-    /// Take note of a line that is no row.
+    /// Records a line that is not a row.
     pub(crate) fn note(&mut self, why: &DataError) {
         self.count += 1;
         if self.examples.len() < SHOWN {
@@ -32,14 +33,14 @@ impl BadRowsFound {
         }
     }
 
-    /// Take note of what was found later.
+    /// Adds lines that were found later.
     pub(crate) fn adopt(&mut self, later: Self) {
         self.count += later.count;
         let room = SHOWN - self.examples.len();
         self.examples.extend(later.examples.into_iter().take(room));
     }
 
-    /// Refuse a log with such lines beside `rows` good ones, unless the study leaves them out and they are few.
+    /// Rejects a log with such lines and `rows` good ones, unless the study skips them and they are few.
     pub(crate) fn refuse(&self, rows: u64, data: &DataConfig) -> Result<(), DataError> {
         let lines = rows + self.count;
         let are_few = self.count <= 1 || self.count as f64 <= MOST * lines as f64;

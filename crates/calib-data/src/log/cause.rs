@@ -1,4 +1,4 @@
-//! Why rows of the same time contradict each other.
+//! Finds the cause of rows that contradict each other at the same time.
 
 use std::collections::HashMap;
 
@@ -17,12 +17,12 @@ use super::{
 };
 use crate::{DataError, clock_changes::comes_twice};
 
-/// A log is of at most so many plants.
+/// Maximum number of plants in a log.
 const PLANTS: usize = 200;
 const NAMED: usize = 4;
-/// The share of the rows of the same time that a cause has to explain.
+/// The share of the rows at the same time that a cause must explain.
 const EXPLAINED: f64 = 0.9;
-/// Columns of numbers that may number plants are called so, or end in id, no or nr.
+/// Names of numeric columns that may identify plants; other such names end in id, no or nr.
 const PLANT_NAMES: [&str; 18] = [
     "asset", "unit", "turbine", "machine", "pump", "well", "site", "device", "station", "room",
     "location", "plant", "line", "engine", "vehicle", "building", "meter", "id",
@@ -59,7 +59,7 @@ pub enum ContradictionCause {
 }
 
 impl ContradictionCause {
-    /// What to do about contradictions with this cause.
+    /// Returns what to do about contradictions with this cause.
     pub(crate) fn remedy(cause: Option<&Self>) -> String {
         match cause {
             Some(Self::Column { column, values }) if TAGS.contains(&plain(column).as_str()) => format!(
@@ -99,13 +99,13 @@ impl ContradictionCause {
     }
 }
 
-/// The first of some values.
+/// Lists the first of some values.
 fn named(values: &[String]) -> String {
     let more = if values.len() > NAMED { ", …" } else { "" };
     format!("{}{more}", values.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", "))
 }
 
-/// For each row of the log, the file whose row it is.
+/// Returns the file of each row of the log.
 fn owners(rows: &Rows) -> Vec<u32> {
     let mut owners = vec![0; rows.timestamps.len()];
     for (file, map) in rows.maps.iter().enumerate() {
@@ -119,7 +119,7 @@ fn owners(rows: &Rows) -> Vec<u32> {
 }
 
 impl Log {
-    /// Rows that were merged with one of another file which has none of their channels.
+    /// Counts the rows that were merged with a row of another file that has none of their channels.
     pub(crate) fn merged_rows(&self) -> u64 {
         let rows = self.recorded();
         if rows.duplicates.is_empty() || rows.maps.len() < 2 {
@@ -145,7 +145,7 @@ impl Log {
         })
     }
 
-    /// Why rows of wide files contradict each other, if a column or their files tell.
+    /// Returns the cause of contradicting rows of wide files, if a column or their files show it.
     pub(crate) fn cause_of_contradictions(
         &self,
         monitor: &dyn Monitor,
@@ -189,7 +189,8 @@ impl Log {
         }))
     }
 
-    /// The first day on which clocks in Europe were set back, if nearly all rows of the same time are of such an hour and the log has no zone.
+    /// Returns the first day on which clocks in Europe were set back, if nearly all rows with equal times are in such
+    /// an hour and the log has no zone.
     fn clock_set_back(&self) -> Option<String> {
         let rows = self.recorded();
         let mut days = rows
@@ -201,7 +202,7 @@ impl Log {
         (days.count() as f64 >= EXPLAINED * rows.duplicates.len() as f64).then_some(first)
     }
 
-    /// The values of a channel, if they tell the rows of the same time apart.
+    /// Returns the values of a channel, if they distinguish the rows at the same time.
     fn plants(
         &self,
         channel: usize,
@@ -224,7 +225,7 @@ impl Log {
     }
 }
 
-/// Whether a channel may tell plants apart: by words, or by numbers under a name that says so.
+/// Whether a channel may identify plants: by words, or by numbers under such a name.
 fn may_name_plants(channel: &Channel) -> bool {
     channel.readable
         && channel.angle.is_none()

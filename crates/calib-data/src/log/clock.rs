@@ -1,4 +1,4 @@
-//! From what text says to instants.
+//! Determines how the files of a log write times and numbers, and converts times to instants.
 
 use std::{
     collections::BTreeSet,
@@ -33,21 +33,22 @@ impl Clock {
         self.zone.is_some()
     }
 
-    /// For the rows of a file or of a tag, one after the other.
+    /// Creates a converter for successive rows of a file or of a tag.
     pub(crate) fn rows<Row>(&self) -> Instants<Row> {
         Instants { local: self.zone.clone().map(LocalTimes::new) }
     }
 }
 
-/// Rows one after the other, and their instants.
+/// Converts the times of successive rows to instants.
 #[derive(Debug)]
 pub(crate) struct Instants<Row> {
     local: Option<LocalTimes<Row>>,
 }
 
 impl<Row> Instants<Row> {
-    /// Take the next row. `out` gets rows in this order, each with its instant, or [`NO_TIME`] for none and for years that
-    /// stand for something else; rows of an hour that comes twice as soon as it is known which of the two.
+    /// Adds the next row. `out` receives the rows in the same order, each with its instant, or [`NO_TIME`] for a
+    /// missing time and for years outside the calendar. Rows of an hour that occurs twice follow as soon as their hour
+    /// is known.
     pub(crate) fn push<E>(
         &mut self,
         stamp: Option<ParsedTime>,
@@ -61,8 +62,7 @@ impl<Row> Instants<Row> {
         }
     }
 
-    /// Say that there are no more rows. Returns how many had a time that names no instant, or two between which nothing
-    /// decides.
+    /// Ends the rows. Returns the number of rows whose time names no instant, or two that no other row can tell apart.
     pub(crate) fn finish<E>(
         &mut self,
         out: &mut impl FnMut(Row, i64) -> Result<(), E>,
@@ -73,18 +73,18 @@ impl<Row> Instants<Row> {
     }
 }
 
-/// How fractions are written in the text files of a log.
+/// The notation of numbers in the text files of a log.
 #[derive(Clone, Debug)]
 pub(crate) struct Fractions {
     pub(crate) decimal: Decimal,
-    /// What told, unless the study did: no cell of the log may contradict it.
+    /// The evidence for the sign, unless the study sets it. No cell of the log may contradict it.
     pub(crate) told_by: Option<Signs>,
-    /// What is said of a sign that is likely and not certain.
+    /// The warning for a sign that is likely but not certain.
     pub(crate) doubt: Option<String>,
 }
 
 impl Fractions {
-    /// By the first rows of all files.
+    /// Determines the decimal sign from the first rows of all files.
     pub(crate) fn of(
         heads: &[Head],
         times: &[usize],
@@ -109,16 +109,16 @@ impl Fractions {
     }
 }
 
-/// How the times of all files are written.
+/// The notations of times in all files.
 #[derive(Debug, Default)]
 pub(crate) struct Notations {
-    /// Of each file.
+    /// The notation of each file.
     pub(crate) of_files: Vec<Notation>,
-    /// Times that are likely read as they are meant, and not certainly, in sentences.
+    /// Sentences about readings of times that are likely but not certain.
     pub(crate) doubts: BTreeSet<String>,
 }
 
-/// The notation of the time column of each file, by all files: what one leaves open another may tell.
+/// Returns the notation of the time column of each file. If one file is ambiguous, the others may decide.
 pub(crate) fn notations(
     heads: &[Head],
     times: &[usize],
@@ -158,14 +158,14 @@ pub(crate) fn notations(
     Ok(notations)
 }
 
-/// A notation, and a file that has it.
+/// A notation, and a file that uses it.
 #[derive(Debug)]
 struct Told {
     notation: Notation,
     path: PathBuf,
 }
 
-/// Each notation, with the first file that has it.
+/// Returns the distinct notations, each with the first file that uses it.
 fn each_once<'a>(all: impl Iterator<Item = (&'a Notation, &'a Path)>) -> Vec<Told> {
     let mut told: Vec<Told> = Vec::new();
     for (notation, path) in all {
@@ -176,7 +176,7 @@ fn each_once<'a>(all: impl Iterator<Item = (&'a Notation, &'a Path)>) -> Vec<Tol
     told
 }
 
-/// Refuse two files that write the day and the month in two orders, and all else of dates alike.
+/// Rejects two files whose dates differ only in the order of day and month.
 fn refuse_two_orders(told: &[Told]) -> Result<(), DataError> {
     for (at, first) in told.iter().enumerate() {
         let other = told[at + 1..].iter().find(|other| first.notation.swaps_days(&other.notation));
@@ -195,7 +195,8 @@ fn refuse_two_orders(told: &[Told]) -> Result<(), DataError> {
     Ok(())
 }
 
-/// The notation of the times of a file: by its first rows, the other files, all of its rows, or what is usual.
+/// Returns the notation of the times of a file: by its first rows, the other files, all of its rows, or common
+/// practice.
 fn decided(
     file: &TextFile,
     time: usize,
@@ -206,7 +207,7 @@ fn decided(
 ) -> Result<Notation, DataError> {
     let cells = file.dialect.cells(time);
     if found.left.is_empty() {
-        // Damaged lines of one file are told by how the others write times.
+        // If lines of one file are damaged, the notation of the other files counts.
         match told.iter().find(|told| reads_most(&told.notation, &cells)) {
             Some(told) => return Ok(told.notation.clone()),
             None => found = checked(found, file, time)?,
@@ -235,7 +236,8 @@ fn decided(
     Ok(found.left.swap_remove(0))
 }
 
-/// Days between two rows that a wrong order of day and month makes of one day.
+/// Minimum step, in microseconds, that counts as a sign of swapped day and month: 20 days. A swap turns one day into
+/// months.
 const FAR: i64 = 20 * 86_400_000_000;
 
 /// Refuse the notation that another file told if it puts days of this file months apart that are near each other in another notation. A file without
@@ -307,7 +309,7 @@ fn checked(found: Candidates, file: &TextFile, time: usize) -> Result<Candidates
     Err(DataError::BadTimestamp { path: file.path.clone(), column, reason })
 }
 
-/// Go to the next record, past lines that are none.
+/// Moves to the next record and skips damaged lines.
 fn advance(records: &mut Records<'_>) -> Result<bool, DataError> {
     loop {
         match records.advance() {
@@ -317,7 +319,7 @@ fn advance(records: &mut Records<'_>) -> Result<bool, DataError> {
     }
 }
 
-/// Give `take` the time of each row that has one, as text, until it wants no more.
+/// Calls `take` with the time of each row that has one, as text, until it returns false.
 fn for_each_time(
     file: &TextFile,
     time: usize,
@@ -341,7 +343,7 @@ fn for_each_time(
     Ok(())
 }
 
-/// Read the times of all rows until one of them tells. Several notations are left if none does.
+/// Reads the times of all rows until one of them decides. Several notations remain if no row does.
 fn by_all_rows(
     file: &TextFile,
     time: usize,

@@ -1,4 +1,4 @@
-//! A clock that goes back records the same stretch of time twice.
+//! Finds clocks that go back and record the same time span twice.
 
 use std::collections::BTreeSet;
 
@@ -6,11 +6,11 @@ use super::rows::NO_TIME;
 
 /// The passes of a file: maximal runs of its rows in time order. A clock that goes back begins a new pass.
 pub(super) struct Passes {
-    /// For each file, the pass of each row.
+    /// The pass of each row, per file.
     of_row: Vec<Vec<u32>>,
     /// File and pass of each row of the log.
     kept: Vec<(usize, u32)>,
-    /// Two passes of a file that recorded the same instant, the earlier one first.
+    /// Pairs of passes of a file that recorded the same instant, the earlier one first.
     repeated: BTreeSet<(usize, u32, u32)>,
 }
 
@@ -23,7 +23,7 @@ impl Passes {
         }
     }
 
-    /// The next row in time order; a repeat has the time of the row that was kept last.
+    /// Adds the next row in time order; a repeat has the time of the row that was kept last.
     pub(super) fn note(&mut self, file: usize, file_row: usize, is_repeat: bool) {
         let pass = self.of_row[file][file_row];
         match self.kept.last() {
@@ -36,7 +36,7 @@ impl Passes {
         }
     }
 
-    /// Rows of the log that come from another pass over the same instants than the row before them.
+    /// Returns the rows of the log that follow a row of another pass over the same instants.
     pub(super) fn breaks(&self) -> Vec<u32> {
         let rows = self.kept.windows(2).enumerate().filter(|(_, pair)| self.is_break(pair));
         rows.map(|(row, _)| row as u32 + 1).collect()
@@ -49,7 +49,7 @@ impl Passes {
     }
 }
 
-/// The pass of each row of a file.
+/// Returns the pass of each row of a file.
 fn passes(times: &[i64]) -> Vec<u32> {
     let mut pass = 0;
     let mut before = NO_TIME;

@@ -1,6 +1,6 @@
-//! Names that writers of logs give to columns.
+//! Usual names of columns in logs.
 
-/// Columns that name tags, in English, German, French, Spanish, Italian, Dutch, Portuguese, Swedish and Polish.
+/// Columns of tag names, in English, German, French, Spanish, Italian, Dutch, Portuguese, Swedish and Polish.
 pub(crate) const TAGS: [&str; 67] = [
     "tag",
     "tagname",
@@ -87,7 +87,7 @@ pub(super) const VALUES: [&str; 15] = [
     "stringvalue",
     "vvalue",
 ];
-/// The same in other languages, which count beside a column of tags only.
+/// Columns of values in other languages, which count only beside a column of tags.
 pub(super) const FOREIGN_VALUES: [&str; 15] = [
     "wert",
     "messwert",
@@ -105,7 +105,7 @@ pub(super) const FOREIGN_VALUES: [&str; 15] = [
     "wartość",
     "wartosc",
 ];
-/// Of several, the first here tells best.
+/// Columns of quality codes. If a file has several, the first in this list counts.
 pub(super) const QUALITIES: [&str; 24] = [
     "opcquality",
     "qualitydetail",
@@ -132,7 +132,7 @@ pub(super) const QUALITIES: [&str; 24] = [
     "jakość",
     "jakosc",
 ];
-/// Columns beside a sample that are no channels: what is remarked of it.
+/// Columns beside a sample that are not channels: remarks about it.
 pub(super) const REMARKS: [&str; 16] = [
     "unit",
     "units",
@@ -151,7 +151,7 @@ pub(super) const REMARKS: [&str; 16] = [
     "datevalue",
     "timezone",
 ];
-/// Columns beside a sample that are no channels: where it comes from.
+/// Columns beside a sample that are not channels: its origin.
 pub(super) const ORIGINS: [&str; 7] =
     ["server", "source", "id", "webid", "path", "wwretrievalmode", "resolution"];
 pub(super) const TIMES: [&str; 19] = [
@@ -175,7 +175,7 @@ pub(super) const TIMES: [&str; 19] = [
     "horodatage",
     "fechahora",
 ];
-/// Parts of a time that stand in columns of their own, in their order.
+/// Parts of a time in columns of their own, in their order.
 pub(super) const TIME_FIELDS: [&[&str]; 6] = [
     &["year", "yr", "yyyy"],
     &["month", "mon", "mo"],
@@ -184,7 +184,7 @@ pub(super) const TIME_FIELDS: [&[&str]; 6] = [
     &["minute", "min", "mins"],
     &["second", "sec", "secs"],
 ];
-/// Columns of words beside one channel that make no long table.
+/// Columns of words beside one channel that do not make a long table.
 pub(super) const MODES: [&str; 22] = [
     "mode",
     "state",
@@ -210,7 +210,7 @@ pub(super) const MODES: [&str; 22] = [
     "stan",
 ];
 
-/// A name without what writers decorate it with: `_value`, `Tag Name` and `t_stamp` are value, tagname and tstamp.
+/// Normalises a name: `_value`, `Tag Name` and `t_stamp` become value, tagname and tstamp.
 pub(crate) fn plain(name: &str) -> String {
     name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }

@@ -1,9 +1,11 @@
-//! Tables in which each column of values has a column of times beside it, as trends of a spreadsheet are exported.
+//! Detects tables in which each column of values has its own column of times, as in trends exported from a
+//! spreadsheet.
 
 use super::{file::FieldKind, head::Head, shape::names_tags};
 use crate::{DataConfig, DataError, names::Names};
 
-/// The names of the first two columns of times of a table of pairs; those that `data.exclude` names are none.
+/// Returns the names of the first two columns of times of a table of pairs. Columns in `data.exclude` do not
+/// count.
 fn paired_times(head: &Head, data: &DataConfig) -> Option<[String; 2]> {
     let columns = head.columns();
     let excluded = Names::new(&data.exclude);
@@ -20,7 +22,7 @@ fn paired_times(head: &Head, data: &DataConfig) -> Option<[String; 2]> {
             && excluded.matching(&columns[at].name).is_none()
     };
     let values = (0..columns.len()).filter(|&at| columns[at].kind == FieldKind::Number);
-    // Another table has a further column of times somewhere, and values that are beside none.
+    // Other tables may have a second column of times, but then some values are not beside one.
     let times = values.map(|at| at.checked_sub(1).filter(|&before| is_time(before)));
     match times.collect::<Option<Vec<usize>>>()?[..] {
         [first, next, ..] => Some([first, next].map(|at| columns[at].name.clone())),
@@ -28,10 +30,10 @@ fn paired_times(head: &Head, data: &DataConfig) -> Option<[String; 2]> {
     }
 }
 
-/// Refuse a table in which columns of values have times of their own beside them.
+/// Rejects a table in which columns of values have their own times beside them.
 ///
 /// # Errors
-/// If it is one.
+/// If it is such a table.
 pub(crate) fn refuse_pairs(head: &Head, data: &DataConfig) -> Result<(), DataError> {
     let Some([first, next]) = paired_times(head, data) else { return Ok(()) };
     Err(DataError::Shape {

@@ -1,4 +1,4 @@
-//! A wide text file, column by column outside of the memory.
+//! Reads a wide text file, and stores it column by column outside of memory.
 
 use std::{ops::Range, sync::Arc};
 
@@ -19,7 +19,7 @@ use crate::{
     },
 };
 
-/// What text files were read into: cells, and the words among them.
+/// Storage of the cells of text files, with the words in them.
 #[derive(Debug)]
 pub(crate) struct Store {
     pub(crate) spill: Spill,
@@ -29,11 +29,11 @@ pub(crate) struct Store {
     pub(crate) bad_rows: BadRowsFound,
 }
 
-/// What cells were read into beside their values.
+/// Findings in cells, in addition to their values.
 #[derive(Debug, Default)]
 pub(crate) struct Seen {
     pub(crate) words: Words,
-    /// What they show of how fractions are written, beyond what the first rows told.
+    /// Evidence about the decimal sign beyond that of the first rows.
     signs: Signs,
     pub(crate) bad_rows: BadRowsFound,
 }
@@ -49,10 +49,10 @@ impl Store {
         })
     }
 
-    /// Make `cells`, which were read into `seen`, cells of this store.
+    /// Translates `cells`, which were read with `seen`, to cells of this store.
     ///
     /// # Errors
-    /// If two cells of the log separate fractions by two signs.
+    /// If two cells of the log have different decimal signs.
     pub(crate) fn adopt(&mut self, seen: Seen, cells: &mut [u64]) -> Result<(), DataError> {
         self.words.adopt(&seen.words, cells);
         self.bad_rows.adopt(seen.bad_rows);
@@ -60,7 +60,7 @@ impl Store {
         Ok(self.signs.refuse_contradiction()?)
     }
 
-    /// Cells that were appended at `at`.
+    /// Reads the cells that were appended at `at`.
     pub(crate) fn read(&self, at: u64, count: usize) -> Result<Vec<u64>, FileError> {
         let mut cells = vec![0_u64; count];
         self.spill.read(at, bytemuck::cast_slice_mut(&mut cells))?;
@@ -72,16 +72,16 @@ impl Store {
     }
 }
 
-/// Where the columns of a file lie in a [`Store`].
+/// The location of the columns of a file in a [`Store`].
 #[derive(Debug, Default)]
 pub(crate) struct Columns {
-    /// First row, number of rows, and the place of the first column; the others follow.
+    /// First row, number of rows, and position of the first column; the other columns follow it.
     parts: Vec<(usize, usize, u64)>,
     pub(crate) rows: usize,
 }
 
 impl Columns {
-    /// The cells of a column in `rows`.
+    /// Reads the cells of a column in `rows`.
     pub(crate) fn read(
         &self,
         column: usize,
@@ -102,17 +102,17 @@ impl Columns {
     }
 }
 
-/// A wide text file that was read.
+/// A wide text file in a store.
 pub(crate) struct Imported {
     pub(crate) times: Vec<i64>,
     pub(crate) columns: Columns,
-    /// For each column, whether it holds text that is no number, and nothing else.
+    /// Whether a column holds only text that is not a number, per column.
     pub(crate) words_only: Vec<bool>,
-    /// Rows whose time names no instant, or two between which nothing decides.
+    /// Number of rows whose time names no instant, or two that no other row can tell apart.
     pub(crate) undecided: u64,
 }
 
-/// Read all columns of `file` into `store`, and its times.
+/// Reads the times of `file`, and all its columns into `store`.
 pub(crate) fn import(
     file: &TextFile,
     time: usize,
@@ -164,12 +164,12 @@ impl Imported {
         let at = store.append(&part.cells)?;
         self.columns.parts.push((self.columns.rows, rows, at));
         self.columns.rows += rows;
-        // Packed text may be any number of rows.
+        // A compressed text file may have any number of rows.
         store.memory.require_rows(self.columns.rows as u64, None)
     }
 }
 
-/// What one thread read: cells column by column.
+/// The part that one thread read: cells column by column.
 struct WideChunk {
     stamps: Vec<Option<ParsedTime>>,
     cells: Vec<u64>,
@@ -189,7 +189,7 @@ impl WideChunk {
         let mut by_row: Vec<u64> = Vec::new();
         while let Some(stamp) =
             next_row(&mut records, fractions.decimal, &mut seen.bad_rows, |records| {
-                // Rows without times get theirs when all of them are counted.
+                // If rows have no times, they get them when all rows are counted.
                 if time < width { stamp(records, time, notation) } else { Ok(None) }
             })?
         {
@@ -214,8 +214,8 @@ impl WideChunk {
     }
 }
 
-/// The time of the next row, which `stamp` reads; `None` if there are no more rows. Lines that are none are noted. So is a last line of which the
-/// last number is cut, unless the sign `decimal` is unknown.
+/// Reads the time of the next row with `stamp`; `None` if there are no more rows. Damaged lines are recorded in
+/// `bad_rows`. So is a last line that ends in a cut number, unless the sign `decimal` is unknown.
 pub(crate) fn next_row<T>(
     records: &mut Records<'_>,
     decimal: Decimal,
@@ -235,7 +235,7 @@ pub(crate) fn next_row<T>(
     }
 }
 
-/// The time of a record; `None` if it has none.
+/// Returns the time of a record; `None` if it has no time.
 pub(crate) fn stamp(
     records: &Records<'_>,
     column: usize,
@@ -255,7 +255,7 @@ pub(crate) fn stamp(
     })
 }
 
-/// A cell of a record that may be a number.
+/// Reads a cell of a record that may be a number.
 pub(crate) fn cell(
     records: &Records<'_>,
     column: usize,
@@ -263,7 +263,7 @@ pub(crate) fn cell(
     seen: &mut Seen,
 ) -> Result<Cell, DataError> {
     let bytes = records.bytes(column);
-    // Where nothing has told the sign of fractions yet, each cell may.
+    // While the decimal sign is unknown, each cell may show it.
     if (fractions.told_by.is_none() || fractions.decimal != Decimal::Unknown)
         && let Some(value) = plain_decimal(bytes, fractions.decimal)
     {
@@ -283,11 +283,11 @@ pub(crate) fn cell(
     Ok(cell)
 }
 
-/// What a file of columns is read from.
+/// The content of a file of columns.
 #[derive(Debug)]
 pub(crate) struct Stored {
     pub(crate) columns: Columns,
-    /// Instants of its rows, [`NO_TIME`](super::rows::NO_TIME) where there is none.
+    /// Instants of the rows, [`NO_TIME`](super::rows::NO_TIME) for a missing time.
     pub(crate) times: Vec<i64>,
     pub(crate) store: Arc<Store>,
 }

@@ -1,4 +1,4 @@
-//! Samples of one channel, each instant once.
+//! Merges samples of one channel at the same instant.
 
 use calib_core::Timestamp;
 use calib_text::format_time;
@@ -10,7 +10,7 @@ use crate::{
     text::{Cell, Words},
 };
 
-/// How many contradictions of a log are shown.
+/// Number of contradictions of a log that are shown.
 pub(crate) const SHOWN: usize = 3;
 
 /// Two values of a channel at one time.
@@ -27,12 +27,12 @@ impl Contradiction {
     }
 }
 
-/// Whether two values of a channel are the same but for rounding: of an angle, if they are the same direction.
+/// Whether two values of a channel are equal up to rounding. Two angles are equal if they are the same direction.
 pub(crate) fn agree(one: f64, other: f64, angle: Option<&AngleOf>) -> bool {
     is_same(one, other) || angle.is_some_and(|angle| angle.is_same(one, other))
 }
 
-/// Values that another one of the same time contradicts.
+/// Values that contradict another one at the same time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Contradicting {
     pub(crate) count: u64,
@@ -65,21 +65,22 @@ impl Contradicting {
     }
 }
 
-/// Samples of which each has a time of its own.
+/// Samples with distinct times.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Deduplicated {
     pub(crate) times: Vec<i64>,
     pub(crate) cells: Vec<u64>,
-    /// Samples that said again what another had said.
+    /// Number of samples that repeat another one.
     pub(crate) repeated: u64,
-    /// Numbers with another number at their time.
+    /// Numbers that differ from another number at their time.
     pub(crate) contradictions: Contradicting,
-    /// Words with another word at their time, by their positions: they count where words are read.
+    /// Words that differ from another word at their time, by their positions. They count if the channel is read
+    /// as words.
     pub(crate) words: Contradicting,
 }
 
-/// Samples in order of time, of which several may have the same: the one that has a value is kept, and of several
-/// values the first or the last. They are of `angle`, if they are of one.
+/// Merges samples with equal times, which are in order of time. A sample with a value is preferred. Among several
+/// values, `keep` selects the first or the last. `angle` is set if the samples are of an angle.
 pub(crate) fn deduplicate(
     times: &[i64],
     cells: &[u64],
@@ -116,7 +117,7 @@ pub(crate) fn deduplicate(
                     *kept = cell;
                 }
             }
-            // A number says more than a word, and a word more than NaN.
+            // A number is preferred to a word, and a word to NaN.
             (Cell::Number(_), _) | (Cell::Word(_), Cell::NonFinite) => placed.repeated += 1,
             _ => *kept = cell,
         }

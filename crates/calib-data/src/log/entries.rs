@@ -1,4 +1,4 @@
-//! Numbers that entries of a study give to channels, by name or by pattern.
+//! Entries of a study that assign numbers to channels, by name or by pattern.
 
 use std::slice::from_ref;
 
@@ -22,7 +22,7 @@ impl<'a> Entries<'a> {
         Self(entries.collect())
     }
 
-    /// The first entry that names none of `channels`, and why it is refused.
+    /// Returns the first entry that names none of `channels`, and the reason for its rejection.
     pub(super) fn unused<'b>(
         &self,
         channels: impl Iterator<Item = &'b str> + Clone,
@@ -32,11 +32,11 @@ impl<'a> Entries<'a> {
         Some((unused.written.as_str(), reason))
     }
 
-    /// The number of the channel that has these names, if an entry gives it one. An entry that is one of them decides; else all patterns that
-    /// match it have to agree.
+    /// Returns the number for the channel with these names, if an entry assigns one. An entry equal to a name decides;
+    /// otherwise all patterns that match must agree.
     ///
     /// # Errors
-    /// Two that do not agree.
+    /// Two entries that disagree.
     pub(super) fn number<'b>(
         &self,
         names: &(impl Iterator<Item = &'b str> + Clone),

@@ -1,32 +1,33 @@
-//! Files of one column that were recorded at the same time: exports of one sensor, or of a tag each.
+//! Decides whether files of one column that were recorded at the same time are exports of one sensor or of a tag each.
 
 use super::series::{Sink, Sorted, Tag};
 use crate::DataError;
 
-/// Two files are recorded at the same time if they share this part of the shorter one's time: exports that follow one another may overlap a
-/// little. Our choice, as the other limits here are.
+/// Two files are recorded at the same time if they share at least this part of the shorter one's time span. Successive
+/// exports may overlap a little. Our choice, like the other limits here.
 const BESIDE: f64 = 0.5;
-/// Two exports of one sensor have this part of the rows of the shorter one at the same times.
+/// Two exports of one sensor have at least this part of the rows of the shorter one at the same times.
 const SHARED: f64 = 0.5;
-/// Two exports of one sensor have the same value in this part of the rows that they share.
+/// Two exports of one sensor have the same value in at least this part of their shared rows.
 const ALIKE: f64 = 0.9;
-/// Two files with fewer equal rows are of two tags without a doubt.
+/// Two files with fewer equal rows certainly belong to two tags.
 const HARDLY_ANY: f64 = 0.1;
-/// Two files with more equal rows are of one sensor without a doubt.
+/// Two files with more equal rows certainly belong to one sensor.
 const NEARLY_ALL: f64 = 0.99;
 
 /// Two files of one column that were recorded at the same time.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ExportPair {
     names: [String; 2],
-    /// Rows with a time that both have; 0 if they share too few to be of one sensor.
+    /// Number of rows with a shared time; 0 if the files share too few to be of one sensor.
     shared: usize,
     /// The part of the shared rows with equal values, from 0 to 1.
     equal: f64,
 }
 
 impl ExportPair {
-    /// Of `one`, which does not begin after `other`. Their samples are all that they have.
+    /// Compares `one` with `other`, which begins no earlier than `one` does. `of_one` and `of_other` are all their
+    /// samples.
     fn of([one, other]: [&Tag; 2], [of_one, of_other]: [&Sorted; 2]) -> Self {
         let window = other.first..one.last.min(other.last).saturating_add(1);
         let rows = SharedRows::of(of_one.inside(&window), of_other.inside(&window));
@@ -43,7 +44,7 @@ impl ExportPair {
         self.equal >= ALIKE
     }
 
-    /// How such files are read, in a sentence, if their rows leave a doubt.
+    /// Returns a sentence that explains how such files are read, if their rows leave a doubt.
     pub(super) fn doubt(&self) -> Option<String> {
         if !(HARDLY_ANY..NEARLY_ALL).contains(&self.equal) {
             return None;
@@ -62,25 +63,26 @@ impl ExportPair {
     }
 }
 
-/// Rows of two files that have the same time.
+/// Rows of two files with the same time.
 #[derive(Debug, PartialEq, Eq)]
 struct SharedRows {
     count: usize,
-    /// Those with the same value.
+    /// Number of shared rows with the same value.
     equal: usize,
-    /// Rows of the file that has fewer.
+    /// Number of rows of the file with fewer rows.
     fewer: usize,
 }
 
 impl SharedRows {
-    /// Of times and cells of two files, in order of time. The n-th row of a time in one file is compared with the n-th of that time in the other.
+    /// Compares times and cells of two files in order of time. The n-th row at a time in one file is compared with the
+    /// n-th row at that time in the other.
     fn of(one: (&[i64], &[u64]), other: (&[i64], &[u64])) -> Self {
         let (fewer, more) = if one.0.len() <= other.0.len() { (one, other) } else { (other, one) };
         let (times, cells) = more;
         let mut rows = Self { count: 0, equal: 0, fewer: fewer.0.len() };
         let mut at = 0;
         for (&time, &cell) in fewer.0.iter().zip(fewer.1) {
-            // A seldom recorded file beside a dense one must not cost a pass through the dense one.
+            // A sparse file beside a dense one must not cost a pass through the dense one.
             at += times[at..].partition_point(|&other| other < time);
             if times.get(at) == Some(&time) {
                 rows.count += 1;
@@ -93,16 +95,16 @@ impl SharedRows {
 }
 
 impl Sink {
-    /// Of files that were recorded at the same time, the two with the fewest equal rows, or the first two that are of two tags without a doubt.
-    /// `None` if all follow one another.
+    /// Returns the two simultaneously recorded files with the fewest equal rows, or the first two that certainly belong
+    /// to two tags. Returns `None` if all files follow one another.
     pub(super) fn least_alike(&mut self) -> Result<Option<ExportPair>, DataError> {
         self.flush()?;
         least_alike(&self.tags, |tag| tag.sorted(&self.store))
     }
 }
 
-/// [`Sink::least_alike`], of which `read` gives the samples of a tag. Of tags in the order in which they begin, each is compared with the one
-/// before it that ends last.
+/// Does the work of [`Sink::least_alike`], with `read` for the samples of a tag. In order of their beginnings, each tag
+/// is compared with the earlier one that ends last.
 fn least_alike(
     tags: &[Tag],
     mut read: impl FnMut(&Tag) -> Result<Sorted, DataError>,
@@ -140,7 +142,7 @@ fn least_alike(
     Ok(least)
 }
 
-/// Whether `one` was recorded at the same time as `later`, which does not begin before it.
+/// Whether `one` was recorded at the same time as `later`, which begins no earlier.
 fn is_beside(one: &Tag, later: &Tag) -> bool {
     let shorter = (one.last - one.first).min(later.last - later.first);
     let shared = one.last.min(later.last) - later.first;
@@ -154,7 +156,7 @@ mod tests {
     use super::*;
     use crate::{DataConfig, log::columns::Store, text::Cell};
 
-    /// A sink with a sample at every microsecond from the first of each file on.
+    /// Returns a sink with a sample at every microsecond from the first time of each file on.
     fn sink(files: &[(i64, &[f64])]) -> Sink {
         let mut sink = Sink::new(Store::new(&DataConfig::default()).expect("memory"));
         for (number, (first, values)) in files.iter().enumerate() {

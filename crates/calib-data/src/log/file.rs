@@ -25,7 +25,8 @@ use crate::{
     text::{TextFile, is_value},
 };
 
-/// Rows that are read at a time, unless a row group has more: bounds what is held twice.
+/// Number of rows that are read at a time, unless a row group has more. It bounds the memory that is
+/// held twice.
 const SLICE_ROWS: usize = 1 << 20;
 
 /// A file whose footer has been read.
@@ -34,22 +35,22 @@ pub(crate) struct LogFile {
     pub(crate) fields: Vec<Field>,
     pub(crate) rows: usize,
     pub(crate) bytes: u64,
-    /// Whether calib wrote it as a result, not as a log.
+    /// Whether calib wrote the file as a result, not as a log.
     pub(crate) is_result: bool,
-    /// Columns that are no channels: parts of times, and names of rows.
+    /// Columns that are not channels: parts of times, and row names.
     pub(crate) no_channels: Vec<usize>,
     content: Content,
 }
 
-/// Where its columns are.
+/// Location of the columns.
 enum Content {
     Parquet(Parquet),
-    /// They were text, and lie in a store.
+    /// Columns of a text file, which lie in a store.
     Stored(Stored),
 }
 
 struct Parquet {
-    /// Opened once, however many columns are read from however many threads.
+    /// Handle that is opened once for all columns and threads.
     file: HeldFile,
     metadata: Arc<pl::FileMetadata>,
     /// Fields whose pages have been checked.
@@ -60,13 +61,13 @@ struct Parquet {
 pub(crate) struct Field {
     pub(crate) name: String,
     pub(crate) kind: FieldKind,
-    /// The type as users know it.
+    /// Name of the type for users.
     pub(crate) type_name: String,
-    /// What the header says of it.
+    /// Description from the header.
     pub(crate) description: Description,
 }
 
-/// What calib can do with a column.
+/// The kind of data in a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FieldKind {
     /// Numbers and booleans.
@@ -75,7 +76,7 @@ pub(crate) enum FieldKind {
     Text,
     /// Dates and instants.
     Time,
-    /// Nothing.
+    /// No supported type.
     Other,
 }
 
@@ -119,7 +120,7 @@ impl LogFile {
         Ok(Self { source, fields, rows, bytes, is_result, no_channels: Vec::new(), content })
     }
 
-    /// A text file that was read into `stored`.
+    /// Creates a text file that was read into `stored`.
     pub(crate) fn stored(
         source: PartitionedFile,
         fields: Vec<Field>,
@@ -133,7 +134,7 @@ impl LogFile {
         Self { source, fields, rows, bytes, is_result: false, no_channels, content }
     }
 
-    /// The timestamps of a file that was text.
+    /// Returns the timestamps of a file that was text.
     pub(crate) fn stored_times(&self) -> Option<Vec<i64>> {
         match &self.content {
             Content::Parquet(_) => None,
@@ -145,7 +146,7 @@ impl LogFile {
         &self.source.path
     }
 
-    /// Which of some rows have what `data.where` asks for; `None` if it asks for nothing.
+    /// Returns for each of some rows whether `data.where` selects it; `None` without such a filter.
     pub(crate) fn chosen(
         &self,
         rows: &Range<usize>,
@@ -171,12 +172,12 @@ impl LogFile {
         Ok(Some(chosen))
     }
 
-    /// The position of the column called `name`.
+    /// Returns the position of the column called `name`.
     pub(crate) fn field(&self, name: &str) -> Option<usize> {
         self.fields.iter().position(|field| field.name == name)
     }
 
-    /// Slices of whole row groups that cover `rows`, cut to `rows`.
+    /// Returns slices of whole row groups that cover `rows`, cut to `rows`.
     pub(crate) fn slices(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
         let groups: Vec<usize> = match &self.content {
             Content::Parquet(parquet) => {
@@ -206,7 +207,7 @@ impl LogFile {
         slices
     }
 
-    /// Some columns of some rows, one for each of `fields`.
+    /// Reads some columns of some rows, one column for each of `fields`.
     pub(crate) fn read(
         &self,
         fields: &[usize],
@@ -257,7 +258,7 @@ impl LogFile {
         Ok(columns)
     }
 
-    /// Check the pages of `fields`, unless they have been: the reader does not look at their checksums.
+    /// Checks the pages of `fields` that have not been checked yet: the reader ignores their checksums.
     fn check_pages(&self, parquet: &Parquet, fields: &[usize]) -> Result<(), DataError> {
         let mut checked = parquet.checked.lock().unwrap_or_else(PoisonError::into_inner);
         let left: BTreeSet<&str> = fields
@@ -315,7 +316,7 @@ pub(crate) fn classify(dtype: &pl::ArrowDataType) -> (FieldKind, String) {
     }
 }
 
-/// `Float32` is called f32.
+/// Shortens the name of a type: `Float32` becomes f32.
 fn number(prefix: &str, dtype: &pl::ArrowDataType, arrow: &str) -> (FieldKind, String) {
     let name = format!("{dtype:?}").replace(arrow, prefix);
     (FieldKind::Number, name)

@@ -1,11 +1,11 @@
-//! Which tag a file is of, by its name.
+//! Derives the tag of a file from its name.
 
 use std::path::Path;
 
 use super::column_aliases::{TAGS, plain};
 
-/// The tag that a file is called after: its name without what packs it and without a date at its end; empty if it is
-/// nothing but a date. A folder `tag=NAME` goes before it.
+/// Returns the tag of a file: its name without compression suffix and without a date at the end; empty if it is only
+/// a date. A folder `tag=NAME` takes precedence.
 pub(super) fn tag_of_path(path: &Path) -> String {
     let folder = path.parent().into_iter().flat_map(Path::components).find_map(|component| {
         let (key, value) = component.as_os_str().to_str()?.split_once('=')?;
@@ -25,7 +25,8 @@ pub(super) fn tag_of_path(path: &Path) -> String {
     })
 }
 
-/// What the channels of each file are called after, with a space: the file, or where all are called alike its folder.
+/// Returns the prefix for the channels of each file, with a space: the file name, or the folder if all files have the
+/// same name.
 pub(super) fn prefixes(paths: &[&Path]) -> Vec<String> {
     let stems: Vec<String> = paths.iter().map(|path| tag_of_path(path)).collect();
     let tell =
@@ -35,19 +36,19 @@ pub(super) fn prefixes(paths: &[&Path]) -> Vec<String> {
     names.map(|name| format!("{name} ")).collect()
 }
 
-/// The name of the folder that a file lies in; of `key=value` the value.
+/// Returns the name of the folder of a file; for a folder `key=value` the value.
 fn folder_of(path: &Path) -> String {
     let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
     let folder = folder.to_string_lossy();
     folder.split_once('=').map_or(folder.as_ref(), |(_, value)| value).to_owned()
 }
 
-/// A name without a date at its end, from `2024-03` to `2024-03-01T06-00-00`: eight digits or more, or a year and
-/// a month with something between them. A single number stays: it is a tag's.
+/// Removes a date from the end of a name, from `2024-03` to `2024-03-01T06-00-00`: eight digits or more, or a year
+/// and a month with a separator. A single number stays, because it belongs to the tag.
 fn without_date(stem: &str) -> &str {
     let mut from =
         stem.trim_end_matches(|c: char| c.is_ascii_digit() || "-_.: T".contains(c)).len();
-    // What is left must not end in the middle of a word such as PIT: the T belongs to it.
+    // The rest must not end in the middle of a word such as PIT: the T belongs to it.
     while from < stem.len()
         && !stem[from..].starts_with(|c: char| c.is_ascii_digit() || "-_. ".contains(c))
     {
@@ -56,7 +57,7 @@ fn without_date(stem: &str) -> &str {
     let end = &stem[from..];
     let fields: Vec<&str> =
         end.split(|c: char| !c.is_ascii_digit()).filter(|field| !field.is_empty()).collect();
-    // Numbers of the tag itself may stand before the date: PIT_300_2024-03-01.
+    // Numbers of the tag itself may precede the date: PIT_300_2024-03-01.
     for skipped in 0..fields.len() {
         let date = &fields[skipped..];
         let is_date = match date {
@@ -68,7 +69,7 @@ fn without_date(stem: &str) -> &str {
             _ => false,
         };
         if is_date {
-            // The field itself, not the first place where its digits stand: PI_32023_2023-05.
+            // The field itself, not the first place with the same digits: PI_32023_2023-05.
             let starts = date[0].as_ptr().addr() - stem.as_ptr().addr();
             return stem[..starts].trim_end_matches(['-', '_', '.', ' ']);
         }

@@ -1,4 +1,4 @@
-//! The sample period, and the stretches of the log in which it holds.
+//! Finds the sample period, and the stretches of the log without a gap.
 
 use std::ops::Range;
 
@@ -6,13 +6,14 @@ use calib_core::{Period, Timestamp};
 
 use crate::log::rows::EXAMPLES;
 
-/// Steps are alike if they differ by at most this share: clocks drift, and loggers round to whole seconds. Our choice.
+/// Maximum relative difference of steps that count as equal: clocks drift, and loggers round to whole seconds. Our
+/// choice.
 const ALIKE: f64 = 0.1;
-/// The share of steps that are alike in a log of one interval. With [`ALIKE`], it passes rows 1.1 s apart whose times are cut to whole
-/// seconds: a tenth of their steps is 2 s. Our choice.
+/// Minimum share of equal steps in a log with one interval. With [`ALIKE`], it accepts rows 1.1 s apart whose times are
+/// cut to whole seconds: a tenth of their steps is 2 s. Our choice.
 const REGULAR: f64 = 0.9;
 
-/// Steps of the log that are not one period.
+/// Steps of the log that differ from the period.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Steps {
     /// Stretches without a gap that cover all rows, in order.
@@ -20,13 +21,13 @@ pub(crate) struct Steps {
     pub(crate) gaps: u64,
     pub(crate) longest_gap: i64,
     pub(crate) total_gap: i64,
-    /// Of the longest gaps, the longest first: last row before it, first row after it.
+    /// The longest gaps, the longest first: last row before the gap, first row after it.
     pub(crate) longest_gaps: Vec<(Timestamp, Timestamp)>,
-    /// Steps shorter than the period divided by the tolerance.
+    /// Number of steps shorter than the period divided by the tolerance.
     pub(crate) short: u64,
 }
 
-/// The median step, `None` for fewer than two rows.
+/// Returns the median step, `None` for fewer than two rows.
 pub(crate) fn detect_period(timestamps: &[Timestamp]) -> Option<Period> {
     let mut steps: Vec<i64> =
         timestamps.windows(2).map(|pair| pair[1].micros_since(pair[0])).collect();
@@ -37,8 +38,8 @@ pub(crate) fn detect_period(timestamps: &[Timestamp]) -> Option<Period> {
     Period::from_micros(*steps.select_nth_unstable(middle).1)
 }
 
-/// The interval at which rows were recorded: the median step, if most others are like it. `None` where steps are uneven, so that any
-/// period may be meant.
+/// Returns the recording interval: the median step, if most other steps are about equal. Returns `None` for uneven
+/// steps, for which any period may be intended.
 pub(crate) fn interval(timestamps: &[Timestamp]) -> Option<Period> {
     let median = detect_period(timestamps)?;
     let mut alike = 0_usize;
@@ -49,12 +50,12 @@ pub(crate) fn interval(timestamps: &[Timestamp]) -> Option<Period> {
     (alike as f64 >= REGULAR * (timestamps.len() - 1) as f64).then_some(median)
 }
 
-/// Whether a step is as long as the median one, or nearly.
+/// Whether a step is about as long as the median one.
 pub(crate) fn are_alike(step: Period, median: Period) -> bool {
     step.as_micros().abs_diff(median.as_micros()) as f64 <= ALIKE * median.as_micros() as f64
 }
 
-/// Cut the rows where a step is longer than `tolerance` periods, and before each of `breaks` (in order).
+/// Cuts the rows where a step is longer than `tolerance` periods, and before each of `breaks` (in order).
 pub(crate) fn find_steps(
     timestamps: &[Timestamp],
     breaks: &[u32],
@@ -90,7 +91,7 @@ pub(crate) fn find_steps(
     found
 }
 
-/// Keep a gap if it is one of the longest; of equals the earlier one.
+/// Keeps a gap if it is one of the longest; on a tie, the earlier gap.
 fn note_gap(longest: &mut Vec<(Timestamp, Timestamp)>, gap: (Timestamp, Timestamp)) {
     let place = longest.partition_point(|&known| length(known) >= length(gap));
     if place < EXAMPLES {
@@ -103,7 +104,7 @@ fn length((from, to): (Timestamp, Timestamp)) -> i64 {
     to.micros_since(from)
 }
 
-/// The parts of the stretches that lie inside `part`.
+/// Returns the parts of the stretches that lie inside `part`.
 pub(crate) fn inside(stretches: &[Range<usize>], part: &Range<usize>) -> Vec<Range<usize>> {
     stretches
         .iter()
@@ -112,7 +113,7 @@ pub(crate) fn inside(stretches: &[Range<usize>], part: &Range<usize>) -> Vec<Ran
         .collect()
 }
 
-/// The parts that lie inside the training range or the held-out one, in order.
+/// Returns the parts that lie inside the training range or the held-out range, in order.
 pub(crate) fn inside_both(
     stretches: &[Range<usize>],
     train: &Range<usize>,

@@ -1,4 +1,4 @@
-//! What a file of the log is, by its first rows.
+//! Recognises a file of the log by its first rows.
 
 use std::{fs::File, io::Read as _, path::Path};
 
@@ -12,11 +12,11 @@ use crate::{
     text::{Candidates, Decimal, Notation, TextFile, is_annotated, parse_number},
 };
 
-/// A file that was opened, and nothing else.
+/// An opened file, of which only the head was read.
 pub(crate) enum Head {
     Parquet(Box<LogFile>),
     Text(Box<TextFile>),
-    /// Annotated CSV of InfluxDB: tables with headers of their own.
+    /// Annotated CSV of InfluxDB, whose tables have headers of their own.
     Annotated(PartitionedFile, u64),
 }
 
@@ -70,7 +70,7 @@ impl Head {
         }
     }
 
-    /// The first cells of a column that are not empty, as text.
+    /// Returns the first non-empty cells of a column, as text.
     pub(crate) fn sample(&self, column: usize) -> Result<Vec<String>, DataError> {
         match self {
             Self::Parquet(file) => {
@@ -116,16 +116,16 @@ impl Head {
     }
 }
 
-/// Rows of a Parquet file that are looked at.
+/// Number of rows of a Parquet file that are examined.
 const SAMPLE: usize = 10_000;
 
-/// Whether there are cells, and all are so but for one in 20, which may be damaged.
+/// Whether there are cells and all satisfy a condition, except for one in 20, which may be damaged.
 pub(super) fn mostly(cells: &[&str], is: impl Fn(&str) -> bool) -> bool {
     let mut others = cells.iter().filter(|cell| !is(cell));
     !cells.is_empty() && others.nth(cells.len() / 20).is_none()
 }
 
-/// What the cells of a text column are; without any they may become numbers.
+/// Returns the kind of a text column. A column without cells may become numbers.
 fn kind_of(cells: &[&str]) -> FieldKind {
     if mostly(cells, is_time) {
         FieldKind::Time
@@ -140,7 +140,7 @@ fn is_number(cell: &str) -> bool {
     [Decimal::Point, Decimal::Comma].iter().any(|&decimal| parse_number(cell, decimal).is_some())
 }
 
-/// Whether a cell is a time that is no number.
+/// Whether a cell is a time that is not a number.
 fn is_time(cell: &str) -> bool {
     !is_number(cell)
         && Candidates::of(&[cell], None)
@@ -149,7 +149,7 @@ fn is_time(cell: &str) -> bool {
             .is_some_and(|notation| !matches!(notation, Notation::Number(_)))
 }
 
-/// Whether a file is Parquet: by its name, or else by its first bytes.
+/// Whether a file is Parquet: by its name, or otherwise by its first bytes.
 fn is_parquet(path: &Path) -> Result<bool, DataError> {
     if super::source::is_parquet(path) {
         return Ok(true);

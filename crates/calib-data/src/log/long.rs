@@ -1,4 +1,4 @@
-//! Files of samples, streamed into their tags.
+//! Streams files of samples into their tags.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -24,7 +24,7 @@ use crate::{
     },
 };
 
-/// Samples that one thread read, with names of its own for tags and words.
+/// Samples that one thread read, with its own lists of tags and words.
 #[derive(Default)]
 struct LongChunk {
     tags: Vec<u32>,
@@ -32,13 +32,13 @@ struct LongChunk {
     cells: Vec<u64>,
     /// The names that `tags` are positions of.
     names: Words,
-    /// What each column of `Roles::sides` says beside each tag, `[tags][columns]`.
+    /// Labels in each column of `Roles::sides` beside each tag, `[tags][columns]`.
     sides: Vec<SideLabels>,
     seen: Seen,
     bad_quality: u64,
 }
 
-/// Samples of a file on their way into their tags. Each tag goes through an hour that comes twice by itself.
+/// Writes samples of a file to their tags. For each tag separately, it resolves the hour that occurs twice.
 struct SampleWriter<'a> {
     clock: &'a Clock,
     sink: &'a mut Sink,
@@ -70,7 +70,7 @@ impl<'a> SampleWriter<'a> {
     }
 }
 
-/// Read all samples of a text file.
+/// Reads all samples of a text file.
 pub(crate) fn stream_text(
     file: &TextFile,
     roles: &Roles,
@@ -101,7 +101,7 @@ impl LongChunk {
         if let TagOf::File(name) = &roles.tag {
             part.names.position(name);
         }
-        // Each tag of a long table may have decimals of its own.
+        // Each tag of a long table may have its own number of decimals.
         let decimal = match roles.tag {
             TagOf::File(_) => fractions.decimal,
             TagOf::Column(_) => Decimal::Unknown,
@@ -169,7 +169,7 @@ impl LongChunk {
         Ok(Cell::Missing)
     }
 
-    /// What column `side` of `sides` says beside a tag.
+    /// Returns the labels of column `side` of `sides` beside a tag.
     fn side(&mut self, tag: u32, side: usize, sides: usize) -> &mut SideLabels {
         let place = tag as usize * sides + side;
         if self.sides.len() <= place {
@@ -178,7 +178,7 @@ impl LongChunk {
         &mut self.sides[place]
     }
 
-    /// Leave out the values of bad `quality`, by the codes in `column` of a Parquet file.
+    /// Removes the values of bad `quality`, by the codes in `column` of a Parquet file.
     fn leave_out_bad(
         &mut self,
         column: &RawColumn,
@@ -212,7 +212,8 @@ impl LongChunk {
         Ok(())
     }
 
-    /// Note what the last of `columns` of a Parquet file, those of `Roles::sides`, say beside the samples that are chosen.
+    /// Records the labels in the last of `columns` of a Parquet file, those of `Roles::sides`, beside the chosen
+    /// samples.
     fn add_sides(
         &mut self,
         columns: &[RawColumn],
@@ -237,7 +238,7 @@ impl LongChunk {
         Ok(())
     }
 
-    /// Leave out the samples that are not chosen.
+    /// Removes the samples that are not chosen.
     fn keep(&mut self, chosen: Option<&[bool]>) {
         let Some(chosen) = chosen else { return };
         let mut flags = chosen.iter();
@@ -264,7 +265,7 @@ impl LongChunk {
     }
 }
 
-/// Read all samples of a Parquet file.
+/// Reads all samples of a Parquet file.
 pub(crate) fn stream_parquet(
     file: &LogFile,
     roles: &Roles,
@@ -323,7 +324,7 @@ pub(crate) fn stream_parquet(
     writer.finish()
 }
 
-/// Read annotated files, whose tags are named when all are known.
+/// Reads annotated files. Their tags are named when all are known.
 pub(crate) fn stream_annotated(
     heads: &[Head],
     clock: &Clock,

@@ -1,14 +1,14 @@
-//! How long the values of each channel hold, where `data.resample` puts them on one clock.
+//! How long the values of each channel stay valid, if `data.resample` puts them on one clock.
 
 use calib_core::Period;
 
 use super::{Channel, entries::Entries};
 use crate::{DataConfig, DataError, MaxAge};
 
-/// How long a recorded value of each channel stands for what follows it, in microseconds.
+/// Returns how long a recorded value of each channel stays valid, in microseconds.
 ///
 /// # Errors
-/// If an entry of `data.max_age_secs` names no channel, or two of them disagree about one.
+/// If an entry of `data.max_age_secs` names no channel, or two entries disagree about a channel.
 pub(super) fn max_ages(
     channels: &[Channel],
     data: &DataConfig,

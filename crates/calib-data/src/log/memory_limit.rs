@@ -1,17 +1,17 @@
-//! What of a log has to be in memory, told before it is.
+//! Checks the memory that a log needs before it is read.
 
 use crate::{DataConfig, DataError};
 
-/// Per row: the timestamp, two channels at least that are read together, and flags. Channels that are put on another clock are
-/// held as they were recorded, and as they are on it.
+/// Per row: the timestamp, at least two channels that are read together, and flags. Resampled channels are held both as
+/// recorded and on the new clock.
 const BYTES_PER_ROW: u64 = 8 + 2 * 8 + 2;
 const BYTES_PER_RESAMPLED_ROW: u64 = BYTES_PER_ROW + 2 * 8;
-/// Per sample of a channel that is read: its time and its cell, in order and as they were found, and its value.
+/// Per sample of a channel that is read: its time and its cell, both as found and in order, and its value.
 const BYTES_PER_SAMPLE: u64 = 2 * (8 + 8) + 8;
-/// Per channel: its name and key, what waits to be written, and what is told of it.
+/// Per channel: its name and key, samples that wait to be written, and its description.
 const BYTES_PER_CHANNEL: u64 = 2 << 10;
 
-/// Memory that there is, in bytes; `None` where nobody knows.
+/// Available memory, in bytes; `None` if it is unknown.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MemoryLimit(Option<u64>);
 
@@ -20,7 +20,8 @@ impl MemoryLimit {
         Self(data.memory)
     }
 
-    /// Refuse what takes more memory than there is: `what` takes `needed` bytes at least, and `remedy` says what takes less.
+    /// Returns an error if `what` needs more memory than is available: it needs at least `needed` bytes, and `remedy`
+    /// reduces the need.
     pub(crate) fn require(
         self,
         needed: u64,
@@ -35,7 +36,7 @@ impl MemoryLimit {
         }
     }
 
-    /// Refuse a log of more rows than can be indexed, or held. `every_secs` is how far apart they are if the study says.
+    /// Rejects a log of more rows than can be indexed or held. `every_secs` is their distance, if the study sets it.
     pub(crate) fn require_rows(self, rows: u64, every_secs: Option<f64>) -> Result<(), DataError> {
         let (each, remedy) = match every_secs {
             Some(_) => {
@@ -62,7 +63,7 @@ impl MemoryLimit {
         }
     }
 
-    /// Refuse a channel whose samples cannot be held.
+    /// Rejects a channel whose samples do not fit into memory.
     pub(crate) fn require_samples(self, samples: u64, channel: &str) -> Result<(), DataError> {
         self.require(
             samples.saturating_mul(BYTES_PER_SAMPLE),
@@ -71,7 +72,7 @@ impl MemoryLimit {
         )
     }
 
-    /// Refuse a log of more channels than can be held.
+    /// Rejects a log whose channels do not fit into memory.
     pub(crate) fn require_channels(self, channels: usize) -> Result<(), DataError> {
         self.require(
             (channels as u64).saturating_mul(BYTES_PER_CHANNEL),

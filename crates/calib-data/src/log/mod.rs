@@ -1,4 +1,4 @@
-//! The log as it lies in its files: rows in time order, channels, ranges.
+//! The log in its files: rows in time order, channels, ranges.
 
 mod alike_names;
 mod angles;
@@ -69,26 +69,26 @@ pub(crate) struct Log {
     pub(crate) shape: Shape,
     origin: Origin,
     pub(crate) rows: Rows,
-    /// The rows as they were recorded, where those of the log are others.
+    /// The rows as recorded, if they differ from those of the log.
     recorded: Option<Rows>,
     grid: Option<Grid>,
-    /// How long the values of each channel stand in rows of the grid, in microseconds; nothing without a grid.
+    /// How long the values of each channel stay valid in rows of the grid, in microseconds; empty without a grid.
     max_ages: Vec<i64>,
-    /// What happens to contradictions.
+    /// Treatment of contradictions.
     pub(crate) contradictions: Contradictions,
     /// Numbers that stand for a missing value.
     missing_values: Vec<f64>,
-    /// Whether times are UTC rather than what some clock showed.
+    /// Whether times are UTC rather than local wall-clock times.
     pub(crate) utc: bool,
-    /// Lines of text files that were left out because they cannot be read.
+    /// Lines of text files that were skipped because they cannot be read.
     pub(crate) bad_rows: BadRowsFound,
-    /// Whether rows have no times but their numbers.
+    /// Whether rows have no times, so that they are numbered.
     pub(crate) without_times: bool,
-    /// How columns are read otherwise than each by itself, in sentences.
+    /// Sentences about columns that are not read independently, such as joined times.
     pub(crate) read_as: Vec<String>,
-    /// Samples that their quality made missing.
+    /// Number of samples that are missing because of their quality.
     pub(crate) bad_quality: u64,
-    /// Rows without a time because theirs names no instant, or two between which nothing decides.
+    /// Number of rows without a time because it names no instant, or two that no other row can tell apart.
     pub(crate) undecided: u64,
     pub(crate) channels: Vec<Channel>,
     pub(crate) period: Period,
@@ -105,7 +105,7 @@ pub(crate) struct FileSummary {
     pub(crate) rows: usize,
 }
 
-/// Where channels are read from.
+/// The source of the channels.
 #[expect(clippy::large_enum_variant, reason = "there is one for a log")]
 enum Origin {
     /// Wide files.
@@ -118,16 +118,16 @@ enum Origin {
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
     pub(crate) name: String,
-    /// Its types, in order of appearance; more than one if files disagree.
+    /// The types, in order of appearance; more than one if files disagree.
     pub(crate) type_name: String,
     pub(crate) description: Description,
-    /// Whether a file has it as numbers or text.
+    /// Whether at least one file has the channel as numbers or text.
     pub(crate) readable: bool,
-    /// The angle of which it is the sine or the cosine, if it is.
+    /// The angle, if the channel is its sine or cosine.
     pub(crate) angle: Option<AngleOf>,
-    /// Its number among the columns or the tags of the log: the two channels of an angle have one.
+    /// Index among the columns or tags of the log. The two channels of an angle share it.
     column: usize,
-    /// Its position in each file that has it readable.
+    /// Column position in each file in which the channel is readable.
     positions: HashMap<usize, usize>,
 }
 
@@ -138,7 +138,7 @@ impl Log {
         opened.into_log(utc, data)
     }
 
-    /// The whole log, whatever its ranges, and the channels of it that can be read and are neither excluded nor left out.
+    /// Opens the whole log without ranges. Also returns the channels that can be read and are chosen.
     pub(crate) fn open_whole(
         data: &DataConfig,
         monitor: &dyn Monitor,
@@ -155,19 +155,19 @@ impl Log {
         Ok((log, wanted))
     }
 
-    /// Whether the rows are those of a clock that all channels are put on.
+    /// Whether the rows are those of a clock on which all channels are put.
     pub(crate) fn is_resampled(&self) -> bool {
         self.grid.is_some()
     }
 
-    /// Entries of `data.exclude` that match no channel.
+    /// Returns the entries of `data.exclude` that match no channel.
     pub(crate) fn unused_excludes(&self, data: &DataConfig) -> Vec<String> {
         let names = self.channels.iter().flat_map(Channel::names);
         let unused = Names::new(&data.exclude).unused(&names).into_iter().map(str::to_owned);
         unused.collect()
     }
 
-    /// The channels of neither numbers nor text that the study does not leave out, with their types.
+    /// Returns the chosen channels of neither numbers nor text, with their types.
     pub(crate) fn unreadable(&self, data: &DataConfig) -> BTreeMap<String, String> {
         let chosen = Chosen::of(data);
         let missed = self
@@ -177,8 +177,8 @@ impl Log {
         missed.map(|channel| (channel.name.clone(), channel.type_name.clone())).collect()
     }
 
-    /// What was found in some channels, by the names that the files have: of the two channels of an angle the first counts, because
-    /// what is found in recorded angles is found in both.
+    /// Returns findings about some channels, by the channel names in the files. Of the two channels of an angle only
+    /// the first counts, because both have the findings of the recorded angles.
     pub(crate) fn by_recorded_name<'a, T>(
         &'a self,
         found: &'a [(usize, T)],
@@ -194,7 +194,7 @@ impl Log {
         named
     }
 
-    /// The contradictions of some channels, without their cause.
+    /// Returns the contradictions of some channels, without their cause.
     pub(crate) fn contradictions_of(
         &self,
         found: &[(usize, Contradicting)],
@@ -215,7 +215,7 @@ impl Log {
         }
     }
 
-    /// Refuse what contradicts itself in some channels, unless the study says which counts.
+    /// Rejects contradictions in some channels, unless the study selects one of the values.
     pub(crate) fn refuse_contradictions(
         &self,
         found: &[(usize, Contradicting)],
@@ -249,8 +249,8 @@ impl Log {
         self.recorded.as_ref().unwrap_or(&self.rows)
     }
 
-    /// The median step in seconds, where it is not the period that the study gives: nearly all steps of the training range are as long,
-    /// or most of the log are gaps.
+    /// Returns the median step in seconds, if it contradicts the period in the study: nearly all steps of the training
+    /// range have this length, or most steps of the log are gaps.
     pub(crate) fn recorded_period_secs(&self) -> Option<f64> {
         if self.period_was_detected || self.grid.is_some() {
             return None;
@@ -263,13 +263,13 @@ impl Log {
         recorded.map(Period::as_secs)
     }
 
-    /// The interval at which the training range was recorded, where it is not the period.
+    /// Returns the recording interval of the training range, if it differs from the period.
     pub(crate) fn other_interval(&self) -> Option<Period> {
         let interval = interval(&self.rows.timestamps[self.train.clone()]);
         interval.filter(|interval| !gaps::are_alike(self.period, *interval))
     }
 
-    /// Stretches without a gap, cut at the ends of the two ranges; rows outside both are left out.
+    /// Returns stretches without a gap, cut at the ends of the two ranges; rows outside both are excluded.
     pub(crate) fn stretches(&self) -> Vec<Range<usize>> {
         inside_both(&self.steps.stretches, &self.train, self.held_out.as_ref())
     }
@@ -298,8 +298,8 @@ fn row_ranges(
     Ok((train, held_out))
 }
 
-/// The files that `data` selects, in order of their names. Nothing of them is read; some may turn out to be results of
-/// calib, which are no logs.
+/// Returns the files that `data` selects, in order of their names. They are not read. Some may turn out to be results
+/// of calib, which are not logs.
 ///
 /// # Errors
 /// If a pattern selects nothing, or a folder cannot be read.
@@ -307,20 +307,20 @@ pub fn log_files(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
     Ok(source::find_files(data)?.into_iter().map(|source| source.path).collect())
 }
 
-/// What the footers of a log say, before anything of it is read.
+/// Size of a log according to its footers, before it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Declared {
-    /// Rows of all files; of text files, which do not say, about as many as there are.
+    /// Rows of all files; an estimate for text files, which do not declare it.
     pub rows: u64,
-    /// Memory that reading takes at the least, in bytes: the states come on top of it.
+    /// Minimum memory for reading, in bytes, without the states.
     pub least_bytes: u64,
 }
 
 impl Declared {
-    /// Read the footers of the files that `data` names.
+    /// Reads the footers of the files that `data` names.
     ///
     /// # Errors
-    /// If there are none, or one cannot be read.
+    /// If there are no files, or one cannot be read.
     pub fn of(data: &DataConfig) -> Result<Self, DataError> {
         let mut rows = 0_u64;
         for source in source::without_empty(source::find_files(data)?)?.0 {
@@ -335,6 +335,6 @@ impl Declared {
     }
 }
 
-/// Per row: the timestamp as it is read and in order, and two channels at least that are read together, each as the file
-/// has it and as numbers.
+/// Per row: the timestamp as read and in order, and at least two channels that are read together, each as in the file
+/// and as numbers.
 const BYTES_PER_ROW: u64 = 8 + 8 + 2 * (8 + 8);

@@ -1,4 +1,4 @@
-//! The files of a log: what they are, and what they hold.
+//! Opens and recognises the files of a log.
 
 use std::{
     collections::{BTreeSet, HashMap},
@@ -27,7 +27,7 @@ use crate::{
     Contradictions, DataConfig, DataError, Description, Shape, TimestampUnit, text::Notation,
 };
 
-/// What the files hold, before rows and ranges are known.
+/// Contents of the files, before rows and ranges are known.
 #[expect(clippy::large_enum_variant, reason = "there is one for a log")]
 pub(super) enum Opened {
     Tables(Tables),
@@ -39,29 +39,29 @@ pub(super) struct Samples {
     pub(super) shape: Shape,
     pub(super) files: Vec<FileSummary>,
     pub(super) sink: Sink,
-    /// How files are read where that is not certain, in sentences.
+    /// Sentences about uncertain readings of files.
     pub(super) read_as: Vec<String>,
 }
 
 /// Wide files.
 pub(super) struct Tables {
     pub(super) files: Vec<LogFile>,
-    /// The position of the timestamp in each.
+    /// Position of the timestamp in each file.
     pub(super) times: Vec<usize>,
-    /// Its values.
+    /// Timestamps of each file.
     pub(super) instants: Vec<Vec<i64>>,
-    /// Rows whose time names no instant, or two between which nothing decides.
+    /// Number of rows whose time names no instant, or two that no other row can tell apart.
     pub(super) undecided: u64,
-    /// Rows that `data.where` leaves out.
+    /// Number of rows that `data.where` excludes.
     pub(super) left_out: u64,
     pub(super) bad_rows: BadRowsFound,
-    /// Whether rows have no times but their numbers.
+    /// Whether rows have no times, so that they are numbered.
     pub(super) without_times: bool,
-    /// How columns are read otherwise than each by itself, in sentences.
+    /// Sentences about columns that are not read independently, such as joined times.
     pub(super) read_as: Vec<String>,
 }
 
-/// Find, open and recognise the files of a log; and whether its times are UTC.
+/// Finds, opens and recognises the files of a log. Also returns whether its times are UTC.
 pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, bool), DataError> {
     let (sources, empty) = source::without_empty(source::find_files(data)?)?;
     monitor.begin("reading timestamps", sources.len() as u64);
@@ -122,8 +122,8 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
     Ok((opened?, utc))
 }
 
-/// Files whose columns of values have one name: of a tag each if some were recorded at the same time and are no exports of one sensor, or
-/// the study asks for tags, and else wide tables.
+/// Reads files whose columns of values have one name. They are of a tag each if the study asks for tags, or if some
+/// were recorded at the same time and are not exports of one sensor. Otherwise they are wide tables.
 fn one_column(
     heads: Vec<Head>,
     times: Vec<usize>,
@@ -159,7 +159,7 @@ fn one_column(
     Ok(Opened::Samples(samples))
 }
 
-/// The position of the time column of each file; in files without one it is the position behind the last column.
+/// Returns the position of the time column of each file; for files without one the position after the last column.
 fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, DataError> {
     let mut found: Vec<Option<usize>> = heads
         .iter()
@@ -175,7 +175,7 @@ fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, Dat
             *found = times::join_fields(head);
         }
     }
-    // In a file whose first lines are damaged, the column is the one that the others have.
+    // In a file whose first lines are damaged, the time column has the same name as in the others.
     let names: Vec<Vec<HeadColumn>> = heads.iter().map(Head::columns).collect();
     let known: BTreeSet<&str> =
         (0..heads.len()).filter_map(|at| Some(names[at].get(found[at]?)?.name.as_str())).collect();
@@ -206,31 +206,31 @@ fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, Dat
     Ok(times)
 }
 
-/// Whether `time` is behind the last column.
+/// Whether `time` is after the last column.
 fn has_no_times(head: &Head, time: usize) -> bool {
     !matches!(head, Head::Annotated(..)) && time >= head.columns().len()
 }
 
-/// Periods between the rows of one file without times and those of the next: nothing crosses from one to the other.
+/// Periods between the last row of one file without times and the first row of the next: no transition crosses them.
 const BETWEEN_FILES: i64 = 10;
 
-/// How text is written.
+/// The notation of text.
 struct TextRead {
     notations: Notations,
-    /// Fractions, in all files.
+    /// The notation of numbers in all files.
     fractions: Fractions,
-    /// What is said of files without anything in them.
+    /// The warning about empty files.
     empty: Option<String>,
 }
 
 impl TextRead {
-    /// What is left out, or likely and not certain, in sentences.
+    /// Returns sentences about ignored files, and readings that are likely but not certain.
     fn doubts(&self) -> Vec<String> {
         let likely = self.notations.doubts.iter().chain(&self.fractions.doubt);
         likely.chain(&self.empty).cloned().collect()
     }
 
-    /// What text is read into.
+    /// Creates the store that text is read into.
     fn store(&self, data: &DataConfig) -> Result<Store, DataError> {
         let mut store = Store::new(data)?;
         store.signs.adopt(self.fractions.told_by.clone().unwrap_or_default());
@@ -238,14 +238,14 @@ impl TextRead {
     }
 }
 
-/// Whether the files say which instants their times are, by an offset, a zone, or as numbers since 1970.
+/// Whether the files define the instants of their times, by an offset, a zone, or as numbers since 1970.
 fn is_utc(
     heads: &[Head],
     times: &[usize],
     notations: &[Notation],
     data: &DataConfig,
 ) -> Result<bool, DataError> {
-    // With a format, numbers are dates that name no zone.
+    // With a format, numbers are dates without a zone.
     let numbers_count = match data.timestamp_unit {
         None => data.timestamp_format.is_none(),
         Some(unit) => unit != TimestampUnit::Excel,
@@ -357,7 +357,7 @@ fn tables(
     })
 }
 
-/// How columns of a file are read otherwise than each by itself.
+/// Returns sentences about columns of a file that are not read independently.
 fn read_as(head: &Head) -> Vec<String> {
     match head {
         Head::Text(file) => file.read_as(),
@@ -378,7 +378,7 @@ fn samples(
     Ok(Samples { shape, files, sink, read_as })
 }
 
-/// The samples of all files, by their tags.
+/// Returns the samples of all files, by their tags.
 fn poured(
     heads: &[Head],
     roles: &[Roles],
@@ -414,7 +414,7 @@ fn summary(head: &Head, rows: usize) -> FileSummary {
     FileSummary { path: head.path().to_owned(), bytes, rows }
 }
 
-/// Folders that are dates or tags.
+/// Names of folders that hold dates or tags.
 const NO_PLANTS: [&str; 10] =
     ["year", "month", "day", "date", "dt", "hour", "tag", "sensor", "point", "channel"];
 
@@ -422,7 +422,7 @@ fn is_plant(key: &str) -> bool {
     !NO_PLANTS.contains(&key.to_lowercase().as_str())
 }
 
-/// Of samples the times of a file are not known apart: folders that are no dates and no tags are plants.
+/// The times of single files of samples are unknown here. So folders that are neither dates nor tags count as plants.
 fn refuse_several_plants(sources: &[PartitionedFile]) -> Result<(), DataError> {
     sources.windows(2).try_for_each(|pair| refuse_pair(&pair[0], &pair[1], &is_plant))
 }

@@ -1,4 +1,4 @@
-//! The values of some channels over all rows of the log.
+//! Reads the values of some channels over all rows of the log.
 
 use std::{collections::HashMap, iter};
 
@@ -20,42 +20,42 @@ use crate::{
     sentinels::{Extremes, make_missing, stands_for_missing},
 };
 
-/// What a batch of channels may hold in memory, in bytes.
+/// Maximum memory of a batch of channels, in bytes.
 const BATCH_BYTES: usize = 256 << 20;
-/// Channels in a batch at least, and at most if there are not very many.
+/// Minimum number of channels per batch, and the maximum unless there are very many channels.
 const BATCH_CHANNELS: (usize, usize) = (2, 64);
-/// Batches at most, where memory allows: each begins with a look at all columns of the files.
+/// Maximum number of batches, if memory allows: each one begins with a scan of all columns of the files.
 const BATCHES: usize = 64;
 
-/// Channels that are read together; its memory is used again for the next batch.
+/// Channels that are read together; the next batch reuses its memory.
 #[derive(Default)]
 pub(crate) struct Batch(Vec<ChannelValues>);
 
 /// The values of one channel in time order.
 #[derive(Default)]
 pub(crate) struct ChannelValues {
-    /// One per row of the log, NaN where missing; none where `sparse` has them.
+    /// One value per row of the log, NaN for missing; empty if `sparse` holds the values.
     pub(crate) values: Vec<f64>,
-    /// Those of a channel with few of them, where they were asked for like this.
+    /// The values of a channel with few values, if the caller asked for this form.
     pub(crate) sparse: Option<SparseValues>,
-    /// One per duplicate of the recorded rows.
+    /// One value per duplicate of the recorded rows.
     duplicates: Vec<f64>,
     pub(crate) not_numbers: NotNumbers,
-    /// Its smallest and largest values, as they were recorded.
+    /// Smallest and largest recorded values.
     pub(crate) extremes: Extremes,
-    /// Values that `data.missing_values` made missing.
+    /// Number of values that are missing because of `data.missing_values`.
     pub(crate) stood_for_missing: u64,
-    /// Samples that another one of their tag and time took in.
+    /// Number of samples that were merged with another one of the same tag and time.
     pub(crate) repeated: u64,
-    /// Stops of its recording that the last value stood in for.
+    /// Recording stops that the last value bridged.
     pub(crate) bridged: BridgedStops,
     pub(crate) contradictions: Contradicting,
-    /// Duplicates of the recorded rows that contradict the row that is kept.
+    /// Duplicates of the recorded rows that contradict the kept row.
     pub(crate) conflicts: Vec<u32>,
 }
 
 impl ChannelValues {
-    /// Forget everything, and have room for `rows` and `duplicates`.
+    /// Removes all values and makes room for `rows` and `duplicates`.
     fn clear(&mut self, rows: usize, duplicates: usize) {
         let mut cleared = std::mem::take(self);
         cleared.values.clear();
@@ -66,7 +66,7 @@ impl ChannelValues {
         self.duplicates = cleared.duplicates;
     }
 
-    /// Rows of the same time become one: the first that has a value gives it. Values are of `angle`, if they are of one.
+    /// Merges rows of the same time: the first one with a value counts. `angle` is set if the values are of an angle.
     fn settle(&mut self, rows: &Rows, angle: Option<&AngleOf>, keep: Contradictions) {
         for (position, (duplicate, &value)) in
             rows.duplicates.iter().zip(&self.duplicates).enumerate()
@@ -90,7 +90,7 @@ impl ChannelValues {
 }
 
 impl Log {
-    /// How many channels are read together, so that memory stays bounded.
+    /// Returns the number of channels that are read together, so that memory stays bounded.
     pub(crate) fn batch_size(&self) -> usize {
         let (least, most) = BATCH_CHANNELS;
         let most = most.max(self.channels.len().div_ceil(BATCHES));
@@ -99,7 +99,7 @@ impl Log {
         (BATCH_BYTES / (rows * size_of::<f64>() * copies)).clamp(least, most)
     }
 
-    /// Read `channels` into `batch`: file by file, slice by slice, channels in parallel.
+    /// Reads `channels` into `batch`: file by file, slice by slice, channels in parallel.
     pub(crate) fn read<'a>(
         &self,
         channels: &[usize],
@@ -116,7 +116,7 @@ impl Log {
         Ok(read)
     }
 
-    /// The same, but that channels with few values have them in `sparse`.
+    /// Does the same as [`Self::read`], but keeps the values of channels with few values in `sparse`.
     pub(crate) fn read_sparse<'a>(
         &self,
         channels: &[usize],
@@ -162,7 +162,7 @@ impl Log {
         Ok(batch)
     }
 
-    /// Read the channels again that hold a pair of words such as ON and OFF and no numbers, as 1 and 0.
+    /// Reads channels again that hold a pair of words such as ON and OFF and no numbers, as 1 and 0.
     fn read_switches(
         &self,
         files: &[LogFile],
@@ -200,7 +200,7 @@ impl Log {
         Ok(())
     }
 
-    /// The clock of a channel, if the log has one.
+    /// Returns the clock of a channel, if the log has one.
     fn grid_of(&self, channel: usize) -> Option<Grid> {
         self.grid.as_ref().map(|grid| grid.with_max_age(self.max_ages[channel]))
     }
@@ -249,7 +249,7 @@ impl Log {
         Ok(())
     }
 
-    /// Put samples, in order, on the rows of the log, which have all their times.
+    /// Puts samples, in order of time, on the rows of the log, which include all their times.
     fn put(&self, times: &[i64], values: &[f64], out: &mut [f64]) {
         let rows = &self.rows.timestamps;
         let mut row = 0;
@@ -269,7 +269,7 @@ impl Log {
         batch: &mut [ChannelValues],
         monitor: &dyn Monitor,
     ) -> Result<(), DataError> {
-        // Columns that are read, each once: the two channels of an angle are of one.
+        // Columns to read, each once: the two channels of an angle share a column.
         let mut fields: Vec<usize> = Vec::with_capacity(channels.len());
         let mut places: HashMap<usize, usize> = HashMap::with_capacity(channels.len());
         let slots: Vec<Option<usize>> = channels
@@ -336,13 +336,13 @@ impl Log {
     }
 }
 
-/// The samples that have a value.
+/// Returns the samples with a value.
 fn present(times: impl IntoIterator<Item = i64>, values: &[f64]) -> (Vec<i64>, Vec<f64>) {
     let samples = times.into_iter().zip(values.iter().copied());
     samples.filter(|(_, value)| !value.is_nan()).unzip()
 }
 
-/// Put the sine or the cosine of each angle in its place.
+/// Replaces each angle by its sine or cosine.
 ///
 /// # Errors
 /// If there are words and no angles.
@@ -365,23 +365,23 @@ fn take_part(
 
 /// The values of a channel as labels.
 pub(crate) struct Codes {
-    /// One per row of the log: a position in `labels`, NaN where missing.
+    /// One code per row of the log: a position in `labels`, NaN for missing.
     pub(crate) codes: Vec<f64>,
     pub(crate) labels: Vec<String>,
 }
 
-/// Labels, each once.
+/// Distinct labels.
 #[derive(Default)]
 pub(super) struct Labels {
     codes: HashMap<String, usize>,
-    /// Each label as a number, where it is one.
+    /// Each label as a number, if it is one.
     numbers: Vec<Option<f64>>,
-    /// Numbers that stand for no label.
+    /// Numbers that do not count as a label.
     missing_values: Vec<f64>,
 }
 
 impl Labels {
-    /// The code of a label; NaN for none.
+    /// Returns the code of a label; NaN for a missing one.
     fn code(&mut self, label: Option<&str>) -> f64 {
         let Some(label) = label else { return f64::NAN };
         if let Some(&code) = self.codes.get(label) {
@@ -411,10 +411,10 @@ impl Labels {
 }
 
 impl Log {
-    /// Read one channel of numbers or text, whose values are names of something.
+    /// Reads one channel of numbers or text as labels.
     ///
     /// # Errors
-    /// If values contradict each other at the same time, and the study does not say which counts.
+    /// If values at the same time contradict each other, and the study does not select one of them.
     pub(crate) fn read_codes(
         &self,
         channel: usize,
@@ -448,7 +448,7 @@ impl Log {
             }
         };
         let mut placed = vec![f64::NAN; self.rows.timestamps.len()];
-        // Between two modes there is nothing: the last one stands.
+        // Modes cannot be interpolated: the last one stays valid.
         let last = self.grid_of(channel).map(|grid| grid.of_last_values());
         match last {
             None => self.put(&times, &codes, &mut placed),
@@ -460,7 +460,7 @@ impl Log {
         Ok(Codes { codes: placed, labels: labels.list() })
     }
 
-    /// The codes of a channel: one per recorded row, and one per duplicate of them.
+    /// Returns the codes of a channel: one per recorded row, and one per duplicate of these rows.
     pub(super) fn codes_of_files(
         &self,
         files: &[LogFile],
@@ -497,7 +497,8 @@ impl Log {
         Ok([codes, duplicates])
     }
 
-    /// Codes of the same time become one: a number says more than a word, and of two of a kind the first or the last is kept.
+    /// Merges codes of the same time. A number is preferred to a word. Between two of the same kind, the first or the
+    /// last is kept.
     fn settle_codes(
         &self,
         channel: usize,
@@ -518,7 +519,7 @@ impl Log {
             match [*kept, code].map(|label| labels.number(label)) {
                 [Some(_), None] => {}
                 [None, Some(_)] => *kept = code,
-                // The same number, written in two ways.
+                // The same number in two notations.
                 [Some(before), Some(now)] if before == now => {}
                 _ => {
                     let time = rows.timestamps[duplicate.row as usize].as_micros();
@@ -534,7 +535,7 @@ impl Log {
         Ok(codes)
     }
 
-    /// Refuse a channel of which words were too many to be kept: they would all be one.
+    /// Rejects a channel with more words than are kept: the other words could not be distinguished.
     fn refuse_lost(&self, channel: usize, is_lost: bool) -> Result<(), DataError> {
         if is_lost {
             return Err(DataError::TooManyWords { name: self.channels[channel].name.clone() });
@@ -542,7 +543,7 @@ impl Log {
         Ok(())
     }
 
-    /// Refuse values that contradict each other, unless the study says which counts. `label` says what they are.
+    /// Rejects values that contradict each other, unless the study selects one of them. `label` formats a value.
     fn refuse(
         &self,
         channel: usize,

@@ -1,8 +1,9 @@
-//! One clock for channels that were recorded at other times.
+//! Puts channels that were recorded at different times on one clock.
 //!
-//! Rows lie at multiples of the period since 1970, so that they do not depend on where a log begins. A row is there
-//! where any channel was recorded at most `max_age` before it; nothing crosses from one range to another. A channel may have another age, for
-//! which its own values stand in these rows: it makes no rows, in which all other channels would be missing.
+//! Rows lie at multiples of the period since 1970, so they do not depend on the start of the log. There is a row
+//! wherever any channel was recorded at most `max_age` before it. No value crosses from one range to another. A channel
+//! may have its own age, for which its values stay valid in these rows. It adds no rows, because all other channels
+//! would be missing there.
 
 use std::ops::Range;
 
@@ -17,14 +18,14 @@ pub(crate) struct Grid {
     resample: Resample,
     period: i64,
     max_age: i64,
-    /// Instants of the ranges, half-open: samples stand for rows of their own range only.
+    /// Instants of the ranges, half-open. Samples count only for rows of their own range.
     ranges: Vec<Range<i64>>,
 }
 
-/// A channel that has no value for longer than so many of its usual steps, and of the periods of the rows, has stopped.
+/// A channel has stopped if it has no value for more than this many of its usual steps, and of the periods of the rows.
 const STOP: i64 = 10;
 
-/// Rows that were chosen: the first and the one after the last of runs of them, in periods since 1970.
+/// Chosen rows as runs: the first row and the row after the last, in periods since 1970.
 pub(crate) struct Coverage(Union<(i64, i64)>);
 
 impl Coverage {
@@ -41,7 +42,7 @@ impl Coverage {
     }
 }
 
-/// Runs of rows that touch are one.
+/// Joins runs of rows that touch.
 fn join(next: &mut (i64, i64), last: &mut (i64, i64)) -> bool {
     let touch = next.0 <= last.1;
     if touch {
@@ -60,7 +61,7 @@ impl Grid {
         Self { resample, period: period.as_micros(), max_age, ranges }
     }
 
-    /// The same rows, in which values stand for up to `max_age`, in microseconds.
+    /// Returns the same rows with another `max_age`, in microseconds.
     pub(crate) fn with_max_age(&self, max_age: i64) -> Self {
         Self { max_age, ..self.clone() }
     }
@@ -69,8 +70,8 @@ impl Grid {
         Self { resample: Resample::Last, ..self.clone() }
     }
 
-    /// Choose the rows for which a sample at one of `times`, which are in order, is recent enough. What is held is a run of
-    /// rows for each stretch of samples, however many rows that are.
+    /// Chooses the rows for which a sample at one of `times` (in order) is recent enough. Memory holds one run of rows
+    /// for each stretch of samples, however many rows it has.
     pub(crate) fn cover(&self, times: &[i64], coverage: &mut Coverage) {
         for range in &self.ranges {
             let end = self.row_from(range.end);
@@ -89,12 +90,13 @@ impl Grid {
         rows.map(|row| Timestamp::from_micros(row * self.period)).collect()
     }
 
-    /// The first row not before `time`.
+    /// Returns the first row at or after `time`.
     fn row_from(&self, time: i64) -> i64 {
         time.div_euclid(self.period) + i64::from(time.rem_euclid(self.period) > 0)
     }
 
-    /// The values of a channel, NaN where there is none, in `rows`. Its samples have values and are in order.
+    /// Returns the values of a channel in `rows`, NaN where there is no value. All samples have values and are in
+    /// order.
     pub(crate) fn values(&self, times: &[i64], values: &[f64], rows: &[Timestamp]) -> Vec<f64> {
         let mut out = vec![f64::NAN; rows.len()];
         for range in &self.ranges {
@@ -107,7 +109,7 @@ impl Grid {
             let values = &values[samples];
             for (row, out) in rows[from..to].iter().zip(&mut out[from..to]) {
                 let row = row.as_micros();
-                // Samples up to and with the row.
+                // Samples up to and including the row.
                 let before = times.partition_point(|&time| time <= row);
                 *out = self.value(times, values, row, before);
             }
@@ -115,8 +117,8 @@ impl Grid {
         out
     }
 
-    /// Stops of a channel, recorded at `times`, over which values stand: each is longer than [`STOP`] of its usual steps, and
-    /// no longer than `max_age`.
+    /// Returns the stops of a channel, recorded at `times`, that are bridged: each is longer than [`STOP`] of its usual
+    /// steps, and no longer than `max_age`.
     pub(crate) fn bridged(&self, times: &[i64]) -> BridgedStops {
         let mut bridged = BridgedStops::default();
         for range in &self.ranges {
@@ -161,8 +163,9 @@ impl Grid {
         }
     }
 
-    /// Σ vᵢ dᵢ / Σ dᵢ over the values that stood in the period that ends at `row`, dᵢ being how long each did, and no
-    /// longer than `max_age` after it was recorded. A value at the row itself counts only if nothing stood before it.
+    /// Returns Σ vᵢ dᵢ / Σ dᵢ over the values that were valid in the period that ends at `row`. dᵢ is how long a value
+    /// was valid, at most `max_age` after it was recorded. A value at the row itself counts only if no value was valid
+    /// before it.
     fn mean(&self, times: &[i64], values: &[f64], row: i64, last: usize) -> f64 {
         let begin = row - self.period;
         let mut sum = 0.0;
@@ -236,7 +239,7 @@ mod tests {
             [(10, 1.777_778), (20, 2.421_053), (30, 2.947_368), (40, 3.473_684), (50, 4.0)];
         assert_eq!(linear.collect::<Vec<_>>(), expected);
         let mean = values(&grid(Resample::Mean, 10, 20, from_ref(&(0..60))), &samples);
-        // From 3 to 10 it was 1; from 10 to 12 still, then 2 until 32; at 50 there is nothing but the value itself.
+        // The value was 1 from 3 to 10 and still from 10 to 12, then 2 until 32; at 50 only the value itself counts.
         assert_eq!(mean, [(10, 1.0), (20, 1.8), (30, 2.0), (50, 4.0)]);
     }
 

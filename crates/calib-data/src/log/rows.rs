@@ -1,4 +1,4 @@
-//! The rows of the log in time order, each instant once, and where in which file they lie.
+//! Rows of the log in time order, each instant once, and their positions in the files.
 
 use std::ops::Range;
 
@@ -9,39 +9,40 @@ use super::clock_resets::Passes;
 
 pub(crate) use calib_text::NO_TIME;
 
-/// How many examples of an irregularity are kept.
+/// Number of examples that are kept per irregularity.
 pub(crate) const EXAMPLES: usize = 10;
 
 /// Rows in time order.
 #[derive(Debug, Default)]
 pub(crate) struct Rows {
     pub(crate) timestamps: Vec<Timestamp>,
-    /// For each file, where its rows go.
+    /// Targets of the rows of each file.
     pub(crate) maps: Vec<RowMap>,
-    /// By file, as the files start, and row of the file: the last of several comes last.
+    /// Duplicates in order of the files' first times, and of their rows: the last of several is at the
+    /// end.
     pub(crate) duplicates: Vec<Duplicate>,
-    /// For each file, which of `duplicates` are its rows.
+    /// The range of each file in `duplicates`.
     pub(crate) repeats: Vec<Range<usize>>,
-    /// Rows that were not recorded after the row before them: a clock that went back recorded the same
-    /// stretch of time twice, and the two passes alternate here. In order.
+    /// Rows that were not recorded directly after the row before them, in order. A clock that went
+    /// back recorded the same time span twice, and the two passes alternate here.
     pub(crate) breaks: Vec<u32>,
     pub(crate) irregularities: Irregularities,
 }
 
-/// Where the rows of a file go.
+/// The targets of the rows of a file.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum RowMap {
-    /// Row `file.start + i` of the file is row `first + i` of the log; others are left out.
+    /// Row `file.start + i` of the file is row `first + i` of the log; other rows are excluded.
     Contiguous { file: Range<usize>, first: usize },
-    /// Row `i` of the file is this row of the log; [`LEFT_OUT`] if it is left out.
+    /// Row `i` of the file is this row of the log, or [`LEFT_OUT`].
     Scattered(Vec<u32>),
 }
 
-/// A row of a file that is not a row of the log.
+/// Marks a row of a file that is not a row of the log.
 pub(crate) const LEFT_OUT: u32 = u32::MAX;
 
 impl RowMap {
-    /// The rows of the file that must be read.
+    /// Returns the rows of the file that must be read.
     pub(crate) fn needed(&self) -> Range<usize> {
         match self {
             Self::Contiguous { file, .. } => file.clone(),
@@ -49,7 +50,7 @@ impl RowMap {
         }
     }
 
-    /// The row of the log that row `file_row` of the file is.
+    /// Returns the row of the log for row `file_row` of the file.
     pub(crate) fn row(&self, file_row: usize) -> Option<usize> {
         match self {
             Self::Contiguous { file, first } => {
@@ -62,7 +63,7 @@ impl RowMap {
     }
 }
 
-/// A row whose timestamp an earlier row already has.
+/// A row with the timestamp of an earlier row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Duplicate {
     pub(crate) file: u32,
@@ -71,27 +72,27 @@ pub(crate) struct Duplicate {
     pub(crate) row: u32,
 }
 
-/// What was irregular about the timestamps.
+/// Irregularities of the timestamps.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Irregularities {
     pub(crate) null_timestamps: u64,
     pub(crate) backward_steps: u64,
     /// File, time before the step, time after it.
     pub(crate) first_backward_steps: Vec<(usize, Timestamp, Timestamp)>,
-    /// Pairs of a file and one that started before it and had not ended.
+    /// Pairs of a file and an earlier one that had not ended when the first began.
     pub(crate) overlaps: Vec<(usize, usize)>,
-    /// Rows outside the window.
+    /// Number of rows outside the window.
     pub(crate) outside: u64,
 }
 
 impl Rows {
-    /// Rows that come from no file's rows.
+    /// Creates rows that do not come from rows of a file.
     pub(crate) fn of(timestamps: Vec<Timestamp>, irregularities: Irregularities) -> Self {
         Self { timestamps, irregularities, ..Self::default() }
     }
 
-    /// Put the rows of all files in time order. Equal times keep the row of the file that starts
-    /// first, and in a file the first row. Rows outside `window` are left out.
+    /// Sorts the rows of all files by time. If times are equal, it keeps the row of the file that
+    /// starts first, and within a file the first row. Rows outside `window` are excluded.
     pub(crate) fn plan(files: &[Vec<i64>], window: &Range<i64>) -> Self {
         let mut irregularities = Irregularities::default();
         for (file, times) in files.iter().enumerate() {
@@ -113,7 +114,7 @@ impl Rows {
         rows
     }
 
-    /// Files that follow each other and increase by themselves.
+    /// Appends files that follow each other and whose times increase.
     fn append(&mut self, files: &[Vec<i64>], order: &[usize], window: &Range<i64>) {
         for &file in order {
             let times = &files[file];
@@ -174,7 +175,7 @@ impl Rows {
             self.repeats[repeats[0].file as usize] = start..start + repeats.len();
             start += repeats.len();
         }
-        // Whatever lies in one piece is copied in one piece; duplicates are found row by row.
+        // Contiguous rows are copied as one piece; duplicates need a lookup row by row.
         for (map, repeats) in self.maps.iter_mut().zip(&self.repeats) {
             if let RowMap::Scattered(rows) = map
                 && repeats.is_empty()
@@ -236,7 +237,7 @@ fn note_overlaps(files: &[Vec<i64>], order: &[usize], irregularities: &mut Irreg
     }
 }
 
-/// Files by their first timestamp, then as they are listed.
+/// Returns the files in order of their first timestamp, then of their position in the list.
 fn file_order(files: &[Vec<i64>]) -> Vec<usize> {
     let first = |file: &usize| files[*file].iter().copied().find(|&time| time != NO_TIME);
     let mut order: Vec<usize> = (0..files.len()).filter(|file| first(file).is_some()).collect();
@@ -281,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_step_back_is_sorted_and_repeats_are_dropped() {
-        // Clocks go back after 3: 2 and 3 are logged twice.
+        // The clock goes back after 3: 2 and 3 are logged twice.
         let rows = Rows::plan(&[vec![1, 2, 3, 2, 3, 4]], &ALL);
         assert_eq!(micros(&rows), [1, 2, 3, 4]);
         let irregular = &rows.irregularities;
@@ -295,11 +296,11 @@ mod tests {
 
     #[test]
     fn two_passes_over_the_same_time_do_not_follow_each_other() {
-        // The second pass repeats 20 and falls into the holes of the first.
+        // The second pass repeats 20 and falls into the gaps of the first.
         let rows = Rows::plan(&[vec![10, 20, 40, 60, 20, 30, 50, 70]], &ALL);
         assert_eq!(micros(&rows), [10, 20, 30, 40, 50, 60, 70]);
         assert_eq!(rows.breaks, [2, 3, 4, 5, 6]);
-        // Parts of a file in the wrong order, or rows that changed places, repeat nothing.
+        // Parts of a file in the wrong order, or swapped rows, repeat nothing.
         assert!(Rows::plan(&[vec![4, 5, 6, 1, 2, 3]], &ALL).breaks.is_empty());
         assert!(Rows::plan(&[vec![1, 3, 2, 4]], &ALL).breaks.is_empty());
         assert!(Rows::plan(&[vec![1, 2, 3], vec![2, 3, 4]], &ALL).breaks.is_empty());

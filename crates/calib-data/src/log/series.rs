@@ -1,7 +1,7 @@
-//! A log of which every channel has times of its own: long tables, and files of one tag each.
+//! A log in which every channel has its own times: long tables, and files of one tag each.
 //!
-//! Samples are sorted into their tags while they stream past, and lie outside of the memory. A channel is read by
-//! itself and put on the clock of all; memory holds that clock and the channels of a batch.
+//! Samples are sorted into their tags while they are streamed, and are stored outside of memory. Channels are
+//! read one at a time and put on a common clock. Memory holds this clock and the channels of a batch.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -19,19 +19,19 @@ use super::{
 };
 use crate::{AngleOf, Contradictions, DataError, text::Cell};
 
-/// Samples that wait in memory, all tags together: 64 MB.
+/// Maximum number of samples that wait in memory, for all tags together: 64 MB.
 const WAITING: usize = 4 << 20;
 
-/// Samples on their way into a [`Series`].
+/// Collects samples for a [`Series`].
 pub(crate) struct Sink {
     pub(crate) store: Store,
     pub(super) tags: Vec<Tag>,
     positions: HashMap<String, usize>,
     waiting: usize,
-    /// What columns that may name devices say beside each tag.
+    /// Labels beside each tag, in columns that may name devices.
     sides: BTreeMap<usize, BTreeMap<String, SideLabels>>,
     pub(crate) null_times: u64,
-    /// Those among them whose time names no instant, or two between which nothing decides.
+    /// Number of these whose time names no instant, or two that no other row can tell apart.
     pub(crate) undecided: u64,
     pub(crate) bad_quality: u64,
     pub(crate) rows: u64,
@@ -41,7 +41,7 @@ pub(crate) struct Sink {
 #[derive(Debug)]
 pub(crate) struct Tag {
     pub(crate) name: String,
-    /// Where they lie: times, then cells, so many of each.
+    /// Position and number of samples of each piece: first the times, then the cells.
     pieces: Vec<(u64, usize)>,
     times: Vec<i64>,
     cells: Vec<u64>,
@@ -66,7 +66,7 @@ impl Sink {
         }
     }
 
-    /// The position of the tag called `name`, which is new or known.
+    /// Returns the position of the tag called `name`, and adds it if it is new.
     pub(crate) fn tag(&mut self, name: &str) -> Result<usize, DataError> {
         if let Some(&position) = self.positions.get(name) {
             return Ok(position);
@@ -77,7 +77,7 @@ impl Sink {
         Ok(position)
     }
 
-    /// The position of a tag that gets its name later.
+    /// Adds a tag that gets its name later, and returns its position.
     pub(crate) fn add_tag(&mut self) -> Result<usize, DataError> {
         self.store.memory.require_channels(self.tags.len())?;
         self.tags.push(Tag {
@@ -93,7 +93,7 @@ impl Sink {
         Ok(self.tags.len() - 1)
     }
 
-    /// A sample of a tag. One without a value still says that the tag was looked at.
+    /// Adds a sample of a tag. A sample without a value still shows that the tag was recorded.
     pub(crate) fn push(&mut self, tag: usize, time: i64, cell: u64) -> Result<(), DataError> {
         self.rows += 1;
         if time == NO_TIME {
@@ -114,18 +114,18 @@ impl Sink {
         if self.waiting >= WAITING { self.flush() } else { Ok(()) }
     }
 
-    /// What a column that may name devices says beside some samples of a tag.
+    /// Adds labels beside some samples of a tag, from a column that may name devices.
     pub(super) fn add_side(&mut self, tag: usize, column: &str, labels: &SideLabels) {
         let sides = self.sides.entry(tag).or_default();
         sides.entry(column.to_owned()).or_default().merge(labels);
     }
 
-    /// What is said of tags that may be of several devices.
+    /// Returns warnings about tags that may be of several devices.
     pub(super) fn mixed_tags(&self) -> Vec<String> {
         mixed(self.sides.iter().map(|(tag, sides)| (self.tags[*tag].name.as_str(), sides)))
     }
 
-    /// Put all that waits outside of the memory.
+    /// Moves all waiting samples out of memory.
     pub(super) fn flush(&mut self) -> Result<(), DataError> {
         for tag in self.tags.iter_mut().filter(|tag| !tag.times.is_empty()) {
             let at = self.store.spill.append(bytemuck::cast_slice(&tag.times))?;
@@ -140,14 +140,14 @@ impl Sink {
         Ok(())
     }
 
-    /// Other names for the tags, in the order in which they were met.
+    /// Renames the tags, in the order of their first appearance.
     pub(crate) fn rename(&mut self, names: Vec<String>) {
         for (tag, name) in self.tags.iter_mut().zip(names) {
             tag.name = name;
         }
     }
 
-    /// The series of all tags that have a sample, in order of their names.
+    /// Returns the series of all tags that have a sample, in order of their names.
     pub(crate) fn finish(mut self) -> Result<Series, DataError> {
         self.flush()?;
         let mut tags = self.tags;
@@ -157,14 +157,14 @@ impl Sink {
     }
 }
 
-/// Channels with times of their own.
+/// Channels with their own times.
 #[derive(Debug)]
 pub(crate) struct Series {
     pub(crate) store: Store,
     pub(crate) tags: Vec<Tag>,
 }
 
-/// All samples of a tag, in order of time, and of arrival where times are equal.
+/// All samples of a tag in order of time; samples with equal times are in order of arrival.
 #[derive(Debug)]
 pub(super) struct Sorted {
     times: Vec<i64>,
@@ -172,7 +172,7 @@ pub(super) struct Sorted {
 }
 
 impl Sorted {
-    /// The times and the cells inside `window`.
+    /// Returns the times and the cells inside `window`.
     pub(super) fn inside(&self, window: &Range<i64>) -> (&[i64], &[u64]) {
         let from = self.times.partition_point(|&time| time < window.start);
         let to = self.times.partition_point(|&time| time < window.end).max(from);
@@ -181,12 +181,12 @@ impl Sorted {
 }
 
 impl Tag {
-    /// Whether it has no sample outside of the memory.
+    /// Whether the tag has no sample outside of memory.
     pub(super) fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
 
-    /// Its samples that lie outside of the memory.
+    /// Reads the samples of the tag that lie outside of memory.
     pub(super) fn sorted(&self, store: &Store) -> Result<Sorted, DataError> {
         let count = self.pieces.iter().map(|(_, count)| count).sum();
         let mut times: Vec<i64> = Vec::with_capacity(count);
@@ -210,19 +210,20 @@ impl Tag {
 }
 
 impl Series {
-    /// Samples of all tags.
+    /// Returns the number of samples of all tags.
     pub(crate) fn count(&self) -> u64 {
         self.tags.iter().flat_map(|tag| &tag.pieces).map(|(_, count)| *count as u64).sum()
     }
 
-    /// The first and the last time of all.
+    /// Returns the first and the last time of all tags.
     pub(crate) fn span(&self) -> Option<(i64, i64)> {
         let first = self.tags.iter().map(|tag| tag.first).min()?;
         let last = self.tags.iter().map(|tag| tag.last).max()?;
         Some((first, last))
     }
 
-    /// The samples of a tag inside `window`, in order of time, and of arrival where times are equal.
+    /// Returns the samples of a tag inside `window` in order of time; samples with equal times are in order of
+    /// arrival.
     pub(crate) fn samples(
         &self,
         tag: usize,
@@ -233,7 +234,7 @@ impl Series {
         Ok((times.to_vec(), cells.to_vec()))
     }
 
-    /// Every instant inside `window` at which any tag has a sample, once and in order.
+    /// Returns every instant inside `window` at which any tag has a sample, once and in order.
     pub(crate) fn clock(&self, window: &Range<i64>) -> Result<Vec<Timestamp>, DataError> {
         let mut clock = Union::new(|next, last| next == last);
         for tag in 0..self.tags.len() {
@@ -243,7 +244,7 @@ impl Series {
         Ok(clock.into_settled().into_iter().map(Timestamp::from_micros).collect())
     }
 
-    /// The samples of a tag, each instant once. They are of `angle`, if they are of one.
+    /// Returns the samples of a tag, each instant once. `angle` is set if they are of an angle.
     pub(crate) fn deduplicated(
         &self,
         tag: usize,

@@ -1,7 +1,8 @@
-//! What a row of the files is: a time with all channels, one sample of one tag, or one of the file's only tag.
+//! Recognises the shape of a log: a row is a time with all channels, one sample of one tag, or one of the file's only
+//! tag.
 //!
-//! Names tell where they can, the first rows where names do not, and what could be two things is refused: a log that is
-//! read as what it is not loses most of its values without a trace.
+//! Column names decide if they can, and otherwise the first rows do. Ambiguous files are rejected: a log that is read
+//! in the wrong shape loses most of its values silently.
 
 use std::collections::BTreeSet;
 
@@ -17,12 +18,12 @@ use super::{
 };
 use crate::{DataConfig, DataError, Shape, text::Quality};
 
-/// What the columns of a file of samples are.
+/// The roles of the columns in a file of samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Roles {
     pub(crate) time: usize,
     pub(crate) tag: TagOf,
-    /// Columns of the value; the first that has one in a row gives it.
+    /// Columns of the value; in each row the first one with a value counts.
     pub(crate) values: Vec<usize>,
     pub(crate) quality: Option<(usize, Quality)>,
     /// Columns that may name devices.
@@ -44,7 +45,7 @@ pub(crate) fn told_by_words(roles: &[Roles]) -> Vec<String> {
     told.collect()
 }
 
-/// Where the name of a tag comes from.
+/// The source of a tag name.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum TagOf {
     Column(usize),
@@ -55,15 +56,15 @@ pub(crate) enum TagOf {
 #[derive(Debug)]
 pub(crate) enum Recognised {
     Wide,
-    /// For each file.
+    /// The roles for each file.
     Samples(Shape, Vec<Roles>),
-    /// Files of one column of values each, all of the same name: of a tag each if they were recorded at the same time and differ, when they have
-    /// these roles [with their quality](with_quality), and else wide tables.
+    /// Files of one column of values each, all of the same name. They are of a tag each, with these roles [and their
+    /// quality](with_quality), if they were recorded at the same time and differ. Otherwise they are wide tables.
     OneColumn(Vec<Roles>),
     Annotated,
 }
 
-/// The position of the time column of each file.
+/// Returns the position of the time column of a file.
 pub(crate) fn time_column(head: &Head, columns: &[HeadColumn], data: &DataConfig) -> Option<usize> {
     let named = columns.iter().position(|column| column.name == data.timestamp);
     if named.is_some() {
@@ -83,7 +84,8 @@ pub(crate) fn time_column(head: &Head, columns: &[HeadColumn], data: &DataConfig
     let both: Vec<usize> = known.iter().copied().filter(|column| times.contains(column)).collect();
     match (&both[..], &known[..], &times[..]) {
         ([one], _, _) | ([], [one], _) => Some(*one),
-        // Text by another name that is nothing but times. Parquet columns of times are asked for.
+        // A text column under another name that holds only times. For Parquet, such a column must be named in the
+        // study.
         ([], [], [one]) if matches!(head, Head::Text(_)) => Some(*one),
         _ => None,
     }
@@ -124,7 +126,7 @@ pub(crate) fn with_quality(
     Ok(known)
 }
 
-/// What the files are, each by its own first rows.
+/// Recognises the shape of the files, each by its own first rows.
 fn recognise_apart(
     heads: &[Head],
     times: &[usize],
@@ -169,7 +171,7 @@ fn refuse<T>(reason: String) -> Result<T, DataError> {
     Err(DataError::Shape { reason })
 }
 
-/// The column that `data.{key}` names.
+/// Returns the column that `data.{key}` names.
 fn named(head: &Head, columns: &[HeadColumn], key: &str, name: &str) -> Result<usize, DataError> {
     match columns.iter().position(|column| column.name == name) {
         Some(column) => Ok(column),
@@ -180,7 +182,7 @@ fn named(head: &Head, columns: &[HeadColumn], key: &str, name: &str) -> Result<u
     }
 }
 
-/// The roles of the columns, if the file is a long table.
+/// Returns the roles of the columns, if the file is a long table.
 fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Roles>, DataError> {
     let columns = head.columns();
     let others = || (0..columns.len()).filter(|&column| column != time);
@@ -242,7 +244,8 @@ pub(super) fn names_tags(column: &HeadColumn) -> bool {
     known && (column.kind == FieldKind::Text || name.ends_with("id"))
 }
 
-/// One column of numbers beside columns of words, whose names say nothing: their first rows may.
+/// Returns the roles in a table of one column of numbers and columns of words with unknown names: its first rows may
+/// decide.
 fn unnamed_roles(
     head: &Head,
     columns: &[HeadColumn],
@@ -265,7 +268,7 @@ fn unnamed_roles(
             continue;
         }
         let sample = head.sample(words)?;
-        // Text with numbers among it is another channel.
+        // Text that contains numbers is another channel.
         if !is_narrow && sample.iter().any(|word| word.parse::<f64>().is_ok()) {
             return Ok(None);
         }
@@ -304,7 +307,7 @@ fn unnamed_roles(
     Ok(Some(Roles { time, tag, values, quality, sides, by_words }))
 }
 
-/// What to say of words that may name what was measured.
+/// Returns the message about words that may name what was measured.
 fn asked_for_tag(head: &Head, columns: &[HeadColumn], words: usize, value: usize) -> String {
     format!(
         "{} has one column of numbers, {value:?}, and words in {words:?}: if the words name what was measured, set data.tag = {words:?} and data.value = {value:?}; \
@@ -330,7 +333,8 @@ fn quality_column(
     named(head, columns, "quality", name).map(Some)
 }
 
-/// What the codes in `column` mean. Only samples have such codes: a wide log may call its channels as it likes.
+/// Returns the meaning of the codes in `column`. Only samples have such codes: in a wide log any column may have such a
+/// name.
 fn quality_of(
     head: &Head,
     column: Option<usize>,
@@ -351,7 +355,7 @@ fn quality_of(
     }
 }
 
-/// Whether each file holds one tag, and which.
+/// Recognises files that hold one tag each.
 fn file_per_tag(
     heads: &[Head],
     times: &[usize],
@@ -393,7 +397,7 @@ fn file_per_tag(
     Ok(Recognised::Samples(Shape::FilePerTag, roles))
 }
 
-/// What files are whose only columns of values have one name, which says nothing: only their times tell.
+/// Recognises files whose only columns of values have the same uninformative name: only their times can decide.
 fn one_column(
     times: &[usize],
     stems: Vec<String>,
@@ -413,7 +417,7 @@ fn one_column(
     Recognised::OneColumn(roles)
 }
 
-/// The only column of values beside the time, quality and what is about them.
+/// The only column of values in a file, besides the time, the quality and remarks.
 struct Single {
     name: String,
     value: usize,
@@ -435,7 +439,7 @@ fn single_value(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Si
     Ok(Some(Single { name: columns[value].name.clone(), value, quality }))
 }
 
-/// Whether a column is called as those are that say something about values.
+/// Whether a name is usual for columns that describe values.
 fn is_aside(name: &str) -> bool {
     [&QUALITIES[..], &REMARKS, &ORIGINS].concat().contains(&plain(name).as_str())
 }

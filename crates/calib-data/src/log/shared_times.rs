@@ -1,35 +1,36 @@
-//! Rows that share a time, because an export cut times to whole minutes or hours.
+//! Separates rows that share a time because an export cut times to whole minutes or hours.
 
 use super::rows::NO_TIME;
 
-/// Fewer different times do not tell how far they are apart.
+/// Minimum number of distinct times: fewer do not show the step between them.
 const FEWEST: usize = 3;
-/// The share of the times that have about as many rows as most: the first and the last of a log are rarely whole.
+/// Minimum share of the times with about the usual number of rows: the first and the last time of a log are rarely
+/// complete.
 const ALIKE: f64 = 0.9;
-/// By what share the number of rows of such a time may differ.
+/// Maximum relative difference of the number of rows at such a time.
 const TOLERANCE: f64 = 0.1;
 
-/// How the times of a file repeat.
+/// The repetition of times in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct SharedTimes {
-    /// Rows that have the same time, as most times have them.
+    /// Number of rows per time, as for most times.
     pub(crate) rows: u64,
-    /// From one time to the next, in microseconds.
+    /// Step from one time to the next, in microseconds.
     pub(crate) step: i64,
 }
 
-/// Rows of a file that follow each other and have the same time.
+/// Successive rows of a file with the same time.
 struct Run {
     first: usize,
     end: usize,
     time: i64,
-    /// Rows of the run that have a time.
+    /// Number of rows of the run that have a time.
     rows: u64,
 }
 
 impl SharedTimes {
-    /// Of different times, in microseconds, in the order of the file, and how many rows have each. `None` where most times are of
-    /// one row, or their numbers of rows differ.
+    /// Measures the repetition of distinct times, in microseconds and in the order of the file; `counts` is the number
+    /// of rows per time. Returns `None` if most times have one row, or their numbers of rows differ.
     pub(crate) fn of(times: &[i64], mut counts: Vec<u64>) -> Option<Self> {
         if times.len() < FEWEST {
             return None;
@@ -48,7 +49,7 @@ impl SharedTimes {
         is_regular.then_some(Self { rows, step })
     }
 
-    /// How such rows are read, in a sentence.
+    /// Returns a sentence that explains how such rows are read.
     pub(crate) fn told(self) -> String {
         format!(
             "rows that share a time (about {} of each) are put {} s apart",
@@ -57,14 +58,14 @@ impl SharedTimes {
         )
     }
 
-    /// From one row to the next, in microseconds.
+    /// Returns the step from one row to the next, in microseconds.
     pub(crate) fn spacing(self) -> i64 {
         (self.step / self.rows as i64).max(1)
     }
 }
 
-/// Put the rows of a file that share a time evenly behind it, in the order of the file, and never up to the next time. Returns how
-/// times repeated, or `None` where they do not and nothing was changed.
+/// Spreads rows that share a time evenly after it, in the order of the file, and never up to the next time. Returns how
+/// times repeated, or `None` if they do not repeat and nothing was changed.
 pub(crate) fn spread(times: &mut [i64]) -> Option<SharedTimes> {
     let runs = runs(times);
     let different: Vec<i64> = runs.iter().map(|run| run.time).collect();
@@ -101,7 +102,7 @@ mod tests {
 
     const HOUR: i64 = 3_600_000_000;
 
-    /// 180 rows an hour, of which the first hour lacks six.
+    /// Returns 180 rows per hour; the first hour lacks six.
     fn hours(count: i64) -> Vec<i64> {
         let mut times: Vec<i64> =
             (0..count).flat_map(|hour| std::iter::repeat_n(hour * HOUR, 180)).collect();

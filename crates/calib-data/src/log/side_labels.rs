@@ -1,4 +1,5 @@
-//! What columns beside the samples of a long table say, such as the name of the device: samples of one tag may be of several.
+//! Labels in columns beside the samples of a long table, such as the name of the device: samples of one tag may come
+//! from several devices.
 
 use std::collections::BTreeMap;
 
@@ -10,11 +11,11 @@ use super::{
 };
 use crate::{DataConfig, DataError};
 
-/// Columns that differ between samples of one device, beside [`REMARKS`].
+/// Columns that differ between samples of one device, in addition to [`REMARKS`].
 const STATES: [&str; 3] = ["status", "quality", "state"];
-/// A column with more different words in its first rows names no devices.
+/// A column with more distinct words in its first rows does not name devices.
 const DEVICES: usize = 20;
-/// Tags that are named.
+/// Maximum number of tags in a warning.
 const NAMED: usize = 3;
 
 /// A column beside the samples that may name devices.
@@ -24,7 +25,8 @@ pub(crate) struct SideColumn {
     pub(crate) name: String,
 }
 
-/// The columns of a long table that may name devices: words that have no role (`roles` are the positions with one) and of which there are few.
+/// Returns the columns of a long table that may name devices: columns of few distinct words that have no role. `roles`
+/// are the positions with a role.
 pub(crate) fn side_columns(
     head: &Head,
     columns: &[HeadColumn],
@@ -51,7 +53,7 @@ pub(crate) fn side_columns(
     Ok(sides)
 }
 
-/// What a column says beside the samples of one tag: the first word, and another one if there is.
+/// The labels of a column beside the samples of one tag: the first word, and a different one if there is one.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SideLabels {
     first: Option<String>,
@@ -59,7 +61,7 @@ pub(crate) struct SideLabels {
 }
 
 impl SideLabels {
-    /// Whether nothing more is to be found out from `bytes`, which are most of the time those of the row before.
+    /// Whether `bytes` cannot add anything. Most of the time they repeat the row before.
     pub(crate) fn knows(&self, bytes: &[u8]) -> bool {
         self.other.is_some() || self.first.as_ref().is_some_and(|first| first.as_bytes() == bytes)
     }
@@ -78,7 +80,7 @@ impl SideLabels {
         }
     }
 
-    /// Add what another thread, or another file, has found.
+    /// Adds the labels that another thread or another file has found.
     pub(crate) fn merge(&mut self, other: &Self) {
         for word in other.first.iter().chain(&other.other) {
             self.add(word);
@@ -86,7 +88,8 @@ impl SideLabels {
     }
 }
 
-/// What is said of tags that have samples of several words in a column; `tags` are names of tags, with what each column says beside them.
+/// Returns warnings about tags whose samples have several words in a column. `tags` are names of tags, with the labels
+/// of each column beside them.
 pub(crate) fn mixed<'a>(
     tags: impl Iterator<Item = (&'a str, &'a BTreeMap<String, SideLabels>)>,
 ) -> Vec<String> {

@@ -1,4 +1,4 @@
-//! Which files make up the log.
+//! Finds the files that make up the log.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -11,14 +11,14 @@ use calib_files::FileError;
 use super::file::LogFile;
 use crate::{DataConfig, DataError, text};
 
-/// A file of the log, and the partitions (`key=value` folders) that it lies in.
+/// A file of the log, and the partitions (`key=value` folders) that contain it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct PartitionedFile {
     pub(crate) path: PathBuf,
     pub(crate) partitions: BTreeMap<String, String>,
 }
 
-/// The files that `data.path` and `data.partitions` select, each once, in order of their names.
+/// Returns the files that `data.path` and `data.partitions` select, each once, in order of their names.
 pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<PartitionedFile>, DataError> {
     if data.path.0.is_empty() {
         return Err(DataError::NoPath);
@@ -64,7 +64,8 @@ pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<PartitionedFile>, Data
     Ok(sources)
 }
 
-/// The files that hold anything, and what is said of the others: a logger that was off writes a file of no bytes. If all are empty, all are there.
+/// Returns the non-empty files, and a message about the others: a logger that was off writes an empty file. If all
+/// files are empty, all are returned.
 pub(super) fn without_empty(
     sources: Vec<PartitionedFile>,
 ) -> Result<(Vec<PartitionedFile>, Option<String>), DataError> {
@@ -88,7 +89,7 @@ pub(super) fn without_empty(
     Ok((kept, Some(told)))
 }
 
-/// The first of some files.
+/// Lists the first of some files.
 fn named(files: &[PartitionedFile]) -> String {
     const NAMED: usize = 3;
     let names: Vec<String> =
@@ -99,7 +100,7 @@ fn named(files: &[PartitionedFile]) -> String {
 
 fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
     let path = Path::new(pattern);
-    // A name that exists is meant literally, brackets and all.
+    // A name that exists is literal, even if it has brackets.
     if path.is_file() {
         return Ok(vec![path.to_owned()]);
     }
@@ -127,7 +128,7 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
     Ok(found)
 }
 
-/// What is said of a workbook in a folder without logs.
+/// Returns the message about a workbook in a folder without logs.
 fn workbook_in(folder: &Path) -> String {
     let files = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     files
@@ -142,8 +143,9 @@ fn workbook_in(folder: &Path) -> String {
         })
 }
 
-/// The logs in a folder: Parquet files, or else `.csv` and `.tsv`, or else `.txt`. Beside Parquet, text is usually about the log: lists of tags, notes,
-/// what another program made of it; and so is `.txt` beside `.csv`.
+/// Returns the logs in a folder: Parquet files, or otherwise `.csv` and `.tsv`, or otherwise `.txt`. Text beside
+/// Parquet usually describes the log: lists of tags, notes, results of other programs. The same holds for `.txt` beside
+/// `.csv`.
 fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let mut found = Vec::new();
     walk(folder, &mut found)?;
@@ -157,8 +159,8 @@ fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     Ok(found)
 }
 
-/// Whether some of the files are logs in Parquet. Where text lies beside them, results of calib are removed before: a study that
-/// lies beside its log writes them there.
+/// Whether some of the files are Parquet logs. If there are text files, results of calib are removed first: a study
+/// that lies beside its log writes them there.
 fn has_parquet_logs(found: &mut Vec<PathBuf>) -> bool {
     if found.iter().any(|path| !is_parquet(path)) {
         found.retain(|path| !(is_parquet(path) && is_result(path)));
@@ -166,14 +168,15 @@ fn has_parquet_logs(found: &mut Vec<PathBuf>) -> bool {
     found.iter().any(|path| is_parquet(path))
 }
 
-/// Whether calib wrote a Parquet file as a result. A damaged one is none: whoever reads it says what is wrong with it.
+/// Whether calib wrote a Parquet file as a result. A damaged file does not count as a result: reading it reports the
+/// damage.
 fn is_result(path: &Path) -> bool {
     let source = PartitionedFile { path: path.to_owned(), partitions: BTreeMap::new() };
     LogFile::open(source).is_ok_and(|file| file.is_result)
 }
 
-/// The text files in folders of `data` that are left alone because Parquet lies beside them, in order of their names. Nothing of them is
-/// read: they may be lists of tags or notes, or a part of the log that somebody has to name.
+/// Returns the text files in folders of `data` that are ignored because Parquet lies beside them, in order of their
+/// names. They are not read. They may be lists of tags or notes, or a part of the log that must be named explicitly.
 ///
 /// # Errors
 /// If a folder cannot be read.
@@ -198,7 +201,7 @@ fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), DataError> {
     let refused = |source| FileError::io("read the folder", folder, source);
     for entry in fs::read_dir(folder).map_err(refused)? {
         let entry = entry.map_err(refused)?;
-        // Hidden and underscore names are other programs' temporary and administrative files.
+        // Hidden files and names with an underscore are temporary and administrative files of other programs.
         let name = entry.file_name();
         if name.to_string_lossy().starts_with(['.', '_']) {
             continue;
@@ -220,26 +223,26 @@ pub(super) fn is_parquet(path: &Path) -> bool {
     })
 }
 
-/// The name of a file without what packs it, in small letters.
+/// Returns the name of a file without compression suffix, in lower case.
 fn unpacked(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let packed = [".gz", ".zst", ".zstd"].iter().find_map(|packed| name.strip_suffix(packed));
     packed.unwrap_or(&name).to_owned()
 }
 
-/// Whether a file is called as text in columns is, packed or not.
+/// Whether the name of a file is usual for text in columns, compressed or not.
 pub(super) fn is_text(path: &Path) -> bool {
     let name = unpacked(path);
     [".csv", ".tsv", ".txt"].iter().any(|known| name.ends_with(known))
 }
 
-/// Whether a file is called as text of any kind is.
+/// Whether the name of a file is usual for text of any kind.
 fn is_plain(path: &Path) -> bool {
     let name = unpacked(path);
     Path::new(&name).extension().is_some_and(|extension| extension == "txt")
 }
 
-/// Whether a file is called as what is about a log.
+/// Whether the name of a file is usual for notes about a log.
 fn is_note(path: &Path) -> bool {
     let name = unpacked(path);
     let notes =

@@ -1,23 +1,23 @@
-//! Channels that have a value in few rows of the log: what they are like is told by those rows alone, so that many of them
-//! cost no more than their samples.
+//! Channels with a value in few rows of the log. Only these rows are examined, so many such channels cost no more than
+//! their samples.
 
 use std::ops::Range;
 
 use calib_core::Timestamp;
 
-/// A channel with a value in fewer than one row in this many is kept by its rows.
+/// A channel with a value in fewer than one row in this many is stored by its rows.
 const SPARSE: usize = 16;
 
 /// The rows of a channel that have a value.
 #[derive(Debug, Default)]
 pub(crate) struct SparseValues {
-    /// In order.
+    /// Rows with a value, in order.
     pub(crate) rows: Vec<u32>,
     pub(crate) values: Vec<f64>,
 }
 
 impl SparseValues {
-    /// Samples that lie on rows of the log, if they are few.
+    /// Returns the samples on rows of the log, if they are few.
     pub(crate) fn of(times: &[i64], values: &[f64], log: &[Timestamp]) -> Option<Self> {
         if times.len().saturating_mul(SPARSE) >= log.len() {
             return None;
@@ -31,7 +31,7 @@ impl SparseValues {
         Some(sparse)
     }
 
-    /// One value for each of `rows` rows, NaN where there is none.
+    /// Returns one value for each of `rows` rows, NaN where there is no value.
     pub(crate) fn into_all(self, rows: usize) -> Vec<f64> {
         let mut all = vec![f64::NAN; rows];
         for (row, value) in self.rows.into_iter().zip(self.values) {
@@ -40,19 +40,19 @@ impl SparseValues {
         all
     }
 
-    /// How many of the rows lie in `range`.
+    /// Returns how many of the rows lie in `range`.
     pub(crate) fn count(&self, range: &Range<usize>) -> usize {
         self.positions(range).len()
     }
 
-    /// Which of its rows lie in `range`.
+    /// Returns the positions of the rows that lie in `range`.
     pub(crate) fn positions(&self, range: &Range<usize>) -> Range<usize> {
         let before = |limit: usize| self.rows.partition_point(|&row| (row as usize) < limit);
         before(range.start)..before(range.end)
     }
 
-    /// The rows with a value, and those without one beside them in the same of `stretches`: a run of missing values is as long as
-    /// two of them.
+    /// Returns the rows with a value and their neighbours without one in the same of `stretches`. In the result, a run
+    /// of missing values has at most two rows.
     pub(crate) fn with_neighbours(&self, stretches: &[Range<usize>]) -> Neighbourhood {
         let mut near = Neighbourhood::default();
         let mut place = 0;
@@ -84,21 +84,21 @@ impl SparseValues {
 /// Some rows of the log, and the values of a channel there.
 #[derive(Debug, Default)]
 pub(crate) struct Neighbourhood {
-    /// In order.
+    /// Rows, in order.
     pub(crate) rows: Vec<usize>,
     pub(crate) values: Vec<f64>,
-    /// Those of the same stretch, by their positions here.
+    /// Rows of the same stretch, as ranges of positions in `rows`.
     pub(crate) stretches: Vec<Range<usize>>,
 }
 
 impl Neighbourhood {
-    /// Which of the rows lie in `range`.
+    /// Returns the positions of the rows that lie in `range`.
     pub(crate) fn positions(&self, range: &Range<usize>) -> Range<usize> {
         let before = |limit: usize| self.rows.partition_point(|row| *row < limit);
         before(range.start)..before(range.end)
     }
 
-    /// A row without a value, unless it is there; positions of its stretch begin at `from`.
+    /// Adds a row without a value, unless it exists; `from` is the first position of its stretch.
     fn add_missing(&mut self, row: usize, from: usize) {
         if self.rows.len() == from || self.rows.last().is_some_and(|last| *last < row) {
             self.rows.push(row);

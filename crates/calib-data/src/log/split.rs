@@ -1,4 +1,4 @@
-//! Which rows are for training and which are held out.
+//! Splits the log into the training and the held-out range.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ pub(crate) struct Split {
 }
 
 impl Split {
-    /// The ranges for a log whose first and last rows are at `first` and `last`.
+    /// Returns the ranges for a log whose first and last rows are at `first` and `last`.
     pub(crate) fn new(data: &DataConfig, first: i64, last: i64) -> Result<Self, DataError> {
         let Some(train) = &data.train else {
             return Ok(Self::by_fraction(data.train_fraction, first, last));
@@ -61,16 +61,16 @@ impl Split {
         Self { train: first..boundary, held_out: (boundary < end).then_some(boundary..end) }
     }
 
-    /// The ranges in order of time, without what lies outside of the first and the last instant of the log.
+    /// Returns the ranges in order of time, cut to the first and the last instant of the log.
     pub(crate) fn ranges_inside(&self, (first, last): (i64, i64)) -> Vec<Range<i64>> {
         let mut ranges: Vec<Range<i64>> =
             [&self.train].into_iter().chain(&self.held_out).cloned().collect();
         ranges.sort_by_key(|range| range.start);
-        // A row that lies after the last sample may still have its value.
+        // A row after the last sample may still have its value.
         ranges.iter().map(|range| range.start.max(first)..range.end.min(last + 1)).collect()
     }
 
-    /// From the earliest to the latest instant of either range.
+    /// Returns the span from the earliest to the latest instant of either range.
     pub(crate) fn window(&self) -> Range<i64> {
         let held_out = self.held_out.as_ref().unwrap_or(&self.train);
         self.train.start.min(held_out.start)..self.train.end.max(held_out.end)
@@ -82,8 +82,8 @@ pub(crate) fn rows_in(timestamps: &[Timestamp], range: &Range<i64>) -> Range<usi
     before(range.start)..before(range.end)
 }
 
-/// Refuse ranges that a share of the *time* leaves almost without rows, because most of the time lies in one gap: rows
-/// at a date that stands for something else (1970, 2999) stretch the log, and all others fall into one range.
+/// Rejects ranges by a fraction of the *time* that leave one range almost without rows, because most of the time lies
+/// in one gap. Rows at a placeholder date (1970, 2999) stretch the log, and all other rows fall into one range.
 pub(crate) fn refuse_lopsided(
     fraction: f64,
     timestamps: &[Timestamp],
@@ -106,12 +106,12 @@ pub(crate) fn refuse_lopsided(
     Ok(())
 }
 
-/// Microseconds from one row to the next.
+/// Returns the microseconds from one row to the next.
 fn step(pair: &[Timestamp]) -> i64 {
     pair[1].as_micros().saturating_sub(pair[0].as_micros())
 }
 
-/// A range that has fewer rows than this share of those that its share of the time would have.
+/// A range is too small if it has less than this share of the rows that its share of the time would give.
 const LEAST_SHARE: f64 = 0.01;
 
 #[cfg(test)]
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!((one_row.train, one_row.held_out), (100..101, None));
     }
 
-    /// Whether rows may be divided after so many.
+    /// Checks whether rows may be divided after the first `train`.
     fn divided(times: &[Timestamp], train: usize) -> Result<(), String> {
         let held_out = train..times.len();
         refuse_lopsided(0.8, times, &(0..train), &held_out).map_err(|error| error.to_string())

@@ -1,4 +1,4 @@
-//! The timestamps of one file.
+//! Reads the timestamps of one file.
 
 use std::ops::Range;
 
@@ -18,7 +18,7 @@ use crate::{
     text::{Candidates, Notation, compact_pattern, is_time_of_day, shown},
 };
 
-/// The columns of a file that may have its times, by their kind or name.
+/// Returns the columns of a file that may hold its times, by their kind or name.
 pub(crate) fn likely_times(head: &Head) -> Vec<String> {
     head.columns()
         .into_iter()
@@ -30,7 +30,7 @@ pub(crate) fn likely_times(head: &Head) -> Vec<String> {
         .collect()
 }
 
-/// What to say of a file without a timestamp column that is known. `others` is how many files have one.
+/// Returns the error for a file without a known timestamp column. `others` is the number of files that have one.
 pub(crate) fn no_timestamp(head: &Head, others: usize, data: &DataConfig) -> DataError {
     let likely = likely_times(head);
     let set = match likely.first() {
@@ -60,7 +60,7 @@ pub(crate) fn no_timestamp(head: &Head, others: usize, data: &DataConfig) -> Dat
     DataError::NoTimestamp { path: head.path().to_owned(), column: data.timestamp.clone(), remedy }
 }
 
-/// In quotes where a shell would take it apart.
+/// Puts a word in quotes if a shell would split it.
 fn shell_word(word: &str) -> String {
     if word.chars().all(|letter| letter.is_alphanumeric() || "._-=/:".contains(letter)) {
         word.to_owned()
@@ -69,8 +69,8 @@ fn shell_word(word: &str) -> String {
     }
 }
 
-/// The columns that are called year, month and day, and those of hours, minutes and seconds as far as they are there, by their
-/// names; none without the first three.
+/// Returns the names of the columns called year, month and day, and of those of hour, minute and second as far as they
+/// exist. Returns an empty list if one of the first three is missing.
 fn parts_of_dates(head: &Head) -> Vec<String> {
     let columns = head.columns();
     let found = TIME_FIELDS
@@ -82,8 +82,8 @@ fn parts_of_dates(head: &Head) -> Vec<String> {
     Some(found.collect::<Vec<_>>()).filter(|found| found.len() >= 3).unwrap_or_default()
 }
 
-/// Join the columns of a text file that are called year, month, day and, as far as there are any, hour, minute and second, if their
-/// cells are such. Returns the column that stands for all of them.
+/// Joins the columns of a text file called year, month, day and, as far as they exist, hour, minute and second, if
+/// their cells are valid. Returns the column that stands for all of them.
 pub(crate) fn join_fields(head: &mut Head) -> Option<usize> {
     const RANGES: [[f64; 2]; 6] =
         [[1900.0, 2200.0], [1.0, 12.0], [1.0, 31.0], [0.0, 23.0], [0.0, 59.0], [0.0, 59.0]];
@@ -103,7 +103,7 @@ pub(crate) fn join_fields(head: &mut Head) -> Option<usize> {
     Some(fields[0])
 }
 
-/// Whether there are cells, and all are whole numbers from `low` to `high`.
+/// Whether there are cells and all are whole numbers from `low` to `high`.
 fn are_whole_in([low, high]: [f64; 2], cells: &[&str]) -> bool {
     !cells.is_empty()
         && cells.iter().all(|cell| {
@@ -112,8 +112,8 @@ fn are_whole_in([low, high]: [f64; 2], cells: &[&str]) -> bool {
         })
 }
 
-/// Join the dates in one column of a text file and the times of day in another one. `time` is either of them; the column of dates is
-/// returned.
+/// Joins the dates in one column of a text file and the times of day in another. `time` is either of them. Returns the
+/// column of dates.
 pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataError> {
     let Head::Text(file) = head else { return Ok(time) };
     let cells = |column: usize| file.dialect.cells(column);
@@ -124,7 +124,7 @@ pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataErro
         let Some(date) = date else { return Ok(time) };
         (date, time)
     } else {
-        // A log with a row a day may have durations beside its dates.
+        // A log with one row per day may have durations beside its dates.
         let dates = cells(time);
         let repeats = dates.windows(2).any(|pair| pair[0] == pair[1]);
         if !repeats || !mostly(&dates, |cell| !cell.contains(':')) {
@@ -157,16 +157,16 @@ pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataErro
     Ok(date)
 }
 
-/// Whether a cell is a date without a time, and no number.
+/// Whether a cell is a date without a time of day, and not a number.
 fn is_date(cell: &str) -> bool {
     let found = Candidates::of(&[cell], None).left;
     !cell.contains(':') && found.iter().any(|notation| !matches!(notation, Notation::Number(_)))
 }
 
-/// Times of a slice of a Parquet file, as its type has them.
+/// Times of a slice of a Parquet file, by their type.
 pub(crate) enum Times {
     Stamps(Vec<Option<ParsedTime>>),
-    /// Numbers of a unit that all of them tell; [`NO_TIME`] where there is none.
+    /// Numbers whose unit depends on all of them; [`NO_TIME`] for a missing time.
     Integers(Vec<i64>),
     Floats(Vec<f64>),
 }
@@ -180,7 +180,7 @@ fn in_micros(time: i64, unit: pl::TimeUnit) -> i64 {
 }
 
 impl Times {
-    /// Of a column whose first row is row `start` of the file.
+    /// Reads a column whose first row is row `start` of the file.
     pub(crate) fn of(
         column: &RawColumn,
         file: &LogFile,
@@ -231,7 +231,7 @@ impl Times {
             dtype if dtype.is_float() => {
                 let column = column.cast(&pl::DataType::Float64).map_err(damaged)?;
                 let values = column.f64().map_err(damaged)?;
-                // Missing values make whole numbers into floats.
+                // Missing values turn whole numbers into floats.
                 let numbers: Vec<Option<f64>> =
                     values.iter().map(|value| value.filter(|value| value.is_finite())).collect();
                 match dates(&numbers, data).map_err(|reason| bad(&column, reason))? {
@@ -254,7 +254,7 @@ impl Times {
         })
     }
 
-    /// The times; the first numbers that are met tell the unit of all. `field` is their column.
+    /// Returns the times. The first numbers determine the unit of all. `field` is their column.
     pub(crate) fn stamps(
         self,
         unit: &mut Option<TimestampUnit>,
@@ -292,7 +292,7 @@ impl Times {
     }
 }
 
-/// The unit of the numbers in the column `field`, if they tell it.
+/// Returns the unit of the numbers in the column `field`, if they determine it.
 fn unit_of(numbers: &[f64], file: &LogFile, field: usize) -> Result<TimestampUnit, DataError> {
     let found = units(numbers).map_err(|reason| DataError::BadTimestamp {
         path: file.path().to_owned(),
@@ -310,7 +310,7 @@ fn unit_of(numbers: &[f64], file: &LogFile, field: usize) -> Result<TimestampUni
     })
 }
 
-/// Times that are text, of which the first is that of row `start`.
+/// Reads times from text; the first one belongs to row `start`.
 fn text_stamps(
     text: &pl::StringChunked,
     data: &DataConfig,
@@ -334,8 +334,8 @@ fn text_stamps(
     }).collect()
 }
 
-/// Numbers that are dates, such as 20240301060000: where the study says how times are written, and not that they count since
-/// 1970. None if they count.
+/// Reads numbers that are dates, such as 20240301060000, if the study sets the notation of times and no unit. Returns
+/// `None` if the numbers count units of time.
 fn dates<N: ToString>(
     numbers: &[Option<N>],
     data: &DataConfig,
@@ -367,16 +367,16 @@ fn dates<N: ToString>(
     }).collect::<Result<_, _>>().map(Some)
 }
 
-/// Numbers that are looked at for whether they are dates.
+/// Number of values that are examined for dates.
 const LOOKED_AT: usize = 1_000;
 
 /// The timestamps of a file.
 pub(crate) struct Read {
-    /// Of all rows in microseconds; [`NO_TIME`] where one is missing.
+    /// Instants of all rows in microseconds; [`NO_TIME`] for a missing time.
     pub(crate) instants: Vec<i64>,
-    /// Rows whose time names no instant, or two between which nothing decides.
+    /// Number of rows whose time names no instant, or two that no other row can tell apart.
     pub(crate) undecided: u64,
-    /// Rows that `data.where` leaves out, which have no time either.
+    /// Number of rows that `data.where` excludes. They have no time either.
     pub(crate) left_out: u64,
 }
 
@@ -406,7 +406,7 @@ pub(crate) fn read_timestamps(
             Times::Floats(some) => floats.extend(some),
         }
     }
-    // All numbers together tell their unit.
+    // All numbers together determine their unit.
     let numbers = if floats.is_empty() { Times::Integers(integers) } else { Times::Floats(floats) };
     let stamps = numbers.stamps(&mut data.timestamp_unit.clone(), file, field)?;
     stamps.into_iter().try_for_each(|stamp| rows.push(stamp, (), &mut take))?;
@@ -422,6 +422,6 @@ pub(crate) fn read_timestamps(
     Ok(Read { instants, undecided, left_out })
 }
 
-/// Years 1 to 9998, in microseconds. The year 9999, like the largest number there is, stands for "never" in databases,
-/// and what is no instant is no row of a log.
+/// Years 1 to 9998, in microseconds. Databases use the year 9999 and the largest number for "never". Such a row is not
+/// a row of the log.
 pub(crate) const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;

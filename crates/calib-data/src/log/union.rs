@@ -1,16 +1,16 @@
-//! What many channels have, each once and in order.
+//! The sorted union of the items of many channels.
 
 use rayon::prelude::*;
 
-/// So many are waited for before the first are put in order.
+/// Minimum number of items before they are sorted.
 const WAITING: usize = 1 << 16;
 
-/// A union that grows by parts: it is put in order when as many are new as were there, so that many parts cost no more than
-/// one of their size, and duplicates take no room.
+/// A union that grows in parts. It is sorted when it has doubled, so many parts cost no more than one of their size,
+/// and duplicates take no room.
 pub(crate) struct Union<T> {
     all: Vec<T>,
     settled: usize,
-    /// Whether the first is one with the second, which comes before it and then takes it in.
+    /// Whether the first item merges into the second, which precedes it. If so, it extends the second.
     join: fn(&mut T, &mut T) -> bool,
 }
 
@@ -19,7 +19,7 @@ impl<T: Ord + Copy + Send> Union<T> {
         Self { all: Vec::new(), settled: 0, join }
     }
 
-    /// Add a part, whose items are in order.
+    /// Adds a part, whose items are sorted.
     pub(crate) fn extend(&mut self, items: impl Iterator<Item = T>) {
         for mut item in items {
             let joined = self.all.len() > self.settled
@@ -36,7 +36,7 @@ impl<T: Ord + Copy + Send> Union<T> {
         }
     }
 
-    /// All of it in order.
+    /// Returns all items in order.
     pub(crate) fn settled(&mut self) -> &[T] {
         self.settle();
         &self.all

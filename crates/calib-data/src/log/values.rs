@@ -1,4 +1,4 @@
-//! A column of a file as `f64`, and what in it was no number.
+//! Converts a column of a file to `f64`, and counts the values that are not numbers.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -14,36 +14,37 @@ use crate::{
     text::{Cell, Decimal, Words, cell_of},
 };
 
-/// Distinct words that are told apart; the rest is counted as one.
+/// Maximum number of distinct words; all further words count as one.
 const WORDS: usize = 1_000;
-/// What words beyond [`WORDS`] are counted as.
+/// The word that stands for all words beyond [`WORDS`].
 const OTHER_WORDS: &str = "(other words)";
 
-/// What was no number in a channel.
+/// Values of a channel that are not numbers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct NotNumbers {
-    /// NaN, infinite values and those beyond ±1e150.
+    /// Number of NaN, infinite values and values beyond ±1e150.
     pub(crate) non_finite: u64,
-    /// Text that is not a number, with how often it occurs.
+    /// Text that is not a number, with its frequency.
     pub(crate) words: BTreeMap<String, u64>,
     /// Words that are read as 1 and 0.
     pub(crate) switch: Option<Switch>,
 }
 
 impl NotNumbers {
-    /// The words and how often each occurs, the most frequent first; those that are counted together come last.
+    /// Returns the words with their frequencies, the most frequent first; the words that are counted together come
+    /// last.
     pub(crate) fn by_frequency(&self) -> Vec<(String, u64)> {
         let mut words: Vec<(String, u64)> = self.words.clone().into_iter().collect();
         words.sort_by_key(|(word, times)| (word == OTHER_WORDS, std::cmp::Reverse(*times)));
         words
     }
 
-    /// The most frequent word, the first in the alphabet of several; none without words.
+    /// Returns the most frequent word, on a tie the first in the alphabet; `None` without words.
     pub(crate) fn example(&self) -> Option<String> {
         self.by_frequency().into_iter().next().map(|(word, _)| word)
     }
 
-    /// Of cells that are read again, with the words of `switch` as numbers.
+    /// Starts the count for cells that are read again, with the words of `switch` as numbers.
     pub(crate) fn with(switch: Switch) -> Self {
         Self { switch: Some(switch), ..Self::default() }
     }
@@ -57,7 +58,7 @@ impl NotNumbers {
         Switch::of(words.into_iter())
     }
 
-    /// The number that a word is read as; NaN, counted, of all others.
+    /// Returns the number that a word is read as. Returns NaN for other words, and counts them.
     fn word(&mut self, word: &str) -> f64 {
         if let Some(value) = self.switch.as_ref().and_then(|switch| switch.value(word)) {
             return value;
@@ -74,22 +75,22 @@ impl NotNumbers {
     }
 }
 
-/// As much of a word as anybody reads.
+/// Cuts a word to a readable length.
 fn shown(word: &str) -> &str {
     word.char_indices().nth(SHOWN_LETTERS).map_or(word, |(end, _)| &word[..end])
 }
 
-/// Letters of a word that are shown.
+/// Maximum number of letters of a word that are shown.
 const SHOWN_LETTERS: usize = 100;
 
-/// A column as a file has it.
+/// A column in the form of its file.
 #[derive(Clone, Debug)]
 pub(crate) enum RawColumn {
     Polars(pl::Column),
     Cells(Vec<u64>, Arc<Store>),
 }
 
-/// Write the values of `column` to `out`, NaN where there is no finite number.
+/// Writes the values of `column` to `out`, NaN where there is no finite number.
 pub(crate) fn to_numbers(
     column: &RawColumn,
     out: &mut [f64],
@@ -104,7 +105,7 @@ pub(crate) fn to_numbers(
     }
 }
 
-/// Write the numbers among `cells` to `out`, and count the others.
+/// Writes the numbers among `cells` to `out`, and counts the other cells.
 pub(crate) fn cells_to_numbers(
     cells: &[u64],
     words: &Words,
@@ -209,7 +210,8 @@ fn polars_to_numbers(
     Ok(())
 }
 
-/// Give `take` each value of `column` as text, in order: whole numbers without a fraction; missing and empty ones are `None`.
+/// Calls `take` with each value of `column` as text, in order. Whole numbers have no fraction; missing and empty values
+/// are `None`.
 pub(crate) fn each_label(
     column: &RawColumn,
     mut take: impl FnMut(Option<&str>),
@@ -243,7 +245,7 @@ pub(crate) fn each_label(
     Ok(())
 }
 
-/// Give `take` a cell as text, `None` if it is missing.
+/// Calls `take` with a cell as text, `None` if it is missing.
 pub(crate) fn with_label<T>(
     cell: u64,
     words: &Words,
@@ -256,7 +258,7 @@ pub(crate) fn with_label<T>(
     }
 }
 
-/// The value, or NaN, counted, for what no calculation can go on with.
+/// Returns the value, or NaN if it is too large or not finite, which is counted.
 fn finite(value: f64, non_finite: &mut u64) -> f64 {
     if value.abs() <= LARGEST {
         value

@@ -15,7 +15,7 @@ fn wander(row: usize) -> f64 {
     300.0 + 90.0 * (row as f64 / 40.0).sin() + 7.0 * (row as f64 * 1.3).sin()
 }
 
-/// Off or at full speed.
+/// A pump that is off or at full speed.
 fn pump(row: usize) -> f64 {
     if (row / 50).is_multiple_of(2) { 0.0 } else { 345.0 + (row % 5) as f64 }
 }
@@ -58,13 +58,14 @@ fn gaps_and_missing_values_do_not_count() {
     let mut values: Vec<f64> = (0..200).map(f64::from).collect();
     values[50] = f64::NAN;
     let found = autocorrelation(&values, &[0..100, 100..200], 1.0);
-    // A slope of one: the mean square at a lag is its square.
+    // For a slope of one, the mean square at a lag is the square of the lag.
     assert_eq!(found[0], (1, 0.5));
     assert_eq!(found[1], (2, -1.0));
     assert!(found.iter().all(|(lag, _)| *lag < 100), "no pair spans both stretches");
 }
 
-/// The run of missing values in stretches of a hundred rows with values in these.
+/// Returns the run of missing values in stretches of a hundred rows that have values only in
+/// `there`.
 fn run_between(there: &[Range<usize>]) -> usize {
     let rows: Vec<usize> = there.iter().flat_map(Range::clone).collect();
     missing_run(rows.into_iter().map(|row| (row / 100, row)))
@@ -77,7 +78,7 @@ fn runs_of_missing_values_are_between_values() {
     assert_eq!(run_between(&[]), 0);
 }
 
-/// In one stretch.
+/// Returns the changes of values in one stretch.
 fn changes_of(values: &[f64]) -> Changes {
     Changes::of(values, from_ref(&(0..values.len())), Moments::of(values))
 }

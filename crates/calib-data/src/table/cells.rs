@@ -3,14 +3,14 @@ use calib_core::Timestamp;
 /// The values of one column.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cells<T> {
-    /// No value is missing.
+    /// A column without missing values.
     Full(Vec<T>),
-    /// Values may be missing.
+    /// A column in which values may be missing.
     Optional(Vec<Option<T>>),
 }
 
 impl<T> Cells<T> {
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         match self {
             Self::Full(values) => values.len(),
@@ -23,7 +23,7 @@ impl<T> Cells<T> {
         self.len() == 0
     }
 
-    /// Full if no value is missing.
+    /// Collects values into [`Cells::Full`] if no value is missing.
     pub(crate) fn collect(values: impl Iterator<Item = Option<T>>, missing: usize) -> Self {
         if missing == 0 {
             let mut full = Vec::with_capacity(values.size_hint().0);
@@ -34,7 +34,7 @@ impl<T> Cells<T> {
         }
     }
 
-    /// NaN where a value is missing.
+    /// Returns the values as `f64`, NaN for missing ones.
     fn numbers(&self, number: impl Fn(&T) -> f64) -> Vec<f64> {
         match self {
             Self::Full(values) => values.iter().map(number).collect(),
@@ -47,13 +47,13 @@ impl<T> Cells<T> {
 
 /// A type that a column can hold.
 pub trait Cell: Clone {
-    /// What messages call it.
+    /// Name of the type in messages.
     const NAME: &'static str;
 
-    /// Cells of this type as a column of any type.
+    /// Wraps cells of this type as a column of any type.
     fn wrap(cells: Cells<Self>) -> Values;
 
-    /// The cells, if the column has this type.
+    /// Returns the cells, if the column has this type.
     fn unwrap(values: &Values) -> Option<&Cells<Self>>;
 }
 
@@ -66,14 +66,14 @@ macro_rules! values {
         }
 
         impl Values {
-            /// Number of rows.
+            /// Returns the number of rows.
             pub fn len(&self) -> usize {
                 match self {
                     $(Self::$variant(cells) => cells.len()),+
                 }
             }
 
-            /// What messages call the type.
+            /// Returns the name of the type in messages.
             pub fn type_name(&self) -> &'static str {
                 match self {
                     $(Self::$variant(_) => $name),+
@@ -109,7 +109,7 @@ values! {
     UInt64(u64, "u64"),
     /// Signed numbers.
     Int64(i64, "i64"),
-    /// Yes or no.
+    /// Booleans.
     Bool(bool, "bool"),
     /// Text.
     Text(String, "text"),
@@ -123,7 +123,7 @@ impl Values {
         self.len() == 0
     }
 
-    /// The values as `f64`, NaN where one is missing; `None` for text and timestamps.
+    /// Returns the values as `f64`, NaN for missing ones; `None` for text and timestamps.
     pub fn numbers(&self) -> Option<Vec<f64>> {
         Some(match self {
             Self::Float64(cells) => cells.numbers(|&value| value),

@@ -4,7 +4,7 @@ use calib_files::FileError;
 
 use super::Values;
 
-/// Why a table cannot be read, written or used as expected.
+/// The reason why a table cannot be read, written or used as expected.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// The file cannot be opened or written.
@@ -15,10 +15,10 @@ pub enum TableError {
     NotParquet {
         /// The file.
         path: PathBuf,
-        /// What the reader found.
+        /// Finding of the reader.
         reason: String,
     },
-    /// A column has a type that tables do not hold.
+    /// A column has an unsupported type.
     #[error(
         "column {name} of {} is of type {got}; expected numbers, booleans, text or timestamps",
         path.display()
@@ -31,12 +31,12 @@ pub enum TableError {
         /// Its type.
         got: String,
     },
-    /// There is no such column.
+    /// The requested column does not exist.
     #[error("there is no column {name}; the columns are: {}", available.join(", "))]
     NoColumn {
-        /// The column asked for.
+        /// The requested column.
         name: String,
-        /// The columns that there are.
+        /// The existing columns.
         available: Vec<String>,
     },
     /// The column has another type.
@@ -44,9 +44,9 @@ pub enum TableError {
     WrongType {
         /// The column.
         name: String,
-        /// The type asked for.
+        /// The requested type.
         expected: &'static str,
-        /// The type that it has.
+        /// The actual type.
         got: &'static str,
     },
     /// A value is missing where none should be.

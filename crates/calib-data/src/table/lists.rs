@@ -21,7 +21,7 @@ pub struct Lists {
     pub rows: usize,
 }
 
-/// Names of the columns of a Parquet file, in order.
+/// Returns the names of the columns of a Parquet file, in order.
 ///
 /// # Errors
 /// If the file cannot be read or is not Parquet.
@@ -31,11 +31,11 @@ pub fn parquet_names(path: &Path) -> Result<Vec<String>, TableError> {
         .map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })
 }
 
-/// Read a column of lists of numbers; `None` if the column holds something else.
+/// Reads a column of lists of numbers; `None` if the column holds another type.
 ///
 /// # Errors
-/// If the file cannot be read, is not Parquet, has no such column, or its lists differ in length or miss
-/// values.
+/// If the file cannot be read, is not Parquet, has no such column, or its lists differ in length or have
+/// missing values.
 pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, TableError> {
     let refuse = |reason| TableError::NotParquet { path: path.to_owned(), reason };
     let file = HeldFile::open(path)?;
@@ -45,7 +45,7 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
         let available = schema.iter_names().map(ToString::to_string).collect();
         return Err(TableError::NoColumn { name: name.to_owned(), available });
     }
-    // Lists of what is no number make the reader panic, so they are refused before.
+    // Lists of other types than numbers make the reader panic, so they are rejected first.
     match schema.get(name).map(|field| &field.dtype) {
         Some(D::List(item) | D::LargeList(item) | D::FixedSizeList(item, _)) => {
             let (kind, got) = classify(&item.dtype);

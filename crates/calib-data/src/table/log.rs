@@ -7,14 +7,14 @@ use polars::prelude as pl;
 
 use super::write::{timestamps as to_polars, write_frame};
 
-/// Write a plant log as Parquet, atomically: column `timestamp` (microseconds, no time zone) and one
-/// `f32` column per channel. NaN becomes a missing value.
+/// Writes a plant log as Parquet, atomically: column `timestamp` (microseconds, no time zone) and
+/// one `f32` column per channel. NaN becomes a missing value.
 ///
 /// # Errors
 /// If the file cannot be written.
 ///
 /// # Panics
-/// If a channel does not have a value per timestamp, or two channels have the same name.
+/// If a channel does not have one value per timestamp, or two channels have the same name.
 pub fn write_log<N: AsRef<str>>(
     path: &Path,
     timestamps: &[Timestamp],

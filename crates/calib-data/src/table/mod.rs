@@ -34,7 +34,8 @@ pub use log::write_log;
 pub use read::{declared_bytes, read_parquet, read_parquet_columns};
 pub(crate) use write::write_frame;
 
-/// Key of the metadata that marks a table as a result: a folder that is searched for logs may hold some, which are none.
+/// Key of the metadata that marks a table as a result, which is not a log. A folder that is searched for logs may
+/// contain results.
 pub const RESULTS_KEY: &str = "calib.result";
 
 /// Columns of equal length, in order, with text metadata.
@@ -45,12 +46,12 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table without columns.
+    /// Creates a table without columns.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Add a column without missing values.
+    /// Adds a column without missing values.
     ///
     /// # Panics
     /// If the name is taken, or the other columns have another length.
@@ -59,7 +60,7 @@ impl Table {
         self.with_values(name, T::wrap(Cells::Full(values)))
     }
 
-    /// Add a column in which values may be missing.
+    /// Adds a column in which values may be missing.
     ///
     /// # Panics
     /// As [`Table::with`].
@@ -68,7 +69,7 @@ impl Table {
         self.with_values(name, T::wrap(Cells::Optional(values)))
     }
 
-    /// Add a column of any type.
+    /// Adds a column of any type.
     ///
     /// # Panics
     /// As [`Table::with`].
@@ -86,34 +87,34 @@ impl Table {
         self
     }
 
-    /// Add a line of metadata, which replaces an earlier one of the same key.
+    /// Adds a metadata entry, which replaces an earlier one with the same key.
     #[must_use]
     pub fn with_metadata(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
         self.metadata.insert(key.into(), value.into());
         self
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |(_, values)| values.len())
     }
 
-    /// Names of the columns, in order.
+    /// Returns the names of the columns, in order.
     pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
         self.columns.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The metadata under `key`.
+    /// Returns the metadata under `key`.
     pub fn metadata(&self, key: &str) -> Option<&str> {
         self.metadata.get(key).map(String::as_str)
     }
 
-    /// The column called `name`, whatever its type.
+    /// Returns the column called `name`, of any type.
     pub fn values(&self, name: &str) -> Option<&Values> {
         self.columns.iter().find_map(|(column, values)| (column == name).then_some(values))
     }
 
-    /// The values of a column in which none is missing.
+    /// Returns the values of a column without missing values.
     ///
     /// # Errors
     /// If there is no such column, it has another type, or a value is missing.
@@ -127,7 +128,7 @@ impl Table {
         }
     }
 
-    /// The values of a column in which some may be missing.
+    /// Returns the values of a column in which some may be missing.
     ///
     /// # Errors
     /// If there is no such column, or it has another type.
@@ -138,7 +139,7 @@ impl Table {
         })
     }
 
-    /// The values of a column of any number type as `f64`; NaN where one is missing.
+    /// Returns the values of a column of any number type as `f64`, NaN for missing ones.
     ///
     /// # Errors
     /// If there is no such column, or it does not hold numbers.

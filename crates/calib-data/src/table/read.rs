@@ -17,13 +17,13 @@ use crate::{
     statistics,
 };
 
-/// Key under which Parquet writers keep their own description of the types; not ours to show.
+/// Key under which Parquet writers store their own description of the types; it is not shown.
 const SCHEMA_KEY: &str = "ARROW:schema";
 
-/// Read a whole Parquet file.
+/// Reads a whole Parquet file.
 ///
-/// Small integers become `i64` (signed) or `u32` (unsigned), dates and timestamps of any unit
-/// become [`Timestamp`]s, categories become text.
+/// Small integers become `i64` (signed) or `u32` (unsigned), dates and timestamps of any unit become [`Timestamp`]s,
+/// and categories become text.
 ///
 /// # Errors
 /// If the file cannot be read, is not Parquet, or has a column of another type.
@@ -31,7 +31,7 @@ pub fn read_parquet(path: &Path) -> Result<Table, TableError> {
     read(path, None)
 }
 
-/// Read some columns of a Parquet file, in the order given.
+/// Reads some columns of a Parquet file, in the given order.
 ///
 /// # Errors
 /// As [`read_parquet`]; or if a column does not exist.
@@ -39,11 +39,11 @@ pub fn read_parquet_columns(path: &Path, names: &[&str]) -> Result<Table, TableE
     read(path, Some(names))
 }
 
-/// Bytes a value that [`read_parquet`] takes at the most, for numbers: as the reader has it, as cells, as numbers.
+/// Maximum bytes per value that [`read_parquet`] needs, for numbers: in the reader, as cells, and as numbers.
 const BYTES_PER_VALUE: u64 = 3 * 8 + 8;
 
-/// Memory that reading some columns takes (all of them where none are named), by what the footer declares: a small file may
-/// declare any number of values.
+/// Returns the memory that reading some columns needs, in bytes, according to the footer. `None` for `names` means all
+/// columns. A small file may declare any number of values.
 ///
 /// # Errors
 /// If the file cannot be read or is not Parquet.
@@ -85,7 +85,7 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     if let Some(name) = names.iter().find(|name| !schema.contains(name.as_str())) {
         return Err(TableError::NoColumn { name: name.clone(), available: available() });
     }
-    // Some types make the reader panic, so they are refused before.
+    // Some types make the reader panic, so they are rejected first.
     let of_other_type = names.iter().find_map(|name| {
         let (kind, got) = classify(&schema.get(name)?.dtype);
         (kind == FieldKind::Other).then(|| (name.clone(), got))

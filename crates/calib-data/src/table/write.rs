@@ -8,8 +8,8 @@ use polars::prelude as pl;
 use super::{Cells, Table, Values};
 
 impl Table {
-    /// Write the table as Parquet (zstd), atomically.
-    /// The same table gives the same bytes, whatever the number of threads.
+    /// Writes the table as Parquet (zstd), atomically. The same table gives the same bytes for any
+    /// number of threads.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -21,7 +21,7 @@ impl Table {
     }
 }
 
-/// Write columns as one Parquet file.
+/// Writes columns as one Parquet file.
 pub(crate) fn write_frame(
     path: &Path,
     rows: usize,
@@ -39,7 +39,7 @@ pub(crate) fn write_frame(
     })
 }
 
-/// Instants as polars keeps them: microseconds without a time zone.
+/// Returns a column of instants for polars: microseconds without a time zone.
 pub(super) fn timestamps(
     name: &str,
     values: impl Iterator<Item = Option<Timestamp>>,

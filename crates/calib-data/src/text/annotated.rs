@@ -1,7 +1,7 @@
-//! Annotated CSV, which InfluxDB writes: tables one below the other, each with annotations and a header of its own.
+//! Reads annotated CSV of InfluxDB: several tables in one file, each with its own annotations and header.
 //!
-//! After <https://docs.influxdata.com/influxdb/v2/reference/syntax/annotated-csv/>: `#datatype`, `#group` and `#default`
-//! say of each column what it holds, whether it is part of the key that tells series apart, and what an empty cell is.
+//! See <https://docs.influxdata.com/influxdb/v2/reference/syntax/annotated-csv/>. For each column, `#datatype` gives
+//! the type, `#group` tells whether it is part of the key of a series, and `#default` gives the value of an empty cell.
 
 use std::{
     collections::{BTreeMap, HashMap, HashSet},
@@ -22,7 +22,7 @@ use crate::DataError;
 
 const MARKS: Marks = Marks { separator: b',', quote: b'"' };
 
-/// Columns that are about the query and not about the series.
+/// Columns that describe the query and not the series.
 const OF_THE_QUERY: [&str; 4] = ["result", "table", "_start", "_stop"];
 
 /// Whether a file begins with an annotation.
@@ -34,7 +34,7 @@ pub(crate) fn is_annotated(path: &Path) -> Result<bool, DataError> {
     Ok([&b"#datatype"[..], b"#group", b"#default"].iter().any(|mark| head.starts_with(mark)))
 }
 
-/// What tells a series apart: columns of the key and their values.
+/// The key of a series: columns and their values.
 pub(crate) type Key = BTreeMap<String, String>;
 
 pub(crate) struct Sample<'a> {
@@ -50,7 +50,7 @@ pub(crate) struct Annotated {
     table: Table,
 }
 
-/// The annotations and the header of the rows that follow.
+/// The annotations and the header of the following rows.
 #[derive(Default)]
 struct Table {
     groups: Vec<String>,
@@ -66,7 +66,7 @@ impl Annotated {
         Ok(Self { blocks, path: path.to_owned(), table: Table::default() })
     }
 
-    /// Read all samples, in order.
+    /// Reads all samples, in order.
     pub(crate) fn read(
         &mut self,
         words: &mut Words,
@@ -173,7 +173,7 @@ impl Table {
             *self = Self::default();
         }
         let kind = cells[0].trim();
-        // The annotation stands in the first column, which holds nothing else.
+        // The annotation is in the first column, which holds nothing else.
         let cells = cells.to_vec();
         match kind {
             "#group" => self.groups = cells,
@@ -212,7 +212,7 @@ impl Table {
         columns.map(|column| (self.names[column].clone(), text(column).to_owned())).collect()
     }
 
-    /// Columns of values: `_value`, or all numbers of a table that was pivoted.
+    /// Returns the columns of values: `_value`, or all numbers of a pivoted table.
     fn values(&self) -> Vec<usize> {
         match self.position("_value") {
             Some(value) => vec![value],
@@ -227,15 +227,15 @@ impl Table {
     }
 }
 
-/// What the keys have of a part.
+/// The values of one part in all keys.
 struct PartOfKeys<'a> {
-    /// Keys that have it.
+    /// Number of keys that have the part.
     keys: usize,
     first: &'a str,
     differs: bool,
 }
 
-/// A name for each key: its values, without those that all keys share.
+/// Returns a name for each key: its values, without those that all keys share.
 pub(crate) fn names(keys: &[Key]) -> Vec<String> {
     let mut parts: HashMap<&str, PartOfKeys<'_>> = HashMap::new();
     for (part, value) in keys.iter().flatten() {
@@ -249,7 +249,7 @@ pub(crate) fn names(keys: &[Key]) -> Vec<String> {
         .map(|key| {
             let values = key.iter().filter(|(part, value)| {
                 let PartOfKeys { keys: having, first, differs } = parts[part.as_str()];
-                // A part that a key lacks is empty there.
+                // A part that a key lacks counts as empty.
                 let tells = differs || having < keys.len() && !first.is_empty();
                 tells && !value.is_empty()
             });
@@ -266,7 +266,7 @@ pub(crate) fn names(keys: &[Key]) -> Vec<String> {
     }
 }
 
-/// All parts of a key with their values.
+/// Lists all parts of a key with their values.
 fn pairs(key: &Key) -> String {
     let pairs = key.iter().map(|(part, value)| format!("{part}={value}"));
     pairs.collect::<Vec<_>>().join(",")

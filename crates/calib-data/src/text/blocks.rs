@@ -1,4 +1,4 @@
-//! A text file in blocks of whole records.
+//! Splits a text file into blocks of whole records.
 
 use std::{io::Read as _, ops::Range, path::PathBuf};
 
@@ -7,7 +7,7 @@ use calib_text::Marks;
 use super::input::{Input, fill, unreadable};
 use crate::DataError;
 
-/// Bytes of a block, and how much longer it may become to hold one record.
+/// Bytes of a block, and the maximum when it grows to hold one record.
 const BLOCK: usize = 16 << 20;
 const LONGEST_RECORD: usize = 256 << 20;
 
@@ -17,20 +17,20 @@ pub(crate) struct Blocks {
     marks: Marks,
     rest: Vec<u8>,
     ended: bool,
-    /// Lines before the next block.
+    /// Number of lines before the next block.
     line: u64,
     size: usize,
 }
 
-/// Whole records.
+/// A block of whole records.
 pub(crate) struct Block {
     pub(crate) bytes: Vec<u8>,
-    /// Parts of whole records, to be read side by side, and the number of lines before each.
+    /// Parts of whole records, for reading in parallel, and the number of lines before each.
     pub(crate) parts: Vec<(Range<usize>, u64)>,
 }
 
 impl Blocks {
-    /// What follows the first `skip` bytes of `input`, which are `lines` lines.
+    /// Reads what follows the first `skip` bytes of `input`, which are `lines` lines.
     pub(crate) fn new(
         mut input: Input,
         path: PathBuf,
@@ -42,7 +42,7 @@ impl Blocks {
         Ok(Self { input, path, marks, rest: Vec::new(), ended: false, line: lines, size: BLOCK })
     }
 
-    /// The next block, in about `parts` parts.
+    /// Returns the next block, in about `parts` parts.
     pub(crate) fn next(&mut self, parts: usize) -> Result<Option<Block>, DataError> {
         let mut bytes = std::mem::take(&mut self.rest);
         loop {
@@ -51,7 +51,7 @@ impl Blocks {
                 return Ok(None);
             }
             let ends = record_ends(&bytes, self.marks, bytes.len() / parts.max(1) + 1);
-            // A last record needs no end of line.
+            // The last record needs no line break.
             let end = if self.ended { Some(bytes.len()) } else { ends.last().copied() };
             if let Some(end) = end {
                 self.rest = bytes.split_off(end);
@@ -97,7 +97,7 @@ impl Blocks {
     }
 }
 
-/// Ends of records about `every` bytes apart, and the last one there is.
+/// Returns the ends of records about `every` bytes apart, and the end of the last record.
 fn record_ends(bytes: &[u8], marks: Marks, every: usize) -> Vec<usize> {
     let mut ends = Vec::new();
     let mut note = |end: usize, next: &mut usize| {
@@ -116,7 +116,8 @@ fn record_ends(bytes: &[u8], marks: Marks, every: usize) -> Vec<usize> {
         }
         last = memchr::memrchr(b'\n', bytes).map_or(0, |at| at + 1);
     } else {
-        // A quote counts where a cell begins; the cell then ends at a quote that is not doubled.
+        // A quote counts at the beginning of a cell; the cell then ends at a quote that is not
+        // doubled.
         while let Some(step) = memchr::memchr2(marks.quote, b'\n', &bytes[at..]) {
             let found = at + step;
             at = found + 1;
@@ -138,7 +139,7 @@ fn record_ends(bytes: &[u8], marks: Marks, every: usize) -> Vec<usize> {
     ends
 }
 
-/// The place after the quote that ends the cell whose text begins at `at`.
+/// Returns the position after the quote that ends the cell whose text begins at `at`.
 fn end_of_quoted(bytes: &[u8], mut at: usize, quote: u8) -> Option<usize> {
     loop {
         at += memchr::memchr(quote, &bytes[at..])? + 1;
@@ -208,7 +209,7 @@ mod tests {
                 prop_assert_eq!(*line, seen);
                 seen += part.matches('\n').count() as u64;
             }
-            // Each part is what the whole text has there, record by record.
+            // The parts give the same records as the whole text, record by record.
             let apart: Vec<_> = all.iter().flat_map(|(part, _)| records(part)).collect();
             prop_assert_eq!(apart, records(&text));
         }

@@ -1,14 +1,15 @@
-//! Whether the last number of a file is the beginning of a longer one.
+//! Detects whether the last number of a file was cut off.
 //!
-//! Many good exports end without a line break, so that alone tells nothing. Where all numbers of a column have equally many decimals, and some end
-//! with a zero, the export pads them. A last number with fewer decimals is then not as the export writes numbers.
+//! Many good exports end without a line break, so this alone proves nothing. If all numbers of a column have the same
+//! number of decimals, and some end with a zero, the export pads them. A last number with fewer decimals then differs
+//! from the format of the export.
 
 use calib_text::Decimal;
 
-/// So many numbers tell how the numbers of a column are written. Our choice.
+/// Minimum number of numbers that show the format of a column. Our choice.
 const FEWEST: usize = 20;
 
-/// How many decimals the numbers `before` the last one have, if it lacks some of them.
+/// Returns the number of decimals in the numbers `before` the last one, if the last one has fewer.
 pub(super) fn decimals_before_cut(last: &str, before: &[&str], decimal: Decimal) -> Option<usize> {
     let sign = match decimal {
         Decimal::Point => '.',
@@ -27,7 +28,7 @@ pub(super) fn decimals_before_cut(last: &str, before: &[&str], decimal: Decimal)
     (are_padded && rest.len() < usual).then_some(usual)
 }
 
-/// The decimals of a plain number, which may be none; `None` if it is written otherwise.
+/// Returns the decimals of a plain number, possibly empty; `None` for another format.
 fn fraction(cell: &str, sign: char) -> Option<&str> {
     let number = cell.strip_prefix(['-', '+']).unwrap_or(cell);
     let (whole, fraction) = number.split_once(sign).unwrap_or((number, ""));
@@ -39,7 +40,7 @@ fn fraction(cell: &str, sign: char) -> Option<&str> {
 mod tests {
     use super::*;
 
-    /// Of 30 numbers, a quarter of which end with a zero, written by `write`.
+    /// Tests a last number after 30 numbers, a quarter of which end with a zero, written by `write`.
     fn decimals(last: &str, write: impl Fn(f64) -> String, decimal: Decimal) -> Option<usize> {
         let cells: Vec<String> = (0..30).map(|row| write(12.0 + f64::from(row) / 4.0)).collect();
         let before: Vec<&str> = cells.iter().map(String::as_str).collect();

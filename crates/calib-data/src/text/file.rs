@@ -16,23 +16,23 @@ use super::{
 };
 use crate::{DataConfig, DataError};
 
-/// Bytes that tell what a file is like.
+/// Bytes at the beginning that are examined to recognise a file.
 const HEAD: usize = 1 << 20;
 
 /// A text file whose first rows have been read.
 #[derive(Debug)]
 pub(crate) struct TextFile {
     pub(crate) path: PathBuf,
-    /// Its size on the disk.
+    /// Size on the disk.
     pub(crate) bytes: u64,
     pub(crate) dialect: Dialect,
-    /// Where its times are, beside the column of times.
+    /// Parts of times outside the column of times.
     time_parts: TimeParts,
-    /// Columns that are no channels: parts of times, and names of rows.
+    /// Columns that are not channels: parts of times, and row names.
     pub(crate) no_channels: Vec<usize>,
-    /// Columns and what they have in the rows that count.
+    /// Filter of rows: columns with the values that they must have.
     only: Vec<(usize, String)>,
-    /// Bytes of a row on the disk, roughly.
+    /// Approximate bytes of a row on the disk.
     row_bytes: f64,
 }
 
@@ -58,14 +58,15 @@ impl TextFile {
         Ok(Self { path: path.to_owned(), bytes, dialect, time_parts, no_channels, only, row_bytes })
     }
 
-    /// Say that the column `date` has dates and the column `clock` times of day.
+    /// Sets the column `date` of dates and the column `clock` of times of day.
     pub(crate) fn join_times(&mut self, date: usize, clock: usize) {
         self.time_parts = TimeParts::Clock(clock);
         self.no_channels.push(clock);
         self.dialect.join(date, &[clock], |row| joined(&row[date], &row[clock]));
     }
 
-    /// Say that these columns have years, months, days, and what there is of hours, minutes and seconds. The first stands for all.
+    /// Sets the columns of years, months and days, and of hours, minutes and seconds as far as they exist. The first
+    /// one stands for all.
     pub(crate) fn join_fields(&mut self, fields: &[usize]) {
         self.time_parts = TimeParts::Fields(fields.to_vec());
         self.no_channels.extend(&fields[1..]);
@@ -74,7 +75,7 @@ impl TextFile {
         });
     }
 
-    /// How its columns are read otherwise than each by itself, in sentences.
+    /// Returns sentences about columns that are not read independently.
     pub(crate) fn read_as(&self) -> Vec<String> {
         let name = |column: usize| self.columns()[column].name.as_str();
         let mut read_as = Vec::new();
@@ -101,10 +102,11 @@ impl TextFile {
         (self.bytes as f64 / self.row_bytes) as u64
     }
 
-    /// Read all records from the first row of values: parts of a block side by side, by `read`, and what each gave in order to `take`.
+    /// Reads all records from the first row of values: `read` processes parts of a block in parallel, and `take`
+    /// receives the results in order.
     ///
     /// # Errors
-    /// Those of both; or if the file cannot be read, or somebody interrupts.
+    /// If `read` or `take` fails, the file cannot be read, or the monitor interrupts.
     pub(crate) fn read_parts<Part: Send>(
         &self,
         read: impl Fn(Records<'_>) -> Result<Part, DataError> + Sync,
@@ -125,30 +127,30 @@ impl TextFile {
         Ok(())
     }
 
-    /// The rows of values, from the first.
+    /// Returns the rows of values, from the first.
     pub(crate) fn blocks(&self) -> Result<Blocks, DataError> {
         let (input, _) = input::open(&self.path)?;
         Blocks::new(input, self.path.clone(), self.dialect.marks, self.dialect.skip)
     }
 
-    /// The records of a part of a block, before which there are `line` lines.
+    /// Returns the records of a part of a block, which `line` lines precede.
     pub(crate) fn records<'a>(&'a self, bytes: &'a [u8], line: u64) -> Records<'a> {
         Records { reader: RecordReader::new(bytes, self.dialect.marks), file: self, line }
     }
 }
 
-/// Where times are that are not in one column.
+/// Location of times that are not in one column.
 #[derive(Clone, Debug)]
 enum TimeParts {
-    /// They are.
+    /// Times are in one column.
     None,
     /// Times of day are in this column.
     Clock(usize),
-    /// Years, months and days, and what there is of hours, minutes and seconds, are in these.
+    /// Years, months and days, and hours, minutes and seconds as far as they exist, are in these columns.
     Fields(Vec<usize>),
 }
 
-/// What a file is that cannot be text.
+/// Returns why a file cannot be text.
 fn no_text(head: &[u8]) -> Option<&'static str> {
     match head {
         [] => Some("it is empty; export it again, or leave it out"),
@@ -165,7 +167,7 @@ fn no_text(head: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Whether nearly every second byte is 0 and hardly any other, as letters of 16 bits have it.
+/// Whether nearly every second byte is 0 and hardly any other, as in 16-bit characters.
 fn is_utf16(head: &[u8]) -> bool {
     let [even, odd] =
         [0, 1].map(|parity| head.iter().skip(parity).step_by(2).filter(|&&byte| byte == 0).count());
@@ -173,13 +175,13 @@ fn is_utf16(head: &[u8]) -> bool {
     letters >= 8 && 10 * even.max(odd) > 9 * letters && 10 * even.min(odd) < letters
 }
 
-/// Whether more bytes are 0 than damage makes.
+/// Whether there are more zero bytes than damage would cause.
 fn is_binary(head: &[u8]) -> bool {
     let zeros = memchr::memchr_iter(0, head).count();
     zeros * 16 > head.len()
 }
 
-/// The columns that `data.where` names, and what they have in the rows that count.
+/// Returns the columns in `data.where`, with their required values.
 fn chosen(
     path: &Path,
     columns: &[TextColumn],
@@ -196,10 +198,10 @@ fn chosen(
         .collect()
 }
 
-/// How much smaller numbers as text usually become.
+/// Typical compression ratio of numbers as text.
 const TYPICAL_PACKING: f64 = 4.0;
 
-/// The first bytes of a file, whole records where there is an end of line at all.
+/// Returns the first bytes of a file; these are whole records if there is a line break at all.
 fn head(path: &Path) -> Result<(Vec<u8>, Compression), DataError> {
     let (mut input, compression) = input::open(path)?;
     let mut head = vec![0; HEAD];
@@ -213,13 +215,13 @@ fn head(path: &Path) -> Result<(Vec<u8>, Compression), DataError> {
     Ok((head, compression))
 }
 
-/// Whether a cell has the value that is asked for: as text, or as a number.
+/// Whether a cell equals the requested value, as text or as a number.
 pub(crate) fn is_value(cell: &str, value: &str) -> bool {
     cell == value
         || matches!((cell.parse::<f64>(), value.parse::<f64>()), (Ok(cell), Ok(value)) if cell == value)
 }
 
-/// A date and a time of day, which people also write as 18.00.00; nothing if one of them is missing.
+/// Joins a date and a time of day, which may also be written as 18.00.00. Returns an empty string if one is missing.
 pub(crate) fn joined(date: &str, clock: &str) -> String {
     let date = date.trim();
     let clock = clock.trim();
@@ -230,13 +232,13 @@ pub(crate) fn joined(date: &str, clock: &str) -> String {
     format!("{date} {clock}")
 }
 
-/// A time of which the year, the month, the day, and what there is of the hour, the minute and the second are given; nothing
-/// if one of them is missing.
+/// Joins the year, the month, the day, and the hour, the minute and the second as far as they exist. Returns an empty
+/// string if one is missing.
 pub(crate) fn joined_fields(fields: impl Iterator<Item = impl AsRef<str>>) -> String {
     let mut text = String::new();
     for (field, before) in fields.zip(["", "-", "-", " ", ":", ":"]) {
         let field = field.as_ref().trim();
-        // Columns with missing values become fractions in some programs.
+        // Some programs turn columns with missing values into fractions.
         let field = field.strip_suffix(".0").unwrap_or(field);
         if field.is_empty() {
             return String::new();
@@ -261,7 +263,7 @@ pub(crate) struct Records<'a> {
 }
 
 impl Records<'_> {
-    /// Go to the next record; false if there is none.
+    /// Moves to the next record; returns false if there is none.
     pub(crate) fn advance(&mut self) -> Result<bool, DataError> {
         let (expected, got) =
             loop {
@@ -289,7 +291,7 @@ impl Records<'_> {
         Err(self.refused(format!("{got} cells, and the header names {expected} columns; {hint}")))
     }
 
-    /// Refuse the last record of a file that ends in the middle of a number, where the numbers above tell.
+    /// Rejects the last record of a file that ends in the middle of a number, if the numbers above show it.
     pub(crate) fn refuse_cut_number(&self, decimal: Decimal) -> Result<(), DataError> {
         let columns = self.file.columns().len();
         if !self.reader.lacks_line_break() || self.reader.count() != columns {
@@ -311,12 +313,12 @@ impl Records<'_> {
         }
     }
 
-    /// A cell of the record as it stands.
+    /// Returns the raw bytes of a cell of the record.
     pub(crate) fn bytes(&self, column: usize) -> &[u8] {
         self.reader.cell(column)
     }
 
-    /// The time of the record as text; with the time of day from a column of its own, if it has one.
+    /// Returns the time of the record as text, with the time of day from another column if there is one.
     pub(crate) fn time(&self, column: usize) -> std::borrow::Cow<'_, str> {
         match &self.file.time_parts {
             TimeParts::None => self.text(column),
@@ -332,17 +334,17 @@ impl Records<'_> {
         !matches!(self.file.time_parts, TimeParts::None)
     }
 
-    /// Whether semicolons separate cells, as where the comma is the sign of fractions.
+    /// Whether semicolons separate cells, as usual if the decimal sign is a comma.
     pub(crate) fn has_semicolons(&self) -> bool {
         self.file.dialect.marks.separator == b';'
     }
 
-    /// Whether a column is no channel: it has a part of the times, or the names of rows.
+    /// Whether a column is not a channel: it has a part of the times, or the row names.
     pub(crate) fn is_no_channel(&self, column: usize) -> bool {
         self.file.no_channels.contains(&column)
     }
 
-    /// A cell of the record as text.
+    /// Returns a cell of the record as text.
     pub(crate) fn text(&self, column: usize) -> std::borrow::Cow<'_, str> {
         decode(self.reader.cell(column))
     }

@@ -1,4 +1,4 @@
-//! The bytes of a text file, whatever it is compressed with.
+//! Reads the bytes of a text file with any supported compression.
 
 use std::{
     fs::File,
@@ -20,7 +20,7 @@ pub(crate) enum Compression {
     Zstandard,
 }
 
-/// Open a text file, unpacked, without the mark of UTF-8 that it may begin with.
+/// Opens a text file, decompressed and without a byte order mark of UTF-8.
 pub(crate) fn open(path: &Path) -> Result<(Input, Compression), DataError> {
     let mut file = open_regular(path)?;
     let refused = |source| FileError::io("read", path, source);
@@ -50,7 +50,7 @@ pub(crate) fn open(path: &Path) -> Result<(Input, Compression), DataError> {
     }
 }
 
-/// What decompression says of a damaged file.
+/// Returns the error for a damaged compressed file.
 pub(crate) fn unreadable(path: &Path, error: &std::io::Error) -> DataError {
     let reason = format!(
         "it cannot be unpacked: {error} (truncated or damaged?); export it again, or leave it out"
@@ -58,7 +58,7 @@ pub(crate) fn unreadable(path: &Path, error: &std::io::Error) -> DataError {
     DataError::NotText { path: path.to_owned(), reason }
 }
 
-/// Read until `bytes` is full or the file ends.
+/// Reads until `bytes` is full or the file ends.
 pub(crate) fn fill(input: &mut dyn Read, bytes: &mut [u8]) -> std::io::Result<usize> {
     let mut length = 0;
     while length < bytes.len() {
@@ -72,9 +72,9 @@ pub(crate) fn fill(input: &mut dyn Read, bytes: &mut [u8]) -> std::io::Result<us
     Ok(length)
 }
 
-/// Whether a text file holds nothing, unpacked.
+/// Whether a text file is empty after decompression.
 pub(crate) fn is_empty(path: &Path) -> Result<bool, DataError> {
-    // A packed file of nothing has some twenty bytes.
+    // A compressed empty file has some twenty bytes.
     if size(path)? > SMALL {
         return Ok(false);
     }
@@ -83,10 +83,10 @@ pub(crate) fn is_empty(path: &Path) -> Result<bool, DataError> {
     Ok(length == 0)
 }
 
-/// A file of more bytes holds something.
+/// A file of more bytes is not empty.
 const SMALL: u64 = 1 << 10;
 
-/// The size of a file as it lies on the disk.
+/// Returns the size of a file on the disk, in bytes.
 pub(crate) fn size(path: &Path) -> Result<u64, DataError> {
     let file: File = open_regular(path)?;
     Ok(file.metadata().map_err(|source| FileError::io("read", path, source))?.len())

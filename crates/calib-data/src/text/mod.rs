@@ -1,8 +1,8 @@
-//! Logs as text: CSV and its relatives, packed or not.
+//! Reads logs as text: CSV and similar formats, compressed or not.
 //!
-//! A file is read in blocks of whole records ([`blocks`]), whose parts become cells on all threads: eight bytes each
-//! ([`Cell`]), kept column by column ([`columns`]) or tag by tag outside of the memory. What the file is like is told by its
-//! first rows ([`calib_text::Dialect`], [`Candidates`]).
+//! A file is read in blocks of whole records ([`blocks`]). All threads convert their parts to cells of eight bytes
+//! ([`Cell`]). The cells are stored outside of memory, column by column ([`columns`]) or tag by tag. The first rows
+//! determine the format of the file ([`calib_text::Dialect`], [`Candidates`]).
 
 mod annotated;
 mod blocks;
@@ -24,7 +24,7 @@ pub(crate) use self::{
     quality::Quality,
 };
 
-/// As much of a cell as a message shows, in quotes.
+/// Quotes the beginning of a cell for a message.
 pub(crate) fn shown(cell: &str) -> String {
     const LETTERS: usize = 60;
     match cell.char_indices().nth(LETTERS) {

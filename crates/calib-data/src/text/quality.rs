@@ -1,13 +1,13 @@
-//! Quality codes of historians: which values count.
+//! Quality codes of historians, which decide whether values count.
 
 use std::collections::BTreeMap;
 
 use crate::DataConfig;
 
-/// Which codes are good.
+/// The meaning of quality codes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Quality {
-    /// Those that the study names.
+    /// The good codes in the study.
     Given(Vec<String>),
     /// Words such as `Good`, and yes or no.
     Words,
@@ -17,12 +17,13 @@ pub(crate) enum Quality {
     OpcClassic,
     /// OPC UA: the two highest of 32 bits are clear; 0 is good.
     OpcUa,
-    /// Nothing, or nothing but 0, which is good in OPC UA and bad in OPC Classic: as OPC UA, unless another file of the log tells.
+    /// No code, or only 0, which is good in OPC UA and bad in OPC Classic. Read as OPC UA, unless another file of the
+    /// log shows otherwise.
     Zeros,
 }
 
 impl Quality {
-    /// Told by the study, or by the first codes of a log.
+    /// Determines the meaning from the study, or from the first codes of a log.
     pub(crate) fn of(codes: &[&str], data: &DataConfig) -> Result<Self, String> {
         if !data.good_quality.is_empty() {
             return Ok(Self::Given(data.good_quality.iter().map(|code| lower(code)).collect()));
@@ -82,7 +83,7 @@ impl Quality {
         Ok(())
     }
 
-    /// Whether a value with this code counts. An empty code says nothing against it.
+    /// Whether a value with this code counts. An empty code counts as good.
     pub(crate) fn is_good(&self, code: &str) -> Result<bool, String> {
         let code = code.trim();
         if code.is_empty() {
@@ -100,7 +101,7 @@ impl Quality {
     }
 }
 
-/// The least OPC UA code that is not good.
+/// The smallest OPC UA code that is not good.
 const UA_UNCERTAIN: u64 = 1 << 30;
 
 fn unknown_code(code: &str) -> String {
@@ -122,13 +123,13 @@ fn number(code: &str) -> Option<u64> {
     }
 }
 
-/// Words that begin a good code, in small letters.
+/// First words of a good code, in lower case.
 const GOOD: [&str; 27] = [
     "good", "g", "ok", "true", "yes", "valid", "normal", "gut", "gültig", "gueltig", "ja", "bon",
     "bonne", "valide", "oui", "bueno", "buena", "válido", "valido", "buono", "buona", "goed",
     "geldig", "bom", "boa", "giltig", "dobry",
 ];
-/// Words that begin a bad code, in small letters.
+/// First words of a bad code, in lower case.
 const BAD: [&str; 26] = [
     "bad",
     "b",
@@ -214,7 +215,7 @@ mod tests {
         let given = DataConfig { good_quality: vec!["0".to_owned()], ..DataConfig::default() };
         let quality = Quality::of(&["0", "1"], &given).expect("given");
         assert_eq!((quality.is_good("0"), quality.is_good("1")), (Ok(true), Ok(false)));
-        // Zeros alone are good in OPC UA and bad in OPC Classic: the first code that decides is refused.
+        // Zeros alone are good in OPC UA and bad in OPC Classic: the first code that decides is rejected.
         let quality = Quality::of(&["0"], &DataConfig::default()).expect("zeros");
         assert!(quality.is_good("192").is_err());
     }
@@ -224,7 +225,7 @@ mod tests {
         let mut all = [quality(&["0", "0"]), quality(&["192", "0"]), quality(&["Good"])];
         assert_eq!(Quality::agree(all.iter_mut()), Ok(()));
         assert_eq!(all, [Quality::OpcClassic, Quality::OpcClassic, Quality::Words]);
-        // Nor does a file tell whose first codes are missing.
+        // A file whose first codes are missing does not decide either.
         let mut empty = [quality(&["192"]), quality(&[])];
         assert_eq!(Quality::agree(empty.iter_mut()), Ok(()));
         assert_eq!(empty[1].is_good("0"), Ok(false));

@@ -1,4 +1,4 @@
-//! Channels that are angles: two channels each, whatever the shape of the log.
+//! Tests of channels that are angles: two channels each, whatever the shape of the log.
 
 use std::{collections::BTreeMap, f64::consts::TAU, fmt::Write as _};
 
@@ -16,7 +16,7 @@ use crate::support::{
 
 const ROWS: u32 = 300;
 
-/// A direction that wanders around the compass, in degrees from 0 to 360.
+/// Returns a direction that wanders around the compass, in degrees from 0 to 360.
 fn direction(row: u32) -> f64 {
     let at = f64::from(row);
     (300.0 + 9.0 * at + 40.0 * (at / 7.0).sin()).rem_euclid(360.0)
@@ -34,12 +34,13 @@ fn with(folder: &Folder, turns: &[(&str, f64)]) -> DataConfig {
     DataConfig { angles: of(turns), ..folder.data() }
 }
 
-/// Physical values of the training range, to four digits.
+/// Rounds physical values of the training range to four decimals.
 fn rounded(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     values.into_iter().map(|value| (value * 1e4).round() / 1e4).collect()
 }
 
-/// A weather station: degrees with a decimal comma, units below the header, -999 for "no value", and a word now and then.
+/// Returns the log of a weather station: degrees with a decimal comma, units below the header, -999 for a missing
+/// value, and a word now and then.
 fn station() -> String {
     let mut text = String::from("Zeit;Windrichtung;Windgeschwindigkeit\r\n;°;m/s\r\n");
     for row in 0..ROWS {
@@ -82,7 +83,7 @@ fn a_station_has_the_sine_and_the_cosine_of_its_wind() {
     let written = toml::Table::try_from(&found).expect("TOML");
     assert_eq!(written["channels"][0]["angle"]["part"].as_str(), Some("sine"));
     assert!(written["channels"][2].get("angle").is_none(), "nothing is new of other channels");
-    // Sentinels that nobody declared are looked for among the angles, once.
+    // Undeclared sentinels are searched among the angles, once.
     let undeclared = profile(&with(&folder, &[("Windrichtung", 360.0)]));
     let [sentinel] = &undeclared.sentinels[..] else { panic!("one: {:?}", undeclared.sentinels) };
     assert_eq!((sentinel.value, sentinel.count), (-999.0, 6));
@@ -179,7 +180,7 @@ fn all_shapes_give_the_same_states() {
     assert_eq!(again.fingerprint, datasets[0].fingerprint);
 }
 
-/// The mean of 359° and 1° is 0°, and so is what lies halfway between them.
+/// The mean of 359° and 1° is 0°, and so is the point halfway between them.
 #[test]
 fn angles_are_resampled_as_directions() {
     let wind = [359.0, 1.0, 359.0, 1.0, 170.0, 190.0, 350.0, 10.0, 90.0];
@@ -195,7 +196,7 @@ fn angles_are_resampled_as_directions() {
     };
     let degree = 1.0 / 360.0 * TAU;
     let [sines, cosines] = resampled(Resample::Mean, 60.0);
-    // A mean is over the minute before; at 0 there is the first value alone.
+    // A mean covers the minute before; at 0 there is only the first value.
     assert_eq!(sines, rounded([-degree.sin(), 0.0, 0.0, 0.0, 0.0]));
     let expected = [degree, degree, degree, std::f64::consts::PI - 10.0 * degree, 10.0 * degree];
     assert_eq!(cosines, rounded(expected.map(f64::cos)));
@@ -238,7 +239,7 @@ fn values_outside_of_a_turn_and_other_turns_are_fine() {
         columns.iter().map(|(name, values)| (*name, values.as_slice())).collect();
     let folder = Folder::of("log.parquet", &log(0, &columns));
     let turns = [("*d*", 360.0), ("radians", TAU), ("hours", 24.0)];
-    // `radians` is matched by a pattern of another turn, and has an entry of its own.
+    // A pattern with another turn matches `radians`, but it has its own entry.
     let dataset = load_with(&with(&folder, &turns), &PreprocessConfig::default());
     for part in ["sin", "cos"] {
         let expected = train_values(&dataset, &format!("around_{part}"));
@@ -248,7 +249,7 @@ fn values_outside_of_a_turn_and_other_turns_are_fine() {
     }
 }
 
-/// A log, of samples or wide, of five directions and then of some of the same times.
+/// Returns a log, of samples or wide, of five directions and then of repeated times.
 fn samples(again: &[(i64, f64)], is_long: bool) -> Folder {
     let folder = Folder::new();
     let first = [(0, 0.0), (1, -90.0), (2, 10.0), (3, 100.0), (4, 200.0)];
@@ -322,7 +323,7 @@ fn entries_that_make_no_two_channels_are_refused() {
     ] {
         assert_refused(&with(&folder, turns), &[expected]);
     }
-    // What the study leaves out need not be numbers.
+    // Excluded channels need not be numbers.
     let left_out = DataConfig {
         exclude: vec!["compass".to_owned(), "seen".to_owned()],
         ..with(&folder, &[("compass", 360.0), ("see?", 360.0), ("wind", 360.0)])
@@ -352,7 +353,7 @@ fn whoever_names_the_angle_is_told_of_the_two() {
     }
 }
 
-/// Forty of them, from a row on.
+/// Returns forty directions from row `first` on.
 fn directions(first: u32) -> Vec<f64> {
     (0..40).map(|row| direction(row + first)).collect()
 }

@@ -1,4 +1,4 @@
-//! Pages whose checksums do not fit. The files are from pyarrow (`scripts/golden/parquet_checksums.py`).
+//! Tests of pages with wrong checksums. The files are from pyarrow (`scripts/golden/parquet_checksums.py`).
 
 use std::{fs, ops::Range, path::Path};
 
@@ -8,10 +8,11 @@ use calib_data::{
     table::{Table, read_parquet},
 };
 
-/// All of whose pages carry a checksum.
+/// Files in which every page has a checksum.
 const CHECKED: [&str; 3] = ["crc.parquet", "crc-v2.parquet", "gzip.parquet"];
 
-/// Levels of v2 pages are not packed, nor is what packing would not shorten: gzip's checksum does not cover them.
+/// A file with partial checksums. Levels of v2 pages are not compressed, nor are pages that compression would not
+/// shorten: gzip's checksum does not cover them.
 const HALF_CHECKED: &str = "gzip-v2.parquet";
 
 fn original(name: &str) -> Vec<u8> {
@@ -19,7 +20,7 @@ fn original(name: &str) -> Vec<u8> {
     fs::read(folder.join(name)).expect("readable")
 }
 
-/// The pages, between the magic bytes and the footer.
+/// Returns the range of the pages, between the magic bytes and the footer.
 fn pages(file: &[u8]) -> Range<usize> {
     let footer = &file[file.len() - 8..file.len() - 4];
     let length = u32::from_le_bytes(footer.try_into().expect("four bytes")) as usize;
@@ -86,7 +87,7 @@ fn a_log_with_a_damaged_page_is_refused_with_its_place() {
     assert!(error.contains(told) && error.contains("a.parquet"), "{error}");
 }
 
-/// The ends of the numbers, how many of them are missing, and the ends of the integers.
+/// Returns the extremes of the numbers, the number of missing ones, and the extremes of the integers.
 fn extremes(table: &Table) -> (f64, f64, usize, Option<i64>, Option<i64>) {
     let numbers = table.optional::<f64>("P").expect("numbers");
     let there: Vec<f64> =
@@ -103,7 +104,7 @@ fn extremes(table: &Table) -> (f64, f64, usize, Option<i64>, Option<i64>) {
     )
 }
 
-/// No page of it has a checksum: what its footer says of the values is all that there is.
+/// No page has a checksum: only the statistics in the footer can show damage.
 #[test]
 fn what_the_footer_contradicts_is_refused() {
     let directory = tempfile::tempdir().expect("a directory");
@@ -130,7 +131,7 @@ fn what_the_footer_contradicts_is_refused() {
         match read_parquet(&path) {
             Ok(table) => {
                 let found = extremes(&table);
-                // NaN is no value that a footer speaks of.
+                // Footers do not describe NaN.
                 assert!(found == expected || found.2 > expected.2, "byte {place}: {found:?}");
             }
             Err(error) => told += usize::from(error.to_string().contains("the footer says")),

@@ -1,4 +1,4 @@
-//! Duplicates, steps back, gaps and missing values.
+//! Tests of duplicates, steps back, gaps and missing values.
 
 use std::fmt::Write as _;
 
@@ -107,7 +107,7 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
     let on_a_clock = DataConfig { resample: Some(Resample::Last), ..too_short };
     let dataset = load_with(&on_a_clock, &PreprocessConfig::default());
     assert_eq!(dataset.profile.clock_doubts(), Vec::<String>::new());
-    // A step of 10 s is no gap of 7 s, and no short one of 12 s: all times would be wrong all the same.
+    // A step of 10 s is not a gap for 7 s, and not short for 12 s. Still all times would be wrong.
     for period in [7.0, 12.0, 60.0] {
         let [told] = &doubts(Some(period))[..] else { panic!("one doubt") };
         let both = format!("every 10 s, and data.period_secs asks for one every {period} s");
@@ -115,7 +115,7 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
         assert_refused(&DataConfig { period_secs: Some(period), ..folder.data() }, &[&both]);
     }
     assert_eq!(doubts(Some(9.5)), Vec::<String>::new(), "clocks drift");
-    // As values change: any period may be meant.
+    // Rows are recorded when values change: any period may be intended.
     let seconds = [0, 3, 10, 25, 31, 60, 61].map(|second| start + second);
     let uneven = Folder::of("a.parquet", &log_at(seconds, &[("x", &values[..7])]));
     let short = DataConfig { period_secs: Some(1.0), ..uneven.data() };
@@ -129,7 +129,7 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
     assert!(early.starts_with("the log starts at 1970-01-01"), "{early}");
 }
 
-/// Values of `a` that were filled, those that were not, and rows that were dropped.
+/// Returns the number of filled and unfilled values of `a`, and of dropped rows.
 fn counts(dataset: &calib_data::Dataset) -> (u64, u64, u64) {
     let channel = dataset.profile.channel("a").expect("a channel");
     (channel.imputed, channel.unfilled, dataset.profile.train.dropped_rows)
@@ -206,7 +206,7 @@ fn a_log_of_which_nothing_is_left_is_refused_with_the_channels_to_blame() {
     );
 }
 
-/// Inputs are as good a reason for errors of the held-out period as the sensor that is predicted.
+/// Inputs can cause errors in the held-out period as well as the predicted sensor.
 #[test]
 fn inputs_that_change_in_the_held_out_period_are_told() {
     let mut rows = String::from("time,level,height,pump\n");
@@ -277,7 +277,7 @@ fn a_unit_that_changes_in_the_training_range_is_told() {
     assert_eq!(sketched, std::slice::from_ref(of_inputs));
 }
 
-/// A channel that is dead in the whole held-out period leaves nothing of it.
+/// A channel without values in the whole held-out period leaves no row of it.
 #[test]
 fn a_held_out_period_without_a_row_is_told_with_the_channel_to_blame() {
     let mut rows = String::from("time,flow,level\n");
@@ -313,7 +313,7 @@ fn files_of_two_periods_are_told_to_go_on_one_clock() {
         told.contains("flow has no value in most rows") && told.contains("data.resample"),
         "{told}"
     );
-    // One file may have a sensor that was seldom on.
+    // One file may have a sensor that was rarely on.
     let mut gappy = fast.clone();
     gappy[100..].fill(f64::NAN);
     let one = Folder::of("a.parquet", &log(0, &[("level", &fast), ("flow", &gappy)]));

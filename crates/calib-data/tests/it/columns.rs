@@ -1,4 +1,4 @@
-//! Which columns the states have, and their values.
+//! Tests of the columns of the states and their values.
 
 use calib_core::{Bounds, ColumnKind, Silent};
 use calib_data::{
@@ -202,7 +202,7 @@ fn modes_that_are_numbers_contradict_each_other_as_well() {
     };
     assert_eq!(twos(Contradictions::First), [0.0, 0.0, 1.0, 1.0]);
     assert_eq!(twos(Contradictions::Last), [0.0, 0.0, 0.0, 1.0]);
-    // Of samples too.
+    // The same for samples.
     let long = "time,tag,value\n2024-01-01,a,1\n2024-01-01,mode,1\n2024-01-01,mode,2\n2024-01-02,a,3\n2024-01-02,mode,2\n";
     let folder = Folder::of_text("a.csv", long);
     assert_refused_with(&folder.data(), &preprocess, &["mode is \"1\" and \"2\""]);
@@ -267,7 +267,7 @@ fn pairs_of_words_are_one_and_zero() {
     let valve = found.channels.iter().find(|channel| channel.name == "XV");
     let values = valve.and_then(|channel| channel.values.as_ref()).expect("values");
     assert_eq!((values.min, values.max), (0.0, 1.0));
-    // In a long table, and with a third word.
+    // The same in a long table, and with a third word.
     let both = (0..40).map(|row| {
         let valve = ["closed", "open"][row / 10 % 2];
         format!("2024-03-01 00:00:{row:02},a,{row}\n2024-03-01 00:00:{row:02},XV,{valve}\n")

@@ -1,4 +1,4 @@
-//! Text files that end in the middle of their last line.
+//! Tests of text files that end in the middle of their last line.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use calib_data::{BadRows, DataConfig};
 
 use crate::support::{Folder, assert_refused, profile};
 
-/// Forty rows, and the place where the last one begins. `value` writes the number of a row.
+/// Returns forty rows and the offset of the last one. `value` formats the number of a row.
 fn rows(header: &str, separator: char, value: impl Fn(f64) -> String) -> (String, usize) {
     let mut text = format!("{header}\n");
     let mut last = 0;
@@ -18,7 +18,7 @@ fn rows(header: &str, separator: char, value: impl Fn(f64) -> String) -> (String
     (text, last)
 }
 
-/// The last row that is read, and how many values are missing.
+/// Returns the number of rows and of missing values.
 fn read(data: &DataConfig) -> (u64, u64) {
     let found = profile(data);
     (found.rows, found.channels[0].missing)
@@ -62,16 +62,16 @@ fn files_of_a_tag_each_may_be_cut() {
 #[test]
 fn a_short_last_number_may_be_whole() {
     let read_to = |text: &str| read(&Folder::of_text("a.csv", text).data());
-    // Without zeros at the end, 120 is as long as it should be.
+    // Without zeros at the end, 120 has its full length.
     let (text, last) = rows("time,level", ',', |value| value.to_string());
     let shorter = format!("{}2024-03-11 00:39:00,120", &text[..last]);
     assert_eq!(read_to(&shorter), (40, 0));
-    // With a line break, somebody wrote it so.
+    // A line break shows that the number is complete.
     let (text, last) = rows("time,level", ',', |value| format!("{value:.2}"));
     let shorter = format!("{}2024-03-11 00:39:00,120", &text[..last]);
     assert_eq!(read_to(&format!("{shorter}\n")), (40, 0));
     assert_refused(&Folder::of_text("a.csv", &shorter).data(), &["is the file cut off"]);
-    // Tags of a long table are written each in its way.
+    // Each tag of a long table may have its own format.
     let mut long = "time,tag,value\n".to_owned();
     for tag in ["PIT300", "valve"] {
         for row in 0..450 {

@@ -1,4 +1,4 @@
-//! Exports whose columns, words and numbers are those of other languages.
+//! Tests of exports with columns, words and numbers of other languages.
 
 use std::fmt::Write as _;
 
@@ -6,8 +6,8 @@ use calib_data::{DataConfig, Shape};
 
 use crate::support::{Folder, assert_refused, kept, profile};
 
-/// Three tags in turn, of 30 rows each, `apart` seconds from one to the next. `row` writes what follows the time, by the number of the tag and
-/// of its row.
+/// Returns the rows of three tags in turn, 30 each, `apart` seconds from one to the next. `row` writes the cells after
+/// the time, given the numbers of the tag and of its row.
 fn in_turn(header: &str, apart: usize, row: impl Fn(usize, usize) -> String) -> String {
     let mut text = format!("{header}\n");
     for number in 0..30 {
@@ -57,7 +57,7 @@ fn words_that_alternate_are_tags_or_asked_about() {
     assert_refused(&folder.data(), &["data.tag = \"Wo\" and data.value = \"Ist\"", "\"wide\""]);
     let wide = DataConfig { shape: Some(Shape::Wide), ..folder.data() };
     assert_eq!(profile(&wide).shape, Shape::Wide);
-    // A state stays for many rows, and ON and OFF are no names.
+    // A state stays for many rows, and ON and OFF are not names.
     for words in [["RUN", "STOP"], ["AUTO", "HAND"]] {
         let state = in_turn("Zeitpunkt;Betrieb;Ist;Linie", 20, |tag, number| {
             format!("{};{tag},{number:02};A", words[number / 10 % 2])

@@ -1,4 +1,4 @@
-//! Logs in the forms in which programs and historians write them (`scripts/golden/log_formats.py`).
+//! Tests of logs in the formats of programs and historians (`scripts/golden/log_formats.py`).
 
 use std::{
     fmt::Write as _,
@@ -209,7 +209,7 @@ fn one_file_per_tag_never_loses_tags() {
         dataset.profile.channels.iter().map(|channel| channel.name.as_str()).collect();
     assert_eq!(names, ["a", "b", "c"]);
     assert_eq!(train_values(&dataset, "c"), twenty(3.0));
-    // The same as columns of one name each, on clocks of their own.
+    // The same as one column per file, on different clocks.
     let folder = Folder::of("x.parquet", &log_at(0..10, &[("a", &twenty(1.0)[..10])]));
     folder.write("y.parquet", &log_at(5..15, &[("b", &twenty(2.0)[..10])]));
     let profile = folder.inspect();
@@ -253,7 +253,7 @@ fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
     };
     assert_eq!(keep(Contradictions::First), [0.0, 1.0, 2.0, 3.0, 4.0]);
     assert_eq!(keep(Contradictions::Last), [0.0, 1.5, 2.5, 3.5, 4.5]);
-    // Of samples too.
+    // The same for samples.
     let long = Folder::of_text(
         "a.csv",
         "time,tag,value\n2024-01-01,a,1\n2024-01-01,a,2\n2024-01-02,a,3\n",
@@ -261,14 +261,14 @@ fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
     assert_refused(&long.data(), &["a is 1 and 2"]);
 }
 
-/// A value for each second up to a minute.
+/// Returns one value per second up to a minute.
 fn rising(from: i64, value: i64) -> Vec<f64> {
     (from..60).map(|second| (value + second) as f64).collect()
 }
 
 #[test]
 fn of_several_files_the_one_that_starts_last_comes_last() {
-    // Their names are not in the order in which they start.
+    // The order of their names is not the order of their first times.
     let a = rising(5, 10);
     let b = rising(3, 20);
     let c = rising(1, 30);
@@ -293,7 +293,7 @@ fn a_channel_may_be_called_as_qualities_are() {
     let two = "time,flow,status\n2024-01-01,1,0\n2024-01-02,2,1\n2024-01-03,4,2\n";
     let profile = Folder::of_text("a.csv", two).inspect();
     assert_eq!((profile.shape, profile.channels.len()), (Shape::Wide, 2));
-    // Codes of a file of one tag are still asked for.
+    // A file of one tag still needs its codes to be known.
     let one = "time,value,status\n2024-01-01,1,0\n2024-01-02,2,1\n";
     let folder = Folder::of_text("a.csv", one);
     let data = DataConfig { shape: Some(Shape::FilePerTag), ..folder.data() };
@@ -315,7 +315,7 @@ fn the_newest_rows_may_come_first() {
 
 #[test]
 fn a_long_table_is_never_one_channel() {
-    // Names say it, whatever the clocks.
+    // The names decide, whatever the clocks are.
     let named = Folder::of_text(
         "a.csv",
         "time;Tag Name;Value\n2024-01-01 00:00:00;b;1,5\n2024-01-01 00:00:30;a;2\n2024-01-01 00:01:00;b;3\n2024-01-01 00:01:30;a;4\n",
@@ -323,7 +323,7 @@ fn a_long_table_is_never_one_channel() {
     let names: Vec<String> =
         named.inspect().channels.into_iter().map(|channel| channel.name).collect();
     assert_eq!(names, ["a", "b"]);
-    // Names say nothing: the words alternate, as tags do.
+    // The names do not decide, but the words alternate, as tags do.
     let mut rows = String::new();
     for row in 0..40 {
         let (word, value) = (["x", "y", "z"][row % 3], 100 * (row % 3) + row);
@@ -402,7 +402,7 @@ fn tags_may_be_numbers() {
     assert_eq!(missing, [("17", 0), ("18", 1), ("19", 2)]);
 }
 
-/// A long table of the values that are there.
+/// Returns a long table of the values that are not NaN.
 fn samples_of(times: [i64; 7], tags: [(&str, [f64; 7]); 2]) -> Folder {
     let samples = tags.iter().flat_map(|(tag, values)| {
         let there = times.iter().zip(values).filter(|(_, value)| !value.is_nan());
@@ -416,7 +416,7 @@ fn samples_of(times: [i64; 7], tags: [(&str, [f64; 7]); 2]) -> Folder {
 fn tags_with_times_of_their_own_are_told_how_to_share_a_clock() {
     let mut rows = String::from("tag,time,value\n");
     for row in 0..200_i64 {
-        // FIT1 is recorded three times as often, and not evenly.
+        // FIT1 is recorded three times as often, at uneven times.
         let (tag, second) =
             if row % 4 == 3 { ("AIT2", 60 * row + 17) } else { ("FIT1", 60 * row + 7 * (row % 5)) };
         writeln!(rows, "{tag},{},{}", 1_704_067_200 + second, row % 9).expect("memory");
@@ -436,7 +436,7 @@ fn tags_with_times_of_their_own_are_told_how_to_share_a_clock() {
     };
     let found = profile(&data);
     assert_eq!((found.clock_doubts(), found.kept().count()), (Vec::new(), 2));
-    // They are on one clock, and most values are too old for its rows.
+    // The tags are on one clock, and most values are too old for its rows.
     let short = DataConfig { period_secs: Some(1.0), max_age_secs: Some(MaxAge::All(1.0)), ..data };
     let told = profile(&short).clock_doubts().join("; ");
     assert!(
@@ -444,7 +444,7 @@ fn tags_with_times_of_their_own_are_told_how_to_share_a_clock() {
         "{told}"
     );
     assert!(!told.contains("put them on one clock"), "{told}");
-    // Tags that are recorded together are not told so, and what a wide log misses is another matter.
+    // There is no warning for tags that are recorded together, nor for missing values of a wide log.
     let again: Vec<&str> = rows.lines().skip(1).collect();
     let others = again.join("\n").replace("FIT1", "other").replace("AIT2", "FIT1");
     let together = rows + &others.replace("other", "AIT2");
@@ -489,7 +489,8 @@ fn changes_are_resampled_to_a_clock() {
     );
 }
 
-/// A tag of the laboratory, whose values hold for longer. Beside it rows are where other values are.
+/// A tag of the laboratory, whose values stay valid for longer. Rows are only where the other
+/// channels have values.
 #[test]
 fn a_tag_may_have_an_age_of_its_own() {
     let times = [0, 3, 10, 25, 31, 60, 61];
@@ -510,7 +511,7 @@ fn a_tag_may_have_an_age_of_its_own() {
         PreprocessConfig { max_missing: 1.0, fill_limit: 0, ..PreprocessConfig::default() };
     let ages = [("default", 10.0), ("[b]", 30.0)];
     let dataset = load_with(&with(&wide, &ages), &strict);
-    // By its age b is also there at 50, but no other value is.
+    // By its age b is also valid at 50, but no other value is.
     assert_eq!(train_seconds(&dataset), [10.0, 20.0, 30.0, 60.0]);
     assert_eq!(train_values(&dataset, "a"), [2.0, 2.0, 3.0, 4.0]);
     assert_eq!(train_values(&dataset, "b"), [5.0, 5.0, 5.0, 6.0]);

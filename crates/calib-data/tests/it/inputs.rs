@@ -1,4 +1,4 @@
-//! Files, timestamps and types.
+//! Tests of files, timestamps and types.
 
 use std::{fs, path::Path};
 
@@ -13,7 +13,7 @@ use crate::support::{
 
 const A: &[f64] = &[1.0, 2.0, 3.0, 4.0];
 
-/// A file with types that tables do not have.
+/// Writes a file with types that tables do not have.
 fn write_raw(path: &Path, columns: Vec<pl::Column>) {
     let mut frame = pl::DataFrame::new(columns[0].len(), columns).expect("equal lengths");
     let file = fs::File::create(path).expect("created");
@@ -145,7 +145,7 @@ fn numbers_that_are_dates_are_not_taken_for_seconds() {
         assert_eq!(found.start.as_micros(), 1_709_337_598_000_000);
         let data =
             DataConfig { timestamp_unit: Some(TimestampUnit::Milliseconds), ..folder.data() };
-        // Numbers, if the study says so.
+        // Numbers, if the study sets a unit.
         profile(&data);
     }
     // Fractions of a second.
@@ -160,7 +160,7 @@ fn numbers_that_are_dates_are_not_taken_for_seconds() {
     assert!(!found.utc, "dates that name no zone");
     let data = DataConfig { timestamp_format: format.clone(), ..folder.data() };
     assert_refused(&data, &["20240301235958.5 is not what data.timestamp_format says"]);
-    // Numbers since 1970 are no such dates, and a format wants to be followed.
+    // Numbers since 1970 are not such dates, and a given format must fit.
     let seconds = vec![1_709_272_800_i64, 1_709_272_801, 1_709_272_802];
     let table = Table::new().with("timestamp", seconds).with("a", vec![1.0, 2.0, 3.0]);
     folder.write("a.parquet", &table);
@@ -169,7 +169,7 @@ fn numbers_that_are_dates_are_not_taken_for_seconds() {
     assert_refused(&data, &["1709272800 is not what data.timestamp_format says"]);
 }
 
-/// Four seconds from 1970 on, of which a unit has so many of a second.
+/// Returns four seconds from 1970 on, with `factor` units per second.
 fn zoned(unit: pl::TimeUnit, factor: i64, zone: Option<&str>) -> pl::Column {
     let values: Vec<i64> = (0..4).map(|second| second * factor).collect();
     let zone =
@@ -179,7 +179,7 @@ fn zoned(unit: pl::TimeUnit, factor: i64, zone: Option<&str>) -> pl::Column {
         .into_column()
 }
 
-/// Four seconds of 2020.
+/// Returns four seconds of 2020.
 fn integers(factor: i64) -> pl::Column {
     let values: Vec<i64> = (0..4).map(|second| (1_600_000_000 + second) * factor).collect();
     pl::Int64Chunked::from_slice("timestamp".into(), &values).into_column()

@@ -1,4 +1,4 @@
-//! Files as loggers and people write them, damage and all.
+//! Tests of files as loggers and people write them, including damage.
 
 use std::fmt::Write as _;
 
@@ -15,13 +15,13 @@ fn wave(row: u32, length: f64, low: f64, high: f64) -> f64 {
     low + (high - low) * (0.5 + 0.5 * (f64::from(row) / length).sin())
 }
 
-/// Day and hour of a row, of a log with a row an hour.
+/// Returns the day and the hour of a row in a log with one row per hour.
 fn day_and_hour(row: u32) -> (u32, u32) {
     (1 + row / 24, row % 24)
 }
 
-/// The air-quality logger of an Italian city: dates and times with dots in two columns, decimal commas, -200 for "no value", two empty
-/// columns, and empty rows at the end.
+/// Returns the log of an air-quality station in an Italian city: dates and times with dots in two columns, decimal
+/// commas, -200 for a missing value, two empty columns, and empty rows at the end.
 fn air_quality() -> String {
     let mut text = String::from("Date;Time;CO(GT);PT08.S1(CO);T;;\r\n");
     for row in 0..ROWS {
@@ -56,7 +56,7 @@ fn numbers_for_no_value_are_found_and_taken_out() {
     let co = cleaned.channel("CO(GT)").expect("there");
     assert_eq!((co.stood_for_missing, co.missing), (6, 6));
     assert!(co.values.as_ref().is_some_and(|values| values.min >= 0.0));
-    // On a clock of its own, before values are put between each other.
+    // On its own clock, before values are interpolated.
     data.resample = Some(calib_data::Resample::Linear);
     data.period_secs = Some(1_800.0);
     let resampled = profile(&data);
@@ -74,7 +74,7 @@ fn dates_and_times_in_two_columns_are_one_time() {
     assert_eq!(format_time(found.end), "2004-03-13 11:00:00");
 }
 
-/// A meter of a household: days and months without leading zeros, question marks, a text file.
+/// The log of a household meter: days and months without leading zeros, question marks, a text file.
 #[test]
 fn days_without_leading_zeros_are_read_from_txt() {
     let mut text = String::from("Date;Time;Global_active_power;Voltage\n");
@@ -99,7 +99,7 @@ fn days_without_leading_zeros_are_read_from_txt() {
     assert_eq!(found.channels[0].words, [("?".to_owned(), 1)]);
 }
 
-/// Lines as a logger leaves them that lost power: one cut off, one written into another, bytes of nothing, a header in the middle.
+/// Writes lines of a logger that lost power: one cut off, one written into another, null bytes, a header in the middle.
 fn damaged(folder: &Folder, rows: u32) {
     for (day, lines) in
         [(13, [(3, "13.03.2024 00:0")]), (14, [(40, "14.03.2024 00:3814.03.2024 00:39;1,5;2")])]
@@ -167,7 +167,7 @@ fn a_damaged_time_among_the_first_rows_has_a_line() {
     assert_refused(&folder.data(), &["line 3", "13.03.2024 0x:01"]);
 }
 
-/// Four turbines in one table.
+/// Returns four turbines in one table.
 fn turbines(by_time: bool) -> String {
     let mut text = String::from("Wind_turbine_name,Date_time,P_avg,Ws_avg,Wa_avg\n");
     let names = ["R80711", "R80721", "R80736", "R80790"];
@@ -277,7 +277,7 @@ fn columns_of_several_files_are_merged_and_no_duplicates() {
     folder.write_file("b.csv", &room(3.0).replace("temperature,co2", "level,flow"));
     let found = profile(&folder.data());
     assert_eq!((found.duplicates.identical, found.merged_rows), (0, 300));
-    // A row that is there twice is a duplicate.
+    // A repeated row is a duplicate.
     let twice = room(1.0) + "2024-03-13 12:00,18.00,400\n2024-03-13 12:00,18.00,400\n";
     folder.write_file("a.csv", &twice);
     let found = profile(&folder.data());
@@ -305,12 +305,12 @@ fn a_log_without_times_has_numbered_rows_if_the_period_is_given() {
     assert_eq!((found.rows, found.gaps.count, found.duplicates.identical), (600, 1, 0));
     let [doubt] = &found.clock_doubts()[..] else { panic!("one: {:?}", found.clock_doubts()) };
     assert!(doubt.contains("NO COLUMN OF TIMES") && doubt.contains("10 s apart"), "{doubt}");
-    // A file without times among others is none of the log.
+    // A file without times among others is not part of the log.
     folder.write_file("c.csv", &room(1.0));
     assert_refused(&folder.data(), &["1 other file has one: leave this file out of data.path"]);
 }
 
-/// What R's write.table makes of a room's sensors: the names of the rows have none themselves.
+/// The result of R's write.table for a room's sensors: the column of row names has no name itself.
 #[test]
 fn names_of_rows_are_left_out() {
     let mut text = String::from("\"date\",\"Temperature\",\"CO2\"\n");
@@ -331,7 +331,7 @@ fn names_of_rows_are_left_out() {
     assert!(told.contains("left out as \"row\""), "{told}");
 }
 
-/// The weather station of a city, whose program wrote each part of the time into a column of its own.
+/// Returns the log of a city's weather station, whose program wrote each part of the time into its own column.
 fn times_in_parts(header: &str, hours: bool) -> String {
     let mut text = format!("{header}\n");
     for row in 0..24 {
@@ -370,7 +370,7 @@ fn times_in_parts_are_joined() {
     assert!(error.contains("--set data.timestamp=NAME") && !error.contains("DEWP"), "{error}");
 }
 
-/// Three rows a minute, whose times an export cut to the minute. The first minute lacks a row.
+/// Returns three rows per minute, whose times an export cut to the minute. The first minute lacks a row.
 fn without_seconds() -> String {
     let mut text = String::from("date,flow,level\n");
     for row in 1..ROWS {
@@ -408,13 +408,13 @@ fn rows_whose_seconds_were_lost_are_spread() {
     let read = sketch(&data, &Silent).expect("a log");
     assert_eq!(read.read_as, found.read_as);
 
-    // What repeats without a rhythm is refused as before.
+    // Times that repeat irregularly are still rejected.
     let twice = "date,flow\n2017-03-10 00:00,1\n2017-03-10 00:01,2\n2017-03-10 00:01,3\n2017-03-10 00:02,4\n";
     folder.write_file("plant.csv", twice);
     assert_refused(&data, &["contradict each other in 1 values"]);
 }
 
-/// Trends as a spreadsheet has them, each with its times beside it: P is recorded five hours after Q.
+/// Returns trends from a spreadsheet, each with its times beside it: P is recorded five hours after Q.
 fn pairs(header: &str) -> String {
     let mut text = format!("{header}\n");
     for minute in 0..30 {
@@ -444,14 +444,14 @@ fn pairs_of_times_and_values_are_refused_with_what_to_do() {
         let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
         let data = folder.data();
         assert_refused(&data, &parts);
-        // The advice to name one of them is not followed in silence.
+        // If the user follows the advice to name one of them, the other still causes an error.
         let named = DataConfig { timestamp: first.to_owned(), ..data };
         assert_refused(&named, &parts);
         let excluded = DataConfig { exclude: vec![next.to_owned()], ..named };
         let found = profile(&excluded);
         assert_eq!(kept(&found), ["Q", "P"]);
     }
-    // A time at the end of a row is of no pair.
+    // A time at the end of a row does not belong to a pair.
     let mut text = String::new();
     for line in pairs("Time,Q,Stored,P").lines() {
         let cells: Vec<&str> = line.split(',').collect();
@@ -486,7 +486,7 @@ fn tags_of_several_devices_are_told() {
     let one = profile(&data);
     assert_eq!((one.rows, one.read_as.len()), (10, 0));
 
-    // The same as Parquet, of which rows are chosen behind the reader.
+    // The same as Parquet, where rows are chosen after reading.
     let table = Table::new()
         .with("timestamp", seconds(sources.iter().map(|(row, ..)| 60 * row)))
         .with("source", sources.iter().map(|(_, source, _)| source.clone()).collect::<Vec<_>>())

@@ -1,4 +1,4 @@
-//! From files to datasets, through the public interface.
+//! Tests the path from files to datasets through the public interface.
 
 mod angles;
 mod checksums;

@@ -1,4 +1,4 @@
-//! Times and numbers that can be read in several ways.
+//! Tests of times and numbers that can be read in several ways.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use calib_data::{DataConfig, Dataset, PreprocessConfig, TimestampUnit, table::Ta
 
 use crate::support::{Folder, assert_refused, load_with, profile, train_seconds, train_values};
 
-/// A row a day, written with the month first.
+/// Returns one row per day, written with the month first.
 fn days_of_march(days: std::ops::Range<u32>) -> String {
     let rows: Vec<String> = days.map(|day| format!("03/{day:02}/2024 10:00,{day}\n")).collect();
     format!("time,a\n{}", rows.concat())
@@ -25,7 +25,7 @@ fn a_day_that_may_be_a_month_is_asked_for() {
     );
     let data = DataConfig { timestamp_format: Some("%m/%d/%Y %H:%M".to_owned()), ..folder.data() };
     assert_eq!(load_with(&data, &PreprocessConfig::default()).profile.gaps.count, 0);
-    // Another file, or a later row, tells.
+    // Another file, or a later row, decides.
     folder.write_file("b.csv", &days_of_march(9..20));
     let dataset = folder.load();
     assert_eq!((dataset.train.rows(), dataset.period.as_secs()), (19, 86_400.0));
@@ -68,7 +68,7 @@ fn the_decimal_sign_is_that_of_the_whole_log() {
     let data = DataConfig { decimal: Some(','), ..folder.data() };
     let told = load_with(&data, &PreprocessConfig::default());
     assert_eq!(train_values(&told, "a"), [1210.5, 1215.5, 1310.0, 1320.0]);
-    // Where the first rows do not tell, later ones may not contradict each other, in a file nor in two.
+    // If the first rows do not decide, later ones must not contradict each other, in one file or in two.
     let rows: Vec<String> =
         (0..500).map(|row| format!("{};{row};1\n", 1_704_067_200 + row)).collect();
     let whole = rows.concat();
@@ -145,7 +145,7 @@ fn numbers_that_fit_two_notations_are_told_with_both() {
     assert_eq!(read(TimestampUnit::Excel, None), (1_704_110_400.0, false));
     assert_eq!(read(TimestampUnit::Excel, Some("Europe/Paris")), (1_704_106_800.0, true));
     assert_eq!(read(TimestampUnit::Seconds, None), (45_292.5, true));
-    // As Parquet, and as samples of it.
+    // The same as Parquet, and as samples.
     let column = vec![45_292.5, 45_292.75, 45_293.0];
     let wide = Table::new().with("timestamp", column.clone()).with("a", vec![1.0, 2.0, 3.0]);
     let folder = Folder::of("a.parquet", &wide);
@@ -159,7 +159,7 @@ fn numbers_that_fit_two_notations_are_told_with_both() {
     folder.write("a.parquet", &long);
     assert_refused(&folder.data(), &["\"excel\""]);
     assert_eq!(train_seconds(&load_with(&data, &PreprocessConfig::default()))[0], 1_704_110_400.0);
-    // Milliseconds of December 1969 are seconds of 1937.
+    // Milliseconds of December 1969 would be seconds of 1937.
     let before = Folder::of_text("a.csv", "time,a\n-1036800000,1\n-1036740000,2\n-1036680000,3\n");
     assert_refused(
         &before.data(),
@@ -173,12 +173,13 @@ fn numbers_that_fit_two_notations_are_told_with_both() {
         .with("a", vec![1.0, 2.0]);
     folder.write("a.parquet", &integers);
     assert_refused(&folder.data(), &["\"ms\""]);
-    // What calib does not read at all.
+    // A unit that calib does not read at all.
     let matlab = Folder::of_text("a.csv", "time,a\n739252.5,1\n739252.75,2\n");
     assert_refused(&matlab.data(), &["a.csv", "MATLAB"]);
 }
 
-/// A log of these times of 2014-10-26: clocks in Moscow go from 2:00 back to 1:00, at 22:00 UTC of the day before.
+/// Loads a log with these times of 2014-10-26: clocks in Moscow go from 2:00 back to 1:00, at 22:00 UTC of the day
+/// before.
 fn load_of_moscow(times: &[&str]) -> Dataset {
     let rows: Vec<String> =
         times.iter().enumerate().map(|(row, time)| format!("2014-10-26 {time},{row}\n")).collect();
@@ -205,7 +206,7 @@ fn rows_of_an_hour_that_comes_twice_are_placed_or_dropped_and_counted() {
         "of which hour the others are, nobody knows"
     );
     assert_eq!((dropped.profile.undecided_times, dropped.profile.null_timestamps), (2, 2));
-    // Each tag is told by its own rows.
+    // Each tag is decided by its own rows.
     let mut rows = String::new();
     for (row, time) in twice.iter().enumerate() {
         writeln!(rows, "2014-10-26 {time},often,{row}").expect("memory");
@@ -246,12 +247,12 @@ fn points_and_commas_that_may_both_be_of_thousands_are_asked_about() {
     let data = DataConfig { decimal: Some(','), ..folder.data() };
     let told = load_with(&data, &PreprocessConfig::default());
     assert_eq!(train_values(&told, "Menge"), [3611.0, 3622.0]);
-    // One column of points alone is read, and said.
+    // A single column of points is read, with a warning.
     let alone = Folder::of_text("a.csv", &text.replace(";10,710", ";1").replace(";11,246", ";2"));
     assert_eq!(train_values(&alone.load(), "Menge"), [3.611, 3.622]);
     let doubts = alone.inspect().clock_doubts().join("\n");
     assert!(doubts.contains("points such as that of 3.611"), "{doubts}");
-    // Where the first rows have no point, a later one is asked about.
+    // If the first rows have no point, a later one is ambiguous.
     let rows: Vec<String> =
         (0..500).map(|row| format!("{};{}\n", 1_704_067_200 + row, 400 + row)).collect();
     let late = format!("time;a\n{}1704067700;1.001\n", rows.concat());
@@ -271,7 +272,7 @@ fn spaces_and_apostrophes_set_thousands_apart() {
     }
 }
 
-/// Ten rows, two a day, from day `first` of March on, as `date` writes the day.
+/// Returns ten rows, two per day, from day `first` of March on; `date` formats the day.
 fn half_days(first: u32, date: impl Fn(u32) -> String) -> String {
     let rows = (0..10).map(|row| {
         let hour = 12 * (row % 2);
@@ -288,7 +289,7 @@ fn the_order_of_day_and_month_is_that_of_all_files() {
     folder.write_file("b.csv", &half_days(16, month_first));
     let told = ["a.csv has times as %d/%m/%Y", "b.csv as %m/%d/%Y", "change places"];
     assert_refused(&folder.data(), &told);
-    // The first file alone would be of the second of all months.
+    // In the notation of the second file, the days of the first one would be months apart.
     folder.write_file("a.csv", &half_days(6, day_first));
     let told = ["b.csv has times as %m/%d/%Y", "a.csv are months apart", "not as %d/%m/%Y"];
     assert_refused(&folder.data(), &told);
@@ -309,7 +310,7 @@ fn dates_with_points_are_day_first() {
     let doubts = folder.inspect().clock_doubts().join("\n");
     let told = "are read as day, month, year: set data.timestamp_format = \"%m.%d.%Y %H:%M\"";
     assert!(doubts.contains(told), "{doubts}");
-    // A later row that says otherwise counts.
+    // A later row that contradicts the first ones counts.
     let month_first = half_days(10, |day| format!("03.{day:02}.2024"));
     assert_eq!(train_seconds(&Folder::of_text("a.csv", &month_first).load())[0], 1_710_028_800.0);
 }

@@ -1,4 +1,4 @@
-//! Ranges, fingerprints, settings, interruption.
+//! Tests of ranges, fingerprints, settings and interruption.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -175,7 +175,7 @@ fn settings_come_from_toml_and_go_back() {
     assert!(time.contains("\"noon\" is not a time; expected a date such as 2022-11-01"), "{time}");
 }
 
-/// Asks to stop after so many questions.
+/// A monitor that requests a stop after a number of checks.
 struct Impatient(AtomicU64);
 
 impl Monitor for Impatient {

@@ -1,4 +1,5 @@
-//! Real plants' logs, where the environment variable `CALIB_DATA` names the folder that holds them.
+//! Tests on logs of real plants, if the environment variable `CALIB_DATA` names the folder that
+//! holds them.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Any shape and notation of the same data gives the same states.
+//! Tests that any shape and notation of the same data gives the same states.
 
 use std::{
     fmt::Write as _,
@@ -20,7 +20,8 @@ fn quarters() -> impl Strategy<Value = f64> {
     (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0)
 }
 
-/// Rows with times in seconds and a value of some channels; the first channel has one in every row.
+/// Generates rows with times in seconds and values of some channels; the first channel has a value in
+/// every row.
 fn tables() -> impl Strategy<Value = (Vec<i64>, Vec<Vec<f64>>)> {
     (1_usize..4, 4_usize..30).prop_flat_map(|(channels, rows)| {
         let first = prop::collection::vec(quarters(), rows);
@@ -44,7 +45,7 @@ fn written_time(seconds: i64) -> String {
     format_time(Timestamp::from_micros(seconds * 1_000_000))
 }
 
-/// A value as text, with a decimal comma or point.
+/// Formats a value as text, with a decimal comma or point.
 fn cell(value: f64, comma: bool) -> String {
     match (value.is_nan(), comma) {
         (true, _) => String::new(),
@@ -53,14 +54,14 @@ fn cell(value: f64, comma: bool) -> String {
     }
 }
 
-/// The table as wide Parquet.
+/// Writes the table as wide Parquet.
 fn wide(times: &[i64], channels: &[Vec<f64>]) -> Folder {
     let channels: Vec<(&str, &[f64])> =
         NAMES.into_iter().zip(channels.iter().map(Vec::as_slice)).collect();
     Folder::of("wide.parquet", &log_at(times.iter().copied(), &channels))
 }
 
-/// The table in every shape and notation that it can have, each in a folder of its own.
+/// Writes the table in every shape and notation that it can have, each in its own folder.
 fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<PathBuf> {
     let mut made = Vec::new();
     let mut make = |name: &str, files: Vec<(String, String)>| {
@@ -121,7 +122,7 @@ fn data_at(path: &Path) -> DataConfig {
     DataConfig { train_fraction: 0.7, path: Paths::from(path), ..DataConfig::default() }
 }
 
-/// Of the states of both ranges.
+/// Returns the fingerprints of the states of both ranges.
 fn fingerprints(path: &Path) -> Result<(Fingerprint, Option<Fingerprint>), String> {
     let preprocess =
         PreprocessConfig { max_missing: 0.6, fill_limit: 3, ..PreprocessConfig::default() };
@@ -147,7 +148,7 @@ proptest! {
     }
 }
 
-/// A channel with a value in every row, and some with few values, spikes among them.
+/// Generates a channel with a value in every row, and some channels with few values, including spikes.
 fn seldom() -> impl Strategy<Value = (Vec<i64>, Vec<Vec<f64>>)> {
     let value = prop_oneof![
         60 => Just(NAN),
@@ -174,7 +175,8 @@ fn alike(left: f64, right: f64) -> bool {
         || (left - right).abs() <= 1e-9 * left.abs().max(right.abs())
 }
 
-/// All of a profile but what sums that were added in another order may change, and the names of types.
+/// Formats a profile without the sums that another order of additions may change, and without the
+/// names of types.
 fn told(channel: &ChannelProfile) -> String {
     let values =
         channel.values.clone().map(|values| ValueProfile { mean: 0.0, std: 0.0, ..values });

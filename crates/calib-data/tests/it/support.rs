@@ -1,4 +1,4 @@
-//! Small logs.
+//! Helpers that create small logs.
 
 use std::{
     fs,
@@ -21,14 +21,14 @@ impl Folder {
         Self(tempfile::tempdir().expect("a folder"))
     }
 
-    /// Of one file.
+    /// Creates a folder with one file.
     pub(crate) fn of(name: &str, table: &Table) -> Self {
         let folder = Self::new();
         folder.write(name, table);
         folder
     }
 
-    /// Of one file that is not Parquet.
+    /// Creates a folder with one file that is not Parquet.
     pub(crate) fn of_text(name: &str, text: &str) -> Self {
         let folder = Self::new();
         folder.write_file(name, text);
@@ -48,14 +48,14 @@ impl Folder {
         self
     }
 
-    /// Write a file that is not Parquet, in a folder below this one too.
+    /// Writes a file that is not Parquet, possibly in a folder below this one.
     pub(crate) fn write_file(&self, name: &str, text: &str) {
         let path = self.file(name);
         fs::create_dir_all(path.parent().expect("has one")).expect("created");
         fs::write(path, text).expect("written");
     }
 
-    /// The whole folder as one training range.
+    /// Returns the configuration for the whole folder as one training range.
     pub(crate) fn data(&self) -> DataConfig {
         DataConfig { train_fraction: 1.0, ..DataConfig::at(self.path()) }
     }
@@ -73,12 +73,12 @@ pub(crate) fn profile(data: &DataConfig) -> Profile {
     inspect(data, &PreprocessConfig::default(), &Silent).expect("a log")
 }
 
-/// The default preprocessing, but for a channel of modes.
+/// Returns the default preprocessing with a channel of modes.
 pub(crate) fn one_hot(name: &str) -> PreprocessConfig {
     PreprocessConfig { one_hot: Some(name.to_owned()), ..PreprocessConfig::default() }
 }
 
-/// The log, which is the same in memory and on a disk.
+/// Loads the log, and checks that it is the same in memory and on a disk.
 pub(crate) fn load_with(data: &DataConfig, preprocess: &PreprocessConfig) -> Dataset {
     let dataset = load(data, preprocess, &Silent).expect("a log");
     let disk = tempfile::tempdir().expect("a folder");
@@ -95,12 +95,13 @@ pub(crate) fn refused(data: &DataConfig, preprocess: &PreprocessConfig) -> DataE
     load(data, preprocess, &Silent).expect_err("refused")
 }
 
-/// Why the log is refused under the default preprocessing.
+/// Returns the reason why the log is rejected under the default preprocessing.
 pub(crate) fn refusal(data: &DataConfig) -> String {
     refused(data, &PreprocessConfig::default()).to_string()
 }
 
-/// The log is refused under the default preprocessing, with a message that has these parts.
+/// Asserts that the log is rejected under the default preprocessing, with a message that contains
+/// `parts`.
 #[track_caller]
 pub(crate) fn assert_refused(data: &DataConfig, parts: &[&str]) {
     assert_refused_with(data, &PreprocessConfig::default(), parts);
@@ -118,7 +119,7 @@ pub(crate) fn assert_refused_with(
     }
 }
 
-/// Names of the channels that are sensors.
+/// Returns the names of the channels that are sensors.
 pub(crate) fn kept(profile: &Profile) -> Vec<&str> {
     profile.kept().map(|channel| channel.name.as_str()).collect()
 }
@@ -127,13 +128,13 @@ pub(crate) fn seconds(seconds: impl IntoIterator<Item = i64>) -> Vec<Timestamp> 
     seconds.into_iter().map(|second: i64| Timestamp::from_micros(second * 1_000_000)).collect()
 }
 
-/// A log with a row a second from second `start` on.
+/// Returns a log with one row per second from second `start` on.
 pub(crate) fn log(start: i64, channels: &[(&str, &[f64])]) -> Table {
     let rows = channels.first().map_or(0, |(_, values)| values.len() as i64);
     log_at(start..start + rows, channels)
 }
 
-/// A log with rows at these seconds.
+/// Returns a log with rows at these seconds.
 pub(crate) fn log_at(times: impl IntoIterator<Item = i64>, channels: &[(&str, &[f64])]) -> Table {
     let table = Table::new().with("timestamp", seconds(times));
     channels
@@ -151,7 +152,7 @@ pub(crate) fn train_seconds(dataset: &Dataset) -> Vec<f64> {
     timestamps.map(|time| time.as_micros() as f64 / 1e6).collect()
 }
 
-/// Physical values of a column of the training range.
+/// Returns physical values of a column of the training range.
 pub(crate) fn train_values(dataset: &Dataset, column: &str) -> Vec<f64> {
     let position = dataset.normaliser.position(column).expect("a column");
     let states = dataset.train.states();

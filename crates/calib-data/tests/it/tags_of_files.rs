@@ -1,4 +1,4 @@
-//! Files of one column each, which may be of a tag each or of one tag together.
+//! Tests of files of one column each, which may be of one tag each or of one tag together.
 
 use std::fmt::Write as _;
 
@@ -6,12 +6,12 @@ use calib_data::{DataConfig, Shape};
 
 use crate::support::{Folder, profile};
 
-/// A file of one column, which is recorded every minute from a second of the day on.
+/// Returns a file of one column, recorded every minute from second `from` of the day on.
 fn minutes(header: &str, from: u32, level: f64) -> String {
     minutes_around(header, from, |_| level)
 }
 
-/// The same with a level for each minute.
+/// Returns such a file with a level for each minute.
 fn minutes_around(header: &str, from: u32, level: impl Fn(u32) -> f64) -> String {
     let mut text = format!("Zeitstempel;{header}\n");
     for minute in 0..40 {
@@ -52,7 +52,7 @@ fn files_that_follow_one_another_are_of_one_tag_unless_the_study_says_otherwise(
     let data = folder.data();
     let found = profile(&data);
     assert_eq!((found.shape, found.channels.len(), found.rows), (Shape::Wide, 1, 80));
-    // An export that has the rows of another again is of the same sensor.
+    // An export that repeats the rows of another is of the same sensor.
     folder.write_file("export 3.csv", &minutes("Wert", 0, 120.25));
     let found = profile(&data);
     assert_eq!((found.shape, found.duplicates.identical), (Shape::Wide, 40));
@@ -71,7 +71,7 @@ fn files_that_follow_one_another_are_of_one_tag_unless_the_study_says_otherwise(
 #[test]
 fn files_that_agree_in_part_are_told_with_the_key_that_reads_them_otherwise() {
     for header in ["Wert", "Druck"] {
-        // The same file, but for so many rows.
+        // The same file, except for `other` rows.
         let file = |other: u32| {
             minutes_around(header, 0, |minute| if minute < other { 300.25 } else { 120.25 })
         };
