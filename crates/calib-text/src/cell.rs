@@ -1,27 +1,27 @@
-//! A cell of text as eight bytes: a number, nothing, or the number of a word.
+//! A cell of text in eight bytes: a number, a missing value, or the index of a word.
 
 use std::{collections::HashMap, sync::Arc};
 
-/// What a cell holds.
+/// The content of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cell {
     /// A finite number.
     Number(f64),
-    /// Nothing.
+    /// An empty cell.
     Missing,
-    /// NaN, infinity, or more than any plant measures.
+    /// NaN, infinity, or a number larger than any plant measures.
     NonFinite,
     /// A word, by its position in [`Words`].
     Word(u32),
 }
 
-/// The bits of a quiet NaN; what follows them tells which cell without a number it is.
+/// Bits of a quiet NaN. Its payload tells the cells without a number apart.
 const NAN_BITS: u64 = 0x7FF8_0000_0000_0000;
 const NON_FINITE: u64 = 1;
 const FIRST_WORD: u64 = 2;
 
 impl Cell {
-    /// A number as its own bits, all else as a NaN with a payload.
+    /// Encodes a number as its own bits, and every other cell as a NaN with a payload.
     #[inline]
     pub fn encode(self) -> u64 {
         match self {
@@ -32,7 +32,7 @@ impl Cell {
         }
     }
 
-    /// The cell that [`Self::encode`] gave these bits.
+    /// Returns the cell that [`Self::encode`] turned into these bits.
     #[inline]
     pub fn decode(bits: u64) -> Self {
         let value = f64::from_bits(bits);
@@ -45,30 +45,31 @@ impl Cell {
     }
 }
 
-/// Distinct words that are kept, and their bytes together; the rest is one word.
+/// Limits on the number of distinct words that are kept and on their total bytes. All further words
+/// count as one word.
 const KEPT: usize = 1 << 20;
 const KEPT_BYTES: usize = 64 << 20;
-/// What words beyond [`KEPT`] are.
+/// The word that stands for all words beyond [`KEPT`].
 pub(crate) const OTHER_WORDS: &str = "(other words)";
 
-/// The words of a log, each once.
+/// The distinct words of a log.
 #[derive(Clone, Debug, Default)]
 pub struct Words {
     list: Vec<Arc<str>>,
     positions: HashMap<Arc<str>, u32>,
     bytes: usize,
     is_bounded: bool,
-    /// The position of what is not kept.
+    /// Position of the word that stands for all words that are not kept.
     others: Option<u32>,
 }
 
 impl Words {
-    /// Words of a whole log, of which only so many are kept as memory has room for.
+    /// Creates an empty list for a whole log, which keeps a limited number of words to save memory.
     pub fn bounded() -> Self {
         Self { is_bounded: true, ..Self::default() }
     }
 
-    /// The position of `word`, which is new or known.
+    /// Returns the position of `word`, and adds it if it is new.
     pub fn position(&mut self, word: &str) -> u32 {
         if let Some(&position) = self.positions.get(word) {
             return position;
@@ -89,33 +90,33 @@ impl Words {
         (self.list.len() - 1) as u32
     }
 
-    /// The position of words that are not kept.
+    /// Returns the position of the word that stands for all words that are not kept.
     fn other(&mut self) -> u32 {
         let others = self.others.unwrap_or_else(|| self.add(Arc::from(OTHER_WORDS)));
         *self.others.insert(others)
     }
 
-    /// The position here of a word of `other`.
+    /// Returns the position in this list of a word of `other`.
     pub fn translated(&mut self, other: &Self, word: u32) -> u32 {
         if other.others == Some(word) { self.other() } else { self.position(other.word(word)) }
     }
 
-    /// The word at a position.
+    /// Returns the word at a position.
     pub fn word(&self, position: u32) -> &str {
         &self.list[position as usize]
     }
 
-    /// All words, by their positions.
+    /// Iterates over all words in the order of their positions.
     pub fn all(&self) -> impl Iterator<Item = &str> {
         self.list.iter().map(|word| &**word)
     }
 
-    /// Whether a cell stands for words that were too many to be kept.
+    /// Whether a cell stands for words that are not kept.
     pub fn is_other(&self, cell: u64) -> bool {
         matches!(Cell::decode(cell), Cell::Word(word) if self.others == Some(word))
     }
 
-    /// Make `cells`, whose words are those of `other`, cells of this list.
+    /// Translates `cells`, whose words are those of `other`, to the words of this list.
     pub fn adopt(&mut self, other: &Self, cells: &mut [u64]) {
         if other.list.is_empty() {
             return;

@@ -1,4 +1,4 @@
-//! What the first rows of a text file tell: what separates its cells, its header, its units.
+//! Recognises from the first rows of a text file its separator, its header and its units.
 
 use std::{
     collections::{BTreeMap, HashSet},
@@ -7,38 +7,38 @@ use std::{
 
 use crate::{Candidates, Decimal, Marks, Notation, RecordReader, Signs, parse_number};
 
-/// Rows that are looked at.
+/// Number of rows that are examined.
 const LOOKED_AT: usize = 400;
 /// Rows between the header and the first time that may be units and descriptions.
 const UNIT_ROWS: usize = 3;
 
-/// What a text file is like.
+/// The format of a text file.
 #[derive(Clone, Debug)]
 pub struct Dialect {
-    /// What separates its cells.
+    /// Separator and quote.
     pub marks: Marks,
-    /// Its columns.
+    /// The columns.
     pub columns: Vec<TextColumn>,
     /// Bytes and lines before the first row of values.
     pub skip: (u64, u64),
-    /// Whether the first column has the names of rows, which the header leaves out, as R writes tables.
+    /// Whether the first column holds row names and is missing from the header, as in tables of R.
     pub has_row_names: bool,
     /// The first rows of values.
     sample: Sample,
 }
 
-/// Cells of some rows. A log may have thousands of files, so they lie one after the other.
+/// Cells of some rows. A log may have thousands of files, so all cells share one string.
 #[derive(Clone, Debug, Default)]
 struct Sample {
     text: String,
-    /// Where each cell ends in the text, and each row in these.
+    /// End of each cell in `text`, in bytes.
     cells: Vec<u32>,
     rows: Vec<u32>,
     lines: Vec<u64>,
 }
 
 impl Sample {
-    /// Of rows, each with its line.
+    /// Collects rows, each with its line.
     fn of(rows: impl Iterator<Item = (u64, Vec<String>)>) -> Self {
         let mut sample = Self::default();
         for (line, row) in rows {
@@ -69,7 +69,7 @@ impl Sample {
         rows
     }
 
-    /// The cells of a column, where a row has one.
+    /// Iterates over the cells of a column, without rows that are too short.
     fn column(&self, column: usize) -> impl Iterator<Item = &str> {
         self.by_row(column).flatten()
     }
@@ -88,18 +88,18 @@ impl Sample {
     }
 }
 
-/// A column as the header has it.
+/// A column as described by the header.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TextColumn {
-    /// What it is called.
+    /// Name of the column.
     pub name: String,
-    /// The unit of its values.
+    /// Unit of the values.
     pub unit: Option<String>,
-    /// What it is, in words.
+    /// Description in words.
     pub label: Option<String>,
 }
 
-/// A record, and the bytes and lines before it and before the next one.
+/// A record, with the bytes and lines before it (`begin`) and before the next record (`end`).
 struct Row {
     cells: Vec<String>,
     begin: (u64, u64),
@@ -107,10 +107,10 @@ struct Row {
 }
 
 impl Dialect {
-    /// Of a file that begins with `head`, whole records.
+    /// Recognises the format of a file that begins with `head`, which consists of whole records.
     ///
     /// # Errors
-    /// If it is no table, in words.
+    /// If the text is not a table: the reason, in words.
     pub fn of(head: &[u8], separator: Option<char>) -> Result<Self, String> {
         let start = preamble(head);
         let separators: Vec<u8> = match separator {
@@ -124,7 +124,7 @@ impl Dialect {
                 let width = usual_width(&rows)?;
                 Some((agreement(&rows, width), separator, rows, width))
             })
-            // The first of equals: a tab separates cells rather than stands in them, and so on.
+            // Ties go to the first: a tab is more likely to separate cells than to be part of one, and so on.
             .reduce(|best, other| if other.0 > best.0 { other } else { best });
         let Some((_, separator, rows, width)) = best else {
             return Err(
@@ -137,7 +137,7 @@ impl Dialect {
     }
 
     fn with_rows(marks: Marks, rows: Vec<Row>, width: usize) -> Result<Self, String> {
-        // Titles above the table are narrower than it.
+        // Titles above the table have fewer cells than the table.
         let is_narrow = |row: &Row| width_of(&row.cells) < width;
         let title = rows.iter().take_while(|row| is_narrow(row)).last();
         let title = title.map(|row| row.cells.clone()).filter(|cells| !is_data(cells));
@@ -162,7 +162,7 @@ impl Dialect {
             && is_about_columns(&row.cells)
         {
             skip = row.end;
-            // An old header below a new one says nothing of units.
+            // An old header below a new one contains no units.
             let is_header = are_all_names(&row.cells, &columns);
             above.extend(rows.next().filter(|_| !is_header).map(|row| row.cells));
         }
@@ -171,7 +171,7 @@ impl Dialect {
         Ok(Self { marks, columns, skip, has_row_names, sample })
     }
 
-    /// Put what `time` makes of a row into its column `to`, and nothing into the columns `beside`.
+    /// Writes the result of `time` for a row into column `to`, and empties the columns `beside`.
     pub fn join(&mut self, to: usize, beside: &[usize], time: impl Fn(&[String]) -> String) {
         let last = beside.iter().copied().fold(to, usize::max);
         let mut rows = self.sample.rows();
@@ -185,7 +185,7 @@ impl Dialect {
         self.sample = Sample { lines, ..Sample::of(rows.into_iter().map(|row| (0, row))) };
     }
 
-    /// The line of the first row with this cell in a column.
+    /// Returns the line of the first row that has this cell in a column.
     pub fn line_of(&self, column: usize, cell: &str) -> Option<u64> {
         let row = self
             .sample
@@ -195,7 +195,7 @@ impl Dialect {
         self.sample.lines.get(row).copied()
     }
 
-    /// The cells of a column in the first rows that are not empty.
+    /// Returns the non-empty cells of a column in the first rows.
     pub fn cells(&self, column: usize) -> Vec<&str> {
         self.sample.column(column).filter(|cell| !cell.is_empty()).collect()
     }
@@ -217,12 +217,12 @@ impl Dialect {
     }
 }
 
-/// What separates cells, with the usual quotes around them.
+/// Returns the marks for a separator with the usual quotes.
 fn marks(separator: u8) -> Marks {
     Marks { separator, quote: b'"' }
 }
 
-/// Where the table begins: after comments, empty lines and Excel's `sep=;`.
+/// Returns the offset of the table in bytes: it begins after comments, empty lines and Excel's `sep=;`.
 fn preamble(head: &[u8]) -> usize {
     let mut start = 0;
     for line in head.split_inclusive(|&byte| byte == b'\n') {
@@ -235,7 +235,7 @@ fn preamble(head: &[u8]) -> usize {
     start
 }
 
-/// The separator that a line `sep=;` names.
+/// Returns the separator that a line `sep=;` declares.
 fn declared(preamble: &[u8]) -> Option<u8> {
     let line = preamble
         .split(|&byte| byte == b'\n')
@@ -260,7 +260,7 @@ fn rows(head: &[u8], start: usize, marks: Marks) -> Vec<Row> {
     rows
 }
 
-/// Text as UTF-8, or else as the first page of Unicode has it, which is Latin 1: the degree sign of old exports.
+/// Decodes text as UTF-8, or as Latin 1 if it is not valid UTF-8: old exports write the degree sign so.
 pub fn decode(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => text.into(),
@@ -268,12 +268,12 @@ pub fn decode(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
     }
 }
 
-/// Number of cells, but for one empty cell after a last separator.
+/// Counts the cells, without one empty cell after a last separator.
 fn width_of(cells: &[String]) -> usize {
     cells.len() - usize::from(cells.last().is_some_and(|cell| cell.trim().is_empty()))
 }
 
-/// The number of cells that most rows have, if it is more than one. Where as many are wider, the table is those.
+/// Returns the number of cells that most rows have, if it is more than one. On a tie, the wider rows are the table.
 fn usual_width(rows: &[Row]) -> Option<usize> {
     let mut widths: BTreeMap<usize, usize> = BTreeMap::new();
     for row in rows {
@@ -291,14 +291,15 @@ fn usual_width(rows: &[Row]) -> Option<usize> {
     )
 }
 
-/// Share of the rows, and how wide they are: what separates cells gives all rows the same number of them.
+/// Returns the share of rows that have `width` cells (in percent), and `width`. The right separator gives all rows the
+/// same number of cells.
 fn agreement(rows: &[Row], width: usize) -> (usize, usize) {
     let agree = rows.iter().filter(|row| (width..=width + 1).contains(&row.cells.len())).count();
-    // A hundredth more rows is more than any number of cells.
+    // One percent more rows outweighs any number of cells.
     (agree * 100 / rows.len(), width)
 }
 
-/// Whether these are values: a time, and numbers or nothing beside it.
+/// Whether these cells are values: at least one is a time or a number.
 fn is_data(cells: &[String]) -> bool {
     let mut cells = cells.iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
     cells.any(|cell| {
@@ -307,14 +308,14 @@ fn is_data(cells: &[String]) -> bool {
     })
 }
 
-/// Whether a cell is a number with either decimal sign. Columns may be called INF or NaN.
+/// Whether a cell is a finite number with either decimal sign. Columns may be called INF or NaN.
 fn is_finite_number(cell: &str) -> bool {
     [Decimal::Point, Decimal::Comma]
         .iter()
         .any(|&decimal| parse_number(cell, decimal).is_some_and(f64::is_finite))
 }
 
-/// Whether a row without values says something about columns: units, descriptions. An empty row does not.
+/// Whether a row without values may describe columns, with units or descriptions. An empty row does not.
 fn is_about_columns(cells: &[String]) -> bool {
     cells.iter().any(|cell| !cell.trim().is_empty())
 }
@@ -335,15 +336,15 @@ fn named(cells: &[String]) -> Result<Vec<TextColumn>, String> {
     Ok(columns)
 }
 
-/// Whether `title` names all columns of the first row of values but the first one, which has the names of rows: R writes tables
-/// so. A column of times without a name is not that.
+/// Whether `title` names all columns of the first row of values except the first, which holds row names. R writes
+/// tables this way. A column of times without a name does not count.
 fn are_names_of_r(title: &[String], first: &[String]) -> bool {
     title.len() + 1 == width_of(first)
         && title.iter().all(|name| !name.trim().is_empty())
         && !first.first().is_some_and(|cell| is_written_time(cell.trim()))
 }
 
-/// Whether a cell is a time that is no plain number.
+/// Whether a cell is a time that is not a plain number.
 fn is_written_time(cell: &str) -> bool {
     cell.len() >= 6
         && Candidates::of(&[cell], None)
@@ -352,7 +353,7 @@ fn is_written_time(cell: &str) -> bool {
             .any(|notation| !matches!(notation, Notation::Number(_)))
 }
 
-/// The columns of a table of R, whose header does not name the first one.
+/// Returns the columns of a table of R, whose header does not name the first column.
 fn with_row_names(names: &[String]) -> Result<Vec<TextColumn>, String> {
     let is_taken = names.iter().any(|name| name.trim() == "row");
     let own = if is_taken { "row name" } else { "row" };
@@ -365,8 +366,8 @@ fn are_all_names(cells: &[String], columns: &[TextColumn]) -> bool {
     cells.all(|cell| columns.iter().any(|column| column.name == cell))
 }
 
-/// Columns of a file without a header: a time and a value are recognised, more are not. `title` is the row above, if it could be
-/// a header.
+/// Returns the columns of a file without a header. Only a time and a value are recognised, not more columns. `title` is
+/// the row above, if it could be a header.
 fn unnamed(
     cells: &[String],
     title: Option<&[String]>,
@@ -399,7 +400,7 @@ fn unnamed(
     Ok(names.into_iter().map(|name| TextColumn { name, ..TextColumn::default() }).collect())
 }
 
-/// Units and descriptions from the rows below the header. Of two rows, units are shorter.
+/// Takes units and descriptions from the rows below the header. If there are two rows, the shorter one has the units.
 fn describe(columns: &mut [TextColumn], above: &[Vec<String>]) {
     let Some(units) = above.iter().min_by_key(|row| length(row)) else { return };
     let labels = above.iter().filter(|row| *row != units).max_by_key(|row| length(row));
@@ -409,19 +410,19 @@ fn describe(columns: &mut [TextColumn], above: &[Vec<String>]) {
     }
 }
 
-/// Bytes of all cells of a row.
+/// Returns the total bytes of all cells of a row.
 fn length(row: &[String]) -> usize {
     row.iter().map(String::len).sum()
 }
 
-/// What a row says about a column, if it does.
+/// Returns the description of a column in a row; `None` if the cell is empty or a dash.
 fn description(row: &[String], column: usize) -> Option<String> {
     let text = unbracketed(row.get(column)?);
     (!text.is_empty() && text != "-").then(|| text.to_owned())
 }
 
-/// A unit or a description without brackets around it, and without the stroke that stands between a quantity and its unit:
-/// `[ / °C]`. That of `/min` stays.
+/// Strips brackets from a unit or a description, and the slash between a quantity and its unit: `[ / °C]`. The slash of
+/// `/min` stays.
 pub fn unbracketed(text: &str) -> &str {
     let text = text.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']).trim();
     text.strip_prefix("/ ").unwrap_or(text).trim()

@@ -1,13 +1,13 @@
-//! What text means: which of several notations cells, numbers, times and tables are written in, and what they then are. Opens no
-//! file, and knows no log.
+//! Interprets text: recognises the notation of cells, numbers, times and tables, and reads their values. It opens no
+//! file and knows no log.
 //!
-//! - [`RecordReader`]: records and cells of text in memory, by its [`Marks`].
-//! - [`Dialect`]: what the first rows of a table tell: its separator, header and units.
+//! - [`RecordReader`]: splits text in memory into records and cells by its [`Marks`].
+//! - [`Dialect`]: recognises the separator, header and units of a table from its first rows.
 //! - [`Cell`], [`Words`]: a cell in eight bytes.
-//! - [`cell_of`], [`plain_decimal`], [`Signs`]: numbers, and which sign separates their fractions.
-//! - [`Candidates`], [`Notation`]: the notations that a column of times may have; [`TimestampUnit`], [`units`]: what times that are
-//!   numbers count.
-//! - [`Zone`], [`LocalTimes`]: clocks of a place, where an hour comes twice a year.
+//! - [`cell_of`], [`plain_decimal`], [`Signs`]: numbers, and their decimal sign.
+//! - [`Candidates`], [`Notation`]: the notations that a column of times may have; [`TimestampUnit`], [`units`]: the
+//!   unit of numeric times.
+//! - [`Zone`], [`LocalTimes`]: local clocks, on which one hour per year occurs twice.
 //! - [`parse_time`], [`format_time`]: instants as text.
 //!
 //! ```
@@ -38,5 +38,5 @@ pub use time::{ParsedTime, format_time, parse_stamp, parse_time};
 pub use unit::{TimestampUnit, unit_readings, units};
 pub use zone::{LocalTimes, Zone};
 
-/// A time that is missing, in a list of times in microseconds.
+/// Marks a missing time in a list of times in microseconds.
 pub const NO_TIME: i64 = i64::MIN;

@@ -1,4 +1,4 @@
-//! Times as text: which notation a column has, and the instants that its cells name.
+//! Times as text: recognises the notation of a column and reads the instants in its cells.
 
 use std::collections::BTreeSet;
 
@@ -10,24 +10,24 @@ use jiff::{
 
 use crate::{ParsedTime, TimestampUnit, format_time, parse_stamp, units};
 
-/// A time of the year 9999, most of which is beyond the instants that there are: in databases it stands for "never".
+/// A time of the year 9999, which means "never" in databases. Most of that year is beyond the supported instants.
 const NEVER: ParsedTime = ParsedTime::Instant(i64::MAX);
 const NEVER_YEAR: i16 = 9999;
 
-/// How the times of a column are written.
+/// The notation of the times of a column.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Notation {
     /// ISO 8601.
     Iso,
-    /// A number since 1970.
+    /// A number of time units since an epoch, mostly 1970.
     Number(TimestampUnit),
-    /// As `strptime` has it.
+    /// A pattern of `strptime`.
     Pattern(String),
 }
 
 impl Notation {
-    /// The instant or wall-clock time that `text` names. A date without a clock, as spreadsheets write midnight, is its midnight, and 24:00 that
-    /// of the next day.
+    /// Reads `text` as an instant or a wall-clock time. A date without a time of day is midnight of that day, which
+    /// spreadsheets write so. 24:00 is midnight of the next day.
     pub fn read(&self, text: &str) -> Option<ParsedTime> {
         self.read_clock(text).or_else(|| self.read_end_of_day(text)).or_else(|| match self {
             Self::Pattern(pattern) => read_midnight(pattern, text),
@@ -35,7 +35,7 @@ impl Notation {
         })
     }
 
-    /// Midnight of the day after `text`, if it ends in 24:00.
+    /// Returns midnight of the next day if `text` ends in 24:00.
     fn read_end_of_day(&self, text: &str) -> Option<ParsedTime> {
         const DAY: i64 = 86_400_000_000;
         let at = text.find("24:00").filter(|&at| text[..at].ends_with([' ', 'T']))?;
@@ -46,7 +46,7 @@ impl Notation {
         }
     }
 
-    /// A time with its clock as it is written.
+    /// Reads a time whose time of day is written out.
     fn read_clock(&self, text: &str) -> Option<ParsedTime> {
         match self {
             Self::Iso => parse_stamp(text).or_else(|| {
@@ -64,7 +64,7 @@ impl Notation {
         }
     }
 
-    /// What it makes of `text`, and how a study asks for it.
+    /// Describes how this notation reads `text` and how to select it in a study.
     pub fn reading(&self, text: &str) -> String {
         let Some(ParsedTime::Instant(micros) | ParsedTime::Wall(micros)) = self.read(text) else {
             return self.name();
@@ -77,7 +77,7 @@ impl Notation {
         }
     }
 
-    /// Whether both are dates of numbers that are alike but for the order of day and month.
+    /// Whether both are numeric dates that differ only in the order of day and month.
     pub fn swaps_days(&self, other: &Self) -> bool {
         let (Self::Pattern(one), Self::Pattern(other)) = (self, other) else { return false };
         let [one, other] = [one, other].map(|pattern| date_of(pattern));
@@ -85,7 +85,7 @@ impl Notation {
         one != other && alike(one) == alike(other)
     }
 
-    /// What a person calls it.
+    /// Returns a readable name.
     pub fn name(&self) -> String {
         match self {
             Self::Iso => "ISO 8601".to_owned(),
@@ -95,7 +95,7 @@ impl Notation {
     }
 }
 
-/// What of a pattern is before its clock.
+/// Returns the part of a pattern before the time of day.
 fn date_of(pattern: &str) -> &str {
     let clock = pattern.find("%H").or_else(|| pattern.find("%I")).unwrap_or(pattern.len());
     pattern[..clock].trim_end_matches(|c: char| c.is_whitespace() || "T_-,:".contains(c))
@@ -128,7 +128,7 @@ fn read_pattern(pattern: &str, text: &str) -> Option<ParsedTime> {
         return (wall.year() == NEVER_YEAR).then_some(NEVER);
     };
     let instant = instant.as_microsecond();
-    // Patterns end in these words where cells do.
+    // A pattern ends in one of these words if the cells do.
     let zone = pattern.to_ascii_uppercase();
     if ["Z", "UTC", "GMT"].into_iter().any(|name| zone.ends_with(name) && !zone.ends_with("%Z")) {
         return Some(ParsedTime::Instant(instant));
@@ -136,7 +136,7 @@ fn read_pattern(pattern: &str, text: &str) -> Option<ParsedTime> {
     Some(ParsedTime::Wall(instant))
 }
 
-/// Midnight of a date without a clock, in a column of times that have both and no zone.
+/// Reads a date without a time of day as midnight, in a column without a zone that has both dates and times.
 fn read_midnight(pattern: &str, text: &str) -> Option<ParsedTime> {
     let clock = pattern.find(" %H").or_else(|| pattern.find(" %I"))?;
     let (date, rest) = pattern.split_at(clock);
@@ -145,54 +145,55 @@ fn read_midnight(pattern: &str, text: &str) -> Option<ParsedTime> {
         .flatten()
 }
 
-/// The number that a cell is, whatever separates its fraction.
+/// Returns the number in a cell, with either decimal sign.
 fn number(text: &str) -> Option<f64> {
     let number: f64 = text.parse().or_else(|_| text.replacen(',', ".", 1).parse()).ok()?;
     number.is_finite().then_some(number)
 }
 
-/// What cells are if all are numbers.
+/// Returns the numbers in the cells if all are numbers.
 fn numbers(cells: &[&str]) -> Option<Vec<f64>> {
     cells.iter().map(|cell| number(cell)).collect()
 }
 
-/// Which notations a column of times may have, as far as its cells have shown.
+/// The notations that a column of times may have, given the cells seen so far.
 #[derive(Clone, Debug)]
 pub struct Candidates {
-    /// Those that could read all of them.
+    /// Notations that can read all cells.
     pub left: Vec<Notation>,
-    /// A cell that all of them can read: what to show where they differ.
+    /// A cell that all of `left` can read. It shows where they differ.
     pub example: String,
-    /// Why none of them could read all cells.
+    /// Why no notation can read all cells.
     pub unreadable: Option<Unreadable>,
 }
 
-/// A reading of times that is likely, and not certain.
+/// A notation that is likely, but not certain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Likely {
-    /// How they are read.
+    /// The notation.
     pub notation: Notation,
-    /// What is said of it, in a sentence.
+    /// A sentence that reports the choice to the user.
     pub told: String,
 }
 
 /// Days of a spreadsheet from the year 2000 to 2064.
 const SPREADSHEET_DAYS: std::ops::RangeInclusive<f64> = 36_526.0..=60_000.0;
 
-/// Why the times of a column cannot be read.
+/// The reason why the times of a column cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Unreadable {
-    /// The first cell that is in none of the notations that the others have.
+    /// The first cell that none of the notations of the other cells can read.
     Cell(String),
-    /// Numbers that may count what calib does not read, in words.
+    /// Numbers that may have a unit that calib does not read, in words.
     Numbers(String),
 }
 
-/// One cell in so many may be damaged.
+/// One cell in this many may be damaged.
 const MANY: usize = 20;
 
 impl Candidates {
-    /// Those that can read all of `cells`, of which none is empty; of many cells, all but a twentieth, which are damaged.
+    /// Returns the notations that can read all of `cells`, which are not empty. If there are many cells, up to a
+    /// twentieth may be damaged.
     pub fn of(cells: &[&str], unit: Option<TimestampUnit>) -> Self {
         let strict = Self::of_all(cells, unit);
         if !strict.left.is_empty() || cells.len() < MANY {
@@ -216,9 +217,9 @@ impl Candidates {
         strict
     }
 
-    /// Those that can read all of `cells`.
+    /// Returns the notations that can read all of `cells`.
     fn of_all(cells: &[&str], unit: Option<TimestampUnit>) -> Self {
-        // Midnight may stand without its clock, which the others have.
+        // Midnight may be written without a time of day, unlike the other cells.
         let Some(&first) = cells.iter().find(|cell| cell.contains(':')).or(cells.first()) else {
             return Self { left: vec![Notation::Iso], example: String::new(), unreadable: None };
         };
@@ -244,7 +245,7 @@ impl Candidates {
         candidates
     }
 
-    /// Leave out those that cannot read `cell`.
+    /// Removes the notations that cannot read `cell`.
     pub fn note(&mut self, cell: &str) {
         let left: Vec<Notation> =
             self.left.iter().filter(|notation| notation.read(cell).is_some()).cloned().collect();
@@ -252,20 +253,20 @@ impl Candidates {
             self.unreadable.get_or_insert_with(|| Unreadable::Cell(cell.to_owned()));
         }
         self.left = left;
-        // 01/01/2024 shows nobody what is meant.
+        // 01/01/2024 does not show the difference between the notations.
         if self.is_ambiguous() && !self.differ(&self.example) && self.differ(cell) {
             cell.clone_into(&mut self.example);
         }
     }
 
-    /// Whether some of them read `cell` differently.
+    /// Whether some of the notations read `cell` differently.
     fn differ(&self, cell: &str) -> bool {
         let mut readings = self.left.iter().map(|notation| notation.read(cell));
         let first = readings.next();
         readings.any(|reading| Some(reading) != first)
     }
 
-    /// Whether those that are left read some cells differently.
+    /// Whether the remaining notations read some cells differently.
     pub fn is_ambiguous(&self) -> bool {
         self.left.len() > 1
     }
@@ -301,14 +302,14 @@ impl Candidates {
         })
     }
 
-    /// Each notation with what it makes of the example.
+    /// Lists the notations with their readings of the example.
     pub fn readings(&self) -> String {
         let readings = self.left.iter().map(|notation| notation.reading(&self.example));
         readings.collect::<Vec<_>>().join(", ")
     }
 }
 
-/// The patterns that `example` may be written in: its date in every order that it allows, then its time.
+/// Returns the patterns that can read `example`: its date in every order that it allows, then its time.
 fn patterns(example: &str) -> Vec<String> {
     let Some((date, time)) = split(example) else { return Vec::new() };
     let Some(time) = time_pattern(time) else { return Vec::new() };
@@ -316,9 +317,12 @@ fn patterns(example: &str) -> Vec<String> {
     orders.into_iter().map(|date| format!("{date}{time}")).collect()
 }
 
-/// The pattern of dates written as one number, such as `20240301060000`, if all but a quarter of `cells` are such: digits from the day, the hour, the
-/// minute, the second or the millisecond on, that name a time from 1970 to 2099, or of the year 9999. As numbers since 1970 they would be of 1970, of the years
-/// 2032 to 2036, of 1976 or of the year 2611.
+/// Returns the pattern of dates written as one number, such as `20240301060000`, if at least three quarters of `cells`
+/// match it.
+///
+/// The digits end at the day, the hour, the minute, the second or the millisecond, and name a time from 1970 to 2099 or
+/// of the year 9999. Read as numbers since 1970, they would lie in 1970, in the years 2032 to 2036, in 1976 or in the
+/// year 2611.
 pub fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
     let mut lengths: Vec<usize> = cells.iter().map(|cell| whole_length(cell)).collect();
     lengths.sort_unstable();
@@ -341,12 +345,12 @@ pub fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
     (4 * dates.count() >= 3 * cells.len()).then_some(pattern)
 }
 
-/// Bytes before the decimal sign, if there is one.
+/// Returns the number of bytes before the decimal sign, or of the whole cell if it has no decimal sign.
 fn whole_length(cell: &str) -> usize {
     cell.find(['.', ',']).unwrap_or(cell.len())
 }
 
-/// The date, and the time with what stands before it.
+/// Splits a time into the date, and the time of day with the characters before it.
 fn split(example: &str) -> Option<(&str, &str)> {
     let Some(colon) = example.find(':') else { return Some((example, "")) };
     let hour = example[..colon].trim_end_matches(|c: char| c.is_ascii_digit());
@@ -371,7 +375,7 @@ fn date_patterns(date: &str) -> Vec<String> {
         };
     };
     let fields = [*first, *second, *third];
-    // Nobody writes 24-Mar-12 for a day in 2024.
+    // A day in 2024 is never written as 24-Mar-12.
     let has_name = fields
         .iter()
         .any(|field| field.len() >= 3 && field.bytes().all(|byte| byte.is_ascii_alphabetic()));
@@ -390,7 +394,7 @@ fn date_patterns(date: &str) -> Vec<String> {
     found.into_iter().collect()
 }
 
-/// How a field of a date is written, if it can be of this kind.
+/// Returns the pattern of a field of a date, if the field can be of this kind.
 fn field_pattern(kind: &str, text: &str) -> Option<&'static str> {
     let digits = text.bytes().all(|byte| byte.is_ascii_digit());
     match (kind, text.len()) {
@@ -404,7 +408,7 @@ fn field_pattern(kind: &str, text: &str) -> Option<&'static str> {
     }
 }
 
-/// The pattern of a time of day, with what stands before and after it.
+/// Returns the pattern of a time of day, including the text before and after it.
 fn time_pattern(time: &str) -> Option<String> {
     if time.is_empty() {
         return Some(String::new());

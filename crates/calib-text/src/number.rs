@@ -1,4 +1,4 @@
-//! Numbers as people and programs of different countries write them.
+//! Numbers in the notations of different countries and programs.
 
 use std::{
     collections::BTreeSet,
@@ -9,55 +9,57 @@ use thiserror::Error;
 
 use crate::{Cell, Words};
 
-/// No plant measures more, and sums of squares of what is larger are no numbers any more.
+/// The largest magnitude that counts as a number. No plant measures more, and sums of squares of larger numbers
+/// overflow.
 pub const LARGEST: f64 = 1e150;
 
-/// Nothing says which sign separates the fractions of a log, or two of its cells say it differently.
+/// An unknown decimal sign: nothing in a log shows it, or two cells contradict each other.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{}: {reason}", path.display())]
 pub struct SignError {
-    /// The file of the cell.
+    /// Path of the file that has the cell.
     pub path: PathBuf,
-    /// Why, and what to do.
+    /// The reason, and what to do.
     pub reason: String,
 }
 
-/// What separates the whole from its fraction.
+/// The decimal sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decimal {
     /// `1.5`, thousands perhaps as `1,234.5`.
     Point,
     /// `1,5`, thousands perhaps as `1.234,5`.
     Comma,
-    /// Nothing has shown it yet: each cell must.
+    /// Not known yet: each cell must show it.
     Unknown,
 }
 
-/// What a cell says about the decimal sign.
+/// The evidence of one cell about the decimal sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sign {
     Point,
     Comma,
-    /// `1,234`: a fraction or a thousand. `1.234` is one only beside others ([`may_be_thousands`]).
+    /// `1,234`: a fraction or a thousand. `1.234` is ambiguous only beside other cells ([`may_be_thousands`]).
     Either,
-    /// A whole number, or none.
+    /// A whole number, or not a number.
     Nothing,
 }
 
-/// What the cells of a log have shown about its decimal sign: the first cell of each kind.
+/// The evidence of a log about its decimal sign: the first cell of each kind.
 ///
-/// Files of one export are written alike, so the sign is that of a log and not of a file: `1.310` is another number beside
-/// `1.210,5` than beside `1.5`.
+/// Files of one export use the same notation, so the sign belongs to the log and not to a file: `1.310` beside
+/// `1.210,5` is another number than beside `1.5`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Signs {
     point: Option<Shown>,
-    /// A point of a column whose points are all where those between thousands would be: a fraction, unless commas say otherwise.
+    /// A point in a column whose points could all separate thousands. It counts as a decimal sign unless commas
+    /// contradict it.
     open_point: Option<Shown>,
     comma: Option<Shown>,
     either: Option<Shown>,
 }
 
-/// A cell, and the file that it is in.
+/// A cell and its file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Shown {
     cell: String,
@@ -71,7 +73,7 @@ impl Shown {
 }
 
 impl Signs {
-    /// Whether a cell may say something that cells of numbers with this sign have not.
+    /// Whether a cell may add evidence that numbers with this sign do not have.
     pub fn may_tell(cell: &str, decimal: Decimal) -> bool {
         match decimal {
             Decimal::Point => cell.contains(','),
@@ -80,7 +82,7 @@ impl Signs {
         }
     }
 
-    /// Take note of a cell of the file at `path`.
+    /// Records a cell of the file at `path`.
     pub fn note(&mut self, cell: &str, path: &Path) {
         let seen = match sign_of(cell.trim()) {
             Sign::Point => &mut self.point,
@@ -91,8 +93,8 @@ impl Signs {
         seen.get_or_insert_with(|| Shown::of(cell, path));
     }
 
-    /// Take note of the cells of a column of the file at `path`, which may have points between thousands where `semicolons` separate cells:
-    /// so do programs for which the comma is the sign of fractions.
+    /// Records the cells of a column of the file at `path`. Where `semicolons` separate cells, points may separate
+    /// thousands: programs whose decimal sign is the comma write so.
     pub(crate) fn note_column(&mut self, cells: &[&str], semicolons: bool, path: &Path) {
         let are_grouped = are_grouped(cells);
         let are_open = semicolons && are_grouped && may_be_thousands(cells);
@@ -109,7 +111,7 @@ impl Signs {
         }
     }
 
-    /// Take note of what was seen later.
+    /// Adds evidence that was seen later.
     pub fn adopt(&mut self, later: Self) {
         self.point = self.point.take().or(later.point);
         self.open_point = self.open_point.take().or(later.open_point);
@@ -117,10 +119,10 @@ impl Signs {
         self.either = self.either.take().or(later.either);
     }
 
-    /// The sign that all cells agree on.
+    /// Returns the decimal sign that all cells agree on.
     ///
     /// # Errors
-    /// If two of them do not, or if all of them can be read in two ways.
+    /// If two cells contradict each other, or if all cells can be read in two ways.
     pub fn decimal(&self) -> Result<Decimal, SignError> {
         self.refuse_contradiction()?;
         match (&self.point, &self.comma, &self.either) {
@@ -134,7 +136,7 @@ impl Signs {
         }
     }
 
-    /// What is said where points are taken for signs of fractions, and every one of them may be between thousands.
+    /// Returns the warning for points that are read as decimal signs although every one may separate thousands.
     pub fn doubt(&self) -> Option<String> {
         let Shown { cell, path } = self.open_point.as_ref().filter(|_| self.point.is_none())?;
         Some(format!(
@@ -143,16 +145,16 @@ impl Signs {
         ))
     }
 
-    /// Refuse two cells that separate fractions by two signs, or may.
+    /// Rejects two cells that have, or may have, different decimal signs.
     ///
     /// # Errors
-    /// If there are such.
+    /// If there are such cells.
     pub fn refuse_contradiction(&self) -> Result<(), SignError> {
         let (point, comma) = match (&self.point, &self.open_point, &self.comma, &self.either) {
             (Some(point), _, Some(comma), _) | (None, Some(point), Some(comma), _) => {
                 (point, comma)
             }
-            // 3.611 and 10,710: one of them is above a thousand, and nothing says which.
+            // 3.611 and 10,710: one of them is above a thousand, and nothing shows which.
             (None, Some(point), None, Some(comma)) if comma.cell.contains(',') => (point, comma),
             _ => return Ok(()),
         };
@@ -169,16 +171,16 @@ impl Signs {
     }
 }
 
-/// Digits of a whole number that an f64 holds exactly, and the powers of ten that it may be divided by.
+/// Number of digits of a whole number that an f64 holds exactly, and the powers of ten by which it may be divided.
 const EXACT_DIGITS: usize = 15;
 const POWERS_OF_TEN: [f64; EXACT_DIGITS + 1] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// The number that `cell` is if it is written plainly: an optional minus, digits, and perhaps one sign of the fraction
-/// between digits. `None` says nothing about the cell.
+/// Returns the number in a plainly written `cell`: an optional minus, digits, and at most one decimal sign between
+/// digits. `None` says nothing about the cell.
 ///
-/// Most cells of most logs are such, and this is several times faster than [`cell_of`]. It gives the same bits: whole number
-/// and power of ten are exact, and one division rounds correctly (Clinger 1990).
+/// Most cells of most logs are plain, and this is several times faster than [`cell_of`]. It gives the same bits: the
+/// whole number and the power of ten are exact, and one division rounds correctly (Clinger 1990).
 #[inline]
 pub fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
     let fraction_sign = if decimal == Decimal::Comma { b',' } else { b'.' };
@@ -211,13 +213,13 @@ pub fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
     Some(if is_negative { -value } else { value })
 }
 
-/// Whether a cell is a number with a point that may be of a fraction or between thousands.
+/// Whether a cell is a number with a point that may be a decimal sign or separate thousands.
 pub fn may_be_thousand(cell: &str) -> bool {
     let cell = cell.trim();
     sign_of(cell) == Sign::Point && grouped(cell, '.')
 }
 
-/// What to say of a number that can be read in two ways.
+/// Returns the message for a number that can be read in two ways.
 pub fn either_way(cell: &str) -> String {
     let (sign, other) = if cell.contains(',') { (',', '.') } else { ('.', ',') };
     format!(
@@ -225,7 +227,7 @@ pub fn either_way(cell: &str) -> String {
     )
 }
 
-/// Whether a column has points, and all are where those between thousands would be.
+/// Whether a column has points, and every one is where it could separate thousands.
 fn are_grouped(cells: &[&str]) -> bool {
     let mut pointed = cells
         .iter()
@@ -234,8 +236,8 @@ fn are_grouped(cells: &[&str]) -> bool {
     pointed.peek().is_some() && pointed.all(|cell| grouped(cell, '.'))
 }
 
-/// Whether the cells of a column with [such points](are_grouped) may be whole numbers: several numbers of three digits have no point. One
-/// alone may be a limit, or stand for a missing value, as 999 does.
+/// Whether the cells of a column with [such points](are_grouped) may be whole numbers: several distinct numbers of
+/// three digits have no point. One alone may be a limit, or stand for a missing value, as 999 does.
 fn may_be_thousands(cells: &[&str]) -> bool {
     cells
         .iter()
@@ -246,7 +248,7 @@ fn may_be_thousands(cells: &[&str]) -> bool {
         && !cells.iter().any(|cell| cell.contains(','))
 }
 
-/// What `text` says about the decimal sign.
+/// Returns the evidence of `text` about the decimal sign.
 pub(crate) fn sign_of(text: &str) -> Sign {
     let joined = without_spaces(text);
     let text = mantissa(joined.as_deref().unwrap_or(text));
@@ -280,7 +282,7 @@ fn is_finite(text: &str) -> bool {
     text.parse::<f64>().is_ok_and(f64::is_finite)
 }
 
-/// The number that `text` is; `None` if it is none, or not certainly one.
+/// Reads `text` as a number; `None` if it is not a number, or not certainly one.
 pub fn parse_number(text: &str, decimal: Decimal) -> Option<f64> {
     let joined = without_spaces(text);
     let text = joined.as_deref().unwrap_or(text);
@@ -313,7 +315,7 @@ fn parse_plain(text: &str) -> Option<f64> {
     })
 }
 
-/// A number with this sign before its fraction and that one between its thousands.
+/// Reads a number with the given decimal sign and the given separator of thousands.
 fn parse_grouped(text: &str, fraction: char, thousands: char) -> Option<f64> {
     let mantissa = mantissa(text);
     let (whole, rest) = match mantissa.find(fraction) {
@@ -334,7 +336,7 @@ fn parse_grouped(text: &str, fraction: char, thousands: char) -> Option<f64> {
     number.parse().ok()
 }
 
-/// A number whose thousands are set apart by spaces of any width or by apostrophes, without them; none if they are not.
+/// Removes the spaces or apostrophes that separate thousands; `None` if there are none.
 fn without_spaces(text: &str) -> Option<String> {
     if text.bytes().all(|byte| byte.is_ascii() && byte != b' ' && byte != b'\'') {
         return None;
@@ -349,15 +351,15 @@ fn without_spaces(text: &str) -> Option<String> {
     })
 }
 
-/// A space, one that breaks no line, two narrow ones, and apostrophes.
+/// A space, a no-break space, two narrow spaces, and apostrophes.
 const BETWEEN_THOUSANDS: [char; 6] = [' ', '\u{A0}', '\u{202F}', '\u{2009}', '\'', '\u{2019}'];
 
-/// The number without its power of ten.
+/// Returns the number without its power of ten.
 fn mantissa(text: &str) -> &str {
     &text[..text.find(['e', 'E']).unwrap_or(text.len())]
 }
 
-/// Groups of three digits after the first, which has one to three.
+/// Whether groups of three digits follow a first group of one to three.
 fn grouped(text: &str, sign: char) -> bool {
     let text = text.strip_prefix(['+', '-']).unwrap_or(text);
     let mut groups = text.split(sign);
@@ -376,7 +378,8 @@ fn count(text: &str, byte: u8) -> usize {
     memchr::memchr_iter(byte, text.as_bytes()).count()
 }
 
-/// The cell that `text` is, `None` if it is one number or another. What is no number is a word, which counts as missing.
+/// Reads `text` as a cell; `None` if it could be either of two numbers. Text that is not a number is a word, which
+/// counts as missing.
 pub fn cell_of(text: &str, decimal: Decimal, words: &mut Words) -> Option<Cell> {
     let text = text.trim();
     if text.is_empty() {

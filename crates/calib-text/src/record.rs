@@ -1,48 +1,49 @@
-//! Records of text that is in memory.
+//! Splits text in memory into records.
 //!
-//! Text without quotes, which most logs are, is cut at its separators where it lies. All other text goes through
-//! csv-core, which copies each cell without its quotes and costs several times as much.
+//! Most logs have no quotes. Such text is cut at its separators in place. All other text goes through csv-core, which
+//! copies each cell without its quotes and costs several times as much.
 
 use csv_core::{ReadRecordResult, Reader, ReaderBuilder};
 
-/// What tells cells and records apart.
+/// The characters that delimit cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Marks {
-    /// Between two cells.
+    /// The byte between two cells.
     pub separator: u8,
-    /// Around a cell that holds a separator or the end of a line.
+    /// The byte around a cell that contains a separator or a line break.
     pub quote: u8,
 }
 
-/// Goes from record to record; empty lines are none. Its memory is used again for each.
+/// Iterates over records and skips empty lines. All records share one buffer.
 pub struct RecordReader<'a> {
     reader: Reader,
     marks: Marks,
     text: &'a [u8],
     read: usize,
     source: CellText<'a>,
-    /// Where each cell of the record ends in `source`.
+    /// End of each cell of the record in `source`, in bytes.
     ends: Vec<usize>,
     count: usize,
     line: u64,
 }
 
-/// Where the cells of a record lie.
+/// The text of the cells of a record.
 enum CellText<'a> {
-    /// In the text, with a separator between two of them. This is the record without its end of line.
+    /// The record in the original text, with separators and without the line break.
     Text(&'a [u8]),
-    /// In a copy without quotes, one after the other.
+    /// A copy of the cells without quotes or separators.
     Copy(Vec<u8>),
 }
 
-/// Whether text can be cut at its separators and line feeds: it has no quote, and no carriage return ends a line alone.
+/// Whether text can be cut at its separators and line feeds: it has no quote, and every carriage return precedes a line
+/// feed.
 fn is_unquoted(text: &[u8], quote: u8) -> bool {
     memchr::memchr(quote, text).is_none()
         && memchr::memchr_iter(b'\r', text).all(|at| text.get(at + 1) == Some(&b'\n'))
 }
 
 impl<'a> RecordReader<'a> {
-    /// The records of `text`.
+    /// Creates a reader of the records of `text`.
     pub fn new(text: &'a [u8], marks: Marks) -> Self {
         let reader = ReaderBuilder::new().delimiter(marks.separator).quote(marks.quote).build();
         Self {
@@ -61,7 +62,7 @@ impl<'a> RecordReader<'a> {
         }
     }
 
-    /// Go to the next record; false if there is none.
+    /// Moves to the next record; returns false at the end of the text.
     pub fn advance(&mut self) -> bool {
         let CellText::Copy(cells) = &mut self.source else { return self.advance_in_text() };
         let mut written = 0;
@@ -82,7 +83,7 @@ impl<'a> RecordReader<'a> {
                     self.line = self.reader.line() - u64::from(ended);
                     return true;
                 }
-                // Without text left, the next call ends the last record.
+                // With no text left, the next call ends the last record.
                 ReadRecordResult::InputEmpty => {}
                 ReadRecordResult::OutputFull => cells.resize(2 * cells.len(), 0),
                 ReadRecordResult::OutputEndsFull => self.ends.resize(2 * self.ends.len(), 0),
@@ -91,7 +92,7 @@ impl<'a> RecordReader<'a> {
         }
     }
 
-    /// [`Self::advance`] in text without quotes.
+    /// Does the work of [`Self::advance`] for text without quotes.
     fn advance_in_text(&mut self) -> bool {
         while self.read < self.text.len() {
             let rest = &self.text[self.read..];
@@ -115,13 +116,13 @@ impl<'a> RecordReader<'a> {
         false
     }
 
-    /// Number of cells of the record.
+    /// Returns the number of cells of the record.
     #[inline]
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// A cell of the record.
+    /// Returns a cell of the record.
     #[inline]
     pub fn cell(&self, position: usize) -> &[u8] {
         let before = position.checked_sub(1).map(|before| self.ends[before]);
@@ -131,23 +132,23 @@ impl<'a> RecordReader<'a> {
         }
     }
 
-    /// The cells of the record.
+    /// Iterates over the cells of the record.
     #[inline]
     pub fn cells(&self) -> impl Iterator<Item = &[u8]> {
         (0..self.count).map(|position| self.cell(position))
     }
 
-    /// The line that the record ends in, from 1.
+    /// Returns the line in which the record ends, from 1.
     pub fn line(&self) -> u64 {
         self.line
     }
 
-    /// Whether the record is the last of the text, and no line break follows it.
+    /// Whether the record is the last of the text and no line break follows it.
     pub fn lacks_line_break(&self) -> bool {
         self.read == self.text.len() && !matches!(self.text.last(), Some(b'\n' | b'\r'))
     }
 
-    /// Bytes up to the next record, with the end of the line.
+    /// Returns the offset of the next record in bytes, after the line break.
     pub fn position(&self) -> usize {
         let at = self.read;
         // The reader stops before the line feed of CR LF.
@@ -187,7 +188,7 @@ mod tests {
     #[test]
     fn only_a_last_record_lacks_its_line_break() {
         let marks = Marks { separator: b';', quote: b'"' };
-        // The second text has quotes, which are read in another way.
+        // The second text has quotes, so the other code path reads it.
         for text in ["a;b\r\n1;2", "a;\"b\"\n1;2"] {
             let lacking = |text: &str| {
                 let mut records = RecordReader::new(text.as_bytes(), marks);
@@ -204,7 +205,7 @@ mod tests {
         }
     }
 
-    /// Each record: its cells, its line, and where the next one begins.
+    /// Returns for each record its cells, its line, and the offset of the next record.
     fn all_of(mut records: RecordReader<'_>) -> Vec<(Vec<Vec<u8>>, u64, usize)> {
         let mut all = Vec::new();
         while records.advance() {

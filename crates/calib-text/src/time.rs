@@ -1,32 +1,32 @@
-//! Instants as text: ISO 8601 in, ISO 8601 out.
+//! Reads and writes instants as text in ISO 8601.
 
 use calib_core::Timestamp;
 use jiff::{civil, tz::TimeZone};
 
-/// A time as text has it.
+/// A time read from text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParsedTime {
-    /// With an offset from UTC: microseconds since 1970-01-01T00:00:00Z.
+    /// A time with an offset from UTC: microseconds since 1970-01-01T00:00:00Z.
     Instant(i64),
-    /// What a clock showed, without saying where: as if it were UTC.
+    /// A wall-clock time without a zone: microseconds as if it were UTC.
     Wall(i64),
 }
 
 impl ParsedTime {
-    /// The instant, of a clock that shows UTC.
+    /// Returns the instant, with wall-clock times read as UTC.
     pub fn as_it_stands(self) -> i64 {
         let (Self::Instant(micros) | Self::Wall(micros)) = self;
         micros
     }
 }
 
-/// The instant that `text` names: RFC 3339 (`2022-11-01T06:00:00Z`, any offset), a date and time
-/// without an offset (kept as it stands, `T` or a space between), or a date.
+/// Reads the instant in `text`: RFC 3339 (`2022-11-01T06:00:00Z`, any offset), a date and time
+/// without an offset (read as UTC, with `T` or a space in between), or a date.
 pub fn parse_time(text: &str) -> Option<Timestamp> {
     parse_stamp(text).map(|stamp| Timestamp::from_micros(stamp.as_it_stands()))
 }
 
-/// The same, with whether it has an offset.
+/// Reads a time like [`parse_time`], and keeps whether it has an offset.
 pub fn parse_stamp(text: &str) -> Option<ParsedTime> {
     let text = text.trim();
     if let Ok(instant) = text.parse::<jiff::Timestamp>() {
@@ -36,7 +36,7 @@ pub fn parse_stamp(text: &str) -> Option<ParsedTime> {
     Some(ParsedTime::Wall(TimeZone::UTC.to_timestamp(wall).ok()?.as_microsecond()))
 }
 
-/// `2022-11-01 06:00:00`, with fractions of a second where there are any.
+/// Formats a time as `2022-11-01 06:00:00`, with fractions of a second if there are any.
 pub fn format_time(time: Timestamp) -> String {
     jiff::Timestamp::from_microsecond(time.as_micros()).map_or_else(
         |_| format!("{} microseconds", time.as_micros()),

@@ -1,4 +1,4 @@
-//! What numbers that are times count: the study says it, or their sizes tell, or two readings are left and nothing does.
+//! The unit of numeric times: the study gives it, or the size of the numbers shows it, or two units remain possible.
 
 use std::ops::RangeInclusive;
 
@@ -32,7 +32,7 @@ const DAYS_TO_1970: f64 = 25_569.0;
 const MILLIS_A_DAY: f64 = 86_400e3;
 
 impl TimestampUnit {
-    /// The time that `number` is, in microseconds since 1970.
+    /// Converts `number` to microseconds since 1970.
     pub fn in_micros(self, number: f64) -> i64 {
         let micros = match self {
             Self::Seconds => number * 1e6,
@@ -45,7 +45,7 @@ impl TimestampUnit {
         micros.round() as i64
     }
 
-    /// The same of a whole number, which keeps all its digits: nanoseconds have more than an `f64`.
+    /// Converts a whole number to microseconds without losing digits: nanoseconds have more digits than an `f64`.
     pub fn whole_in_micros(self, number: i64) -> i64 {
         match self {
             Self::Seconds => number.saturating_mul(1_000_000),
@@ -56,12 +56,12 @@ impl TimestampUnit {
         }
     }
 
-    /// A time of so many microseconds, as the numbers have it: spreadsheets know no time zones.
+    /// Returns the time at `micros`: a wall-clock time for spreadsheets, which have no time zones, and else an instant.
     pub fn stamp(self, micros: i64) -> ParsedTime {
         if self == Self::Excel { ParsedTime::Wall(micros) } else { ParsedTime::Instant(micros) }
     }
 
-    /// What the study calls it.
+    /// Returns the name of the unit in a study.
     pub fn key(self) -> &'static str {
         match self {
             Self::Seconds => "s",
@@ -72,7 +72,7 @@ impl TimestampUnit {
         }
     }
 
-    /// What a person calls it.
+    /// Returns a readable name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Seconds => "seconds",
@@ -84,9 +84,9 @@ impl TimestampUnit {
     }
 }
 
-/// Years 1990 to 2100, in microseconds: when plants are logged.
+/// Years 1990 to 2100, in microseconds: the usual time of plant logs.
 const NOW: RangeInclusive<i64> = 631_152_000_000_000..=4_133_894_400_000_000;
-/// Years 1900 to 1969: when logs before 1970 are of.
+/// Years 1900 to 1969, in microseconds: the time of logs before 1970.
 const BEFORE: RangeInclusive<i64> = -2_208_988_800_000_000..=-1;
 
 const SINCE_1970: [TimestampUnit; 4] = [
@@ -96,11 +96,11 @@ const SINCE_1970: [TimestampUnit; 4] = [
     TimestampUnit::Nanoseconds,
 ];
 
-/// Numbers that count something else, which calib does not read.
+/// A unit that calib recognises but does not read.
 struct Foreign {
     name: &'static str,
     micros: f64,
-    /// What 1970 is.
+    /// The number that stands for 1970.
     zero: f64,
 }
 
@@ -123,13 +123,13 @@ const FOREIGN: [Foreign; 6] = [
     Foreign { name: "ticks of .NET", micros: 0.1, zero: 621_355_968e9 },
 ];
 
-/// The units that numbers may have: one where their sizes tell.
+/// Returns the units that numbers may have; a single one if the size of the numbers is conclusive.
 ///
-/// In seconds, 1e11 is the year 5138; in milliseconds it is 1973. The same holds for the other steps. Numbers before 1970 are
-/// small in every unit, and days of a spreadsheet are seconds of the first day of 1970.
+/// In seconds, 1e11 is the year 5138; in milliseconds it is 1973. The same holds for the other steps. Numbers before
+/// 1970 are small in every unit, and days of a spreadsheet are seconds of the first day of 1970.
 ///
 /// # Errors
-/// If they may count something that calib does not read, in words.
+/// If the numbers may have a unit that calib does not read: the reason, in words.
 pub fn units(numbers: &[f64]) -> Result<Vec<TimestampUnit>, String> {
     let sorted = sorted(numbers);
     let Some(&middle) = sorted.get(sorted.len() / 2) else {
@@ -163,7 +163,7 @@ pub fn units(numbers: &[f64]) -> Result<Vec<TimestampUnit>, String> {
     Ok(vec![guess])
 }
 
-/// Whether it is so of all but a quarter of the numbers: some stand for something else.
+/// Whether at least three quarters of the numbers satisfy a condition: some stand for something else.
 fn mostly(numbers: &[f64], is_so: impl Fn(f64) -> bool) -> bool {
     4 * numbers.iter().filter(|&&number| is_so(number)).count() >= 3 * numbers.len()
 }
@@ -172,7 +172,7 @@ fn told(micros: i64) -> String {
     format_time(calib_core::Timestamp::from_micros(micros))
 }
 
-/// What to say of a number that may have several units.
+/// Returns the message about a number that may have several units.
 pub fn unit_readings(number: &str, units: &[TimestampUnit]) -> String {
     units.iter().map(|unit| Notation::Number(*unit).reading(number)).collect::<Vec<_>>().join(", ")
 }
@@ -186,7 +186,7 @@ fn by_size(size: f64) -> TimestampUnit {
     }
 }
 
-/// The finite numbers in order, evenly thinned where there are many.
+/// Returns the finite numbers in ascending order, evenly thinned if there are many.
 fn sorted(numbers: &[f64]) -> Vec<f64> {
     let thinned = numbers.iter().step_by(numbers.len() / THINNED + 1).copied();
     let mut sorted: Vec<f64> = thinned.filter(|number| number.is_finite()).collect();
@@ -194,7 +194,7 @@ fn sorted(numbers: &[f64]) -> Vec<f64> {
     sorted
 }
 
-/// Numbers that are looked at for their unit.
+/// Number of values that are examined for their unit.
 const THINNED: usize = 1 << 16;
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-//! Wall-clock times of a place as instants.
+//! Converts local wall-clock times to instants.
 //!
-//! Where clocks are set back, an hour of wall-clock times comes twice. Which of the two a row is of, its time alone does
-//! not say: the rows around it may. [`LocalTimes`] holds the rows of such an hour back until they do.
+//! When clocks are set back, one hour of wall-clock times occurs twice. The time of a row alone does not show which of
+//! the two it is, but the rows around it may. [`LocalTimes`] holds the rows of such an hour back until they do.
 
 use std::collections::{HashSet, VecDeque};
 
@@ -10,21 +10,21 @@ use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
 
 use crate::{NO_TIME, ParsedTime, format_time};
 
-/// The rules of a place.
+/// The time zone of a place.
 #[derive(Clone, Debug)]
 pub struct Zone(TimeZone);
 
-/// What a wall-clock time stands for.
+/// The possible instants of a wall-clock time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meaning {
     Once(i64),
     /// Clocks showed it before and after they were set back.
     Twice(Fold),
-    /// Clocks were set forward over it. With the instant by the clock before that.
+    /// Clocks skipped it when they were set forward. Holds the instant by the clock before that.
     Never(i64),
 }
 
-/// A wall-clock time that came twice.
+/// The two instants of a wall-clock time that occurred twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Fold {
     first: i64,
@@ -32,7 +32,7 @@ struct Fold {
 }
 
 impl Zone {
-    /// The zone called `name`, such as `Europe/Paris` or `UTC`; `None` if there is none.
+    /// Returns the zone called `name`, such as `Europe/Paris` or `UTC`; `None` if it does not exist.
     pub fn new(name: &str) -> Option<Self> {
         TimeZone::get(name).ok().map(Self)
     }
@@ -50,8 +50,8 @@ impl Zone {
         })
     }
 
-    /// The instant that a moment of a study is: of two the first one, and a time that clocks left out is read by the
-    /// clock before it.
+    /// Returns the instant of a wall-clock time in a study. If there are two, it returns the first. A time that clocks
+    /// skipped is read by the clock before the change.
     pub fn moment(&self, wall: i64) -> Option<i64> {
         self.meaning(wall).map(|meaning| match meaning {
             Meaning::Once(instant) | Meaning::Never(instant) => instant,
@@ -59,15 +59,16 @@ impl Zone {
         })
     }
 
-    /// What clocks show at `instant`, in microseconds, as if it were UTC; the instant itself outside of the years that clocks know.
+    /// Returns the wall-clock time at `instant`, in microseconds, as if it were UTC. Beyond the supported years it
+    /// returns the instant itself.
     pub fn wall(&self, instant: Timestamp) -> i64 {
         let micros = instant.as_micros();
         jiff::Timestamp::from_microsecond(micros)
             .map_or(micros, |at| micros + i64::from(self.0.to_offset(at).seconds()) * 1_000_000)
     }
 
-    /// `instant` as a study has it: `2022-11-01T06:00:00` on the clock of the place, with an offset where [`Self::moment`] would read
-    /// another instant from that.
+    /// Formats `instant` for a study: `2022-11-01T06:00:00` on the local clock. It adds an offset where
+    /// [`Self::moment`] would read another instant from the text.
     pub fn written(&self, instant: Timestamp) -> String {
         let micros = instant.as_micros();
         let wall = self.wall(instant);
@@ -80,30 +81,30 @@ impl Zone {
     }
 }
 
-/// Of the last steps before an hour that comes twice, the shortest tells how far apart rows are: so many are needed, and
-/// so many are kept.
+/// Numbers of steps that are needed and kept to find the sampling interval before an hour that occurs twice. The
+/// interval is the shortest of the last steps.
 const FEWEST_STEPS: usize = 8;
 const MOST_STEPS: usize = 30;
-/// A step longer than this many of those is a gap.
+/// A step of more than this many sampling intervals is a gap.
 const GAP: f64 = 1.25;
 
-/// Rows of a file or of a tag, one after the other as they were recorded, on the clock of a place.
+/// Rows of a file or of a tag in recorded order, with times on a local clock.
 #[derive(Debug)]
 pub struct LocalTimes<Row> {
     zone: Zone,
     last: Option<i64>,
-    /// Steps forward less steps back: below zero where the newest rows come first. A few rows in disorder change nothing.
+    /// Steps forward minus steps back: negative if the newest rows come first. A few rows out of order do not matter.
     forward: i64,
     /// The last steps between rows.
     steps: VecDeque<i64>,
-    /// Rows of an hour that comes twice, and those without a time among them.
+    /// Rows of an hour that occurs twice, and rows without a time among them.
     waiting: Vec<(Row, Option<Fold>)>,
-    /// Rows whose time names no instant, or two between which nothing decides.
+    /// Number of rows whose time names no instant, or two that the other rows cannot tell apart.
     pub undecided: u64,
 }
 
 impl<Row> LocalTimes<Row> {
-    /// Rows on the clock of `zone`.
+    /// Creates an empty queue for the clock of `zone`.
     pub fn new(zone: Zone) -> Self {
         Self {
             zone,
@@ -115,10 +116,11 @@ impl<Row> LocalTimes<Row> {
         }
     }
 
-    /// Take the next row. `out` gets rows in this order, each with its instant or [`NO_TIME`], as soon as that is known.
+    /// Adds the next row. `out` receives the rows in the same order, each with its instant or [`NO_TIME`], as soon as
+    /// that is known.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// If `out` fails.
     pub fn push<E>(
         &mut self,
         stamp: Option<ParsedTime>,
@@ -156,15 +158,15 @@ impl<Row> LocalTimes<Row> {
         }
     }
 
-    /// Say that there are no more rows.
+    /// Decides about the remaining rows: no more rows follow.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// If `out` fails.
     pub fn finish<E>(&mut self, out: &mut impl FnMut(Row, i64) -> Result<(), E>) -> Result<(), E> {
         self.settle(None, out)
     }
 
-    /// Decide about the rows that wait; the next one is at `next`.
+    /// Decides about the waiting rows; `next` is the instant of the next row.
     fn settle<E>(
         &mut self,
         next: Option<i64>,
@@ -208,9 +210,10 @@ impl<Row> LocalTimes<Row> {
         self.last = Some(instant);
     }
 
-    /// Whether each row is of the hour before clocks were set back, if rows tell.
+    /// Returns for each row whether it belongs to the hour before clocks were set back; `None` if the rows do not show
+    /// it.
     fn first_pass(&self, mut folds: Vec<Fold>, next: Option<i64>) -> Option<Vec<bool>> {
-        // Clocks go back once, whichever way most rows go.
+        // Clocks go back once, in whichever direction most rows are sorted.
         let forward = Some(self.forward).filter(|forward| *forward != 0);
         let forward = forward.unwrap_or_else(|| {
             folds.windows(2).map(|pair| pair[1].first.cmp(&pair[0].first) as i64).sum()
@@ -232,13 +235,13 @@ impl<Row> LocalTimes<Row> {
         Some(is_first)
     }
 
-    /// The step from one row to the next where none is missing, if there are enough to tell.
+    /// Returns the sampling interval, if there are enough steps to know it.
     fn step(&self) -> Option<i64> {
         if self.steps.len() < FEWEST_STEPS { None } else { self.steps.iter().copied().min() }
     }
 }
 
-/// Rows of an hour that comes twice, the oldest first.
+/// Rows of an hour that occurs twice, the oldest first.
 struct Passes<'a> {
     folds: &'a [Fold],
     before: Option<i64>,
@@ -247,10 +250,10 @@ struct Passes<'a> {
 }
 
 impl Passes<'_> {
-    /// How many of the rows are of the first of the two hours.
+    /// Returns how many of the rows belong to the first of the two hours; `None` if it is unknown.
     ///
-    /// Where times go back, that is where clocks did, unless a single row stands out of order. Where they do not, it is the
-    /// only place that leaves no gap in rows which otherwise have none. Else nobody knows.
+    /// If times go back, the clocks were set back there, unless a single row is out of order. If they do not, the split
+    /// is the only position that leaves no gap in rows that otherwise have no gap.
     fn split(&self) -> Option<usize> {
         let hour = self.folds[0].second - self.folds[0].first;
         let back = |row: &usize| self.folds[row - 1].first - self.folds[*row].first;
@@ -258,7 +261,7 @@ impl Passes<'_> {
         let Some(deepest) = falls.iter().copied().max_by_key(back) else {
             // At the end of a log any row may be missing.
             self.before.zip(self.after)?;
-            // The same time twice is the second hour, and no copy of a row: or else nobody knows.
+            // A repeated time belongs to the second hour and is not a copy of a row. Otherwise the split is unknown.
             let mut again = (1..self.folds.len()).filter(|row| back(row) == 0);
             let splits = match (again.next(), again.next()) {
                 (None, _) => 0..=self.folds.len(),
@@ -277,13 +280,13 @@ impl Passes<'_> {
         is_told.then_some(deepest)
     }
 
-    /// Whether a row from `split` on has the time of one before it.
+    /// Whether a row from `split` on repeats the time of a row before `split`.
     fn repeats(&self, split: usize) -> bool {
         let passed: HashSet<i64> = self.folds[..split].iter().map(|fold| fold.first).collect();
         self.folds[split..].iter().any(|fold| passed.contains(&fold.first))
     }
 
-    /// Whether rows follow each other without a gap if `split` of them are of the first hour.
+    /// Whether the rows have no gap if `split` of them belong to the first hour.
     fn is_gapless(&self, split: usize) -> bool {
         let Some(step) = self.step else { return false };
         let is_short = |from: Option<i64>, to: Option<i64>| {
@@ -332,8 +335,8 @@ mod tests {
         (all.into_iter().map(|(_, instant)| instant).collect(), rows.undecided)
     }
 
-    /// Minutes from midnight UTC of the day, for wall-clock times of it, or of another that is named, which follow many rows of
-    /// so many minutes.
+    /// Returns minutes from midnight UTC of `day` for wall-clock times of that day, or of another day that a time
+    /// names. Many rows at intervals of `period` minutes precede them.
     fn after(zone: &str, day: &str, period: i64, shown: &[&str]) -> Vec<Option<i64>> {
         let first = wall(&format!("{day}T{}:00", shown[0]));
         let earlier = (1..=9).rev().map(|row| first - row * period * MINUTE);
@@ -347,7 +350,8 @@ mod tests {
         minutes(zone, day, &all).split_off(9)
     }
 
-    /// Minutes from midnight UTC of the day, for wall-clock times of it, or of another that is named.
+    /// Returns minutes from midnight UTC of `day` for wall-clock times of that day, or of another day that a time
+    /// names.
     fn minutes(zone: &str, day: &str, shown: &[&str]) -> Vec<Option<i64>> {
         let midnight = wall(&format!("{day}T00:00:00"));
         let walls: Vec<i64> = shown
@@ -371,12 +375,12 @@ mod tests {
         minutes.iter().map(|&minute| Some(minute)).collect()
     }
 
-    /// As [`minutes`], on a day when clocks in Paris go back.
+    /// Calls [`minutes`] for a day when clocks in Paris go back.
     fn paris(shown: &[&str]) -> Vec<Option<i64>> {
         minutes("Europe/Paris", "2024-10-27", shown)
     }
 
-    /// As [`after`], on the same day.
+    /// Calls [`after`] for the same day.
     fn paris_every(period: i64, shown: &[&str]) -> Vec<Option<i64>> {
         after("Europe/Paris", "2024-10-27", period, shown)
     }
@@ -388,7 +392,7 @@ mod tests {
         assert_eq!(paris(&oldest_first), some(&[-30, 0, 30, 60, 90, 120]));
         let newest_first = ["03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
         assert_eq!(paris(&newest_first), some(&[120, 90, 60, 30, 0, -30]));
-        // Rows that do not stand at whole hours: the same time twice is an hour.
+        // Rows that are not at full hours: the same time twice is an hour apart.
         let half_past = ["00:30", "01:30", "02:30", "02:30", "03:30"];
         assert_eq!(paris_every(60, &half_past), some(&[-90, -30, 30, 90, 150]));
         assert_eq!(
@@ -430,7 +434,7 @@ mod tests {
         assert_eq!(once[..2], some(&[24 * 60 + 30, 24 * 60 + 45]));
         assert_eq!(once[2..], [None, None]);
         assert_eq!(paris(&["02:30"]), [None]);
-        // A row out of order is no second pass.
+        // A row out of order is not a second pass.
         let disorder = paris(&["01:45", "02:00", "02:30", "02:20", "02:45", "03:00"]);
         assert_eq!(disorder[1..5], [None; 4]);
         // 2024-03-31: clocks go from 2:00 to 3:00.
@@ -464,7 +468,7 @@ mod tests {
     }
 
     proptest! {
-        /// Rows of which the wall-clock times are known to be those of instants: what is placed is placed right.
+        /// Checks on rows with known instants that every decided row gets the right instant.
         #[test]
         fn no_row_is_placed_an_hour_off(
             zone in prop::sample::select(vec![

@@ -73,7 +73,7 @@ fn cells_tell_the_decimal_sign() {
     assert_eq!(signs, expected);
 }
 
-/// The decimal sign of files that have a cell each.
+/// Returns the decimal sign of files with one cell each.
 fn told(cells: &[&str]) -> Result<Decimal, String> {
     let mut signs = Signs::default();
     for (file, cell) in cells.iter().enumerate() {
@@ -99,7 +99,7 @@ fn a_decimal_sign_that_nothing_tells_is_asked_for() {
     assert!(one.contains("it has 2.5 and 1,5: say with data.decimal"), "{one}");
 }
 
-/// The decimal sign of a file whose columns have these cells.
+/// Returns the decimal sign of a file whose columns have these cells.
 fn told_by_columns(columns: &[&[&str]], semicolons: bool) -> Result<Decimal, String> {
     let mut signs = Signs::default();
     for cells in columns {
@@ -128,7 +128,7 @@ fn points_that_may_be_of_thousands_are_asked_about() {
     ] {
         assert_eq!(told_by_columns(&[&fractions], true), Ok(Decimal::Point), "{fractions:?}");
     }
-    // Two points are of no fraction, whatever stands beside them.
+    // A number with two points has no decimal point, whatever the other cells are.
     let millions: &[&str] = &["1.234.567", "1.001", "998", "997"];
     assert_eq!(told_by_columns(&[millions], true), Ok(Decimal::Comma));
 }
@@ -142,7 +142,7 @@ fn points_and_commas_that_may_both_be_of_thousands_are_asked_about() {
         assert!(asked.contains("a.csv: it has 3.611 and 10,710: say with data.decimal"), "{asked}");
         assert_eq!(told_by_columns(&[amount], semicolons), Ok(Decimal::Point));
     }
-    // Other numbers of decimals, and zeros before them, settle it.
+    // Other numbers of decimals, and leading zeros, settle it.
     for settled in [&["3.61", "3.622"][..], &["0.611", "3.622"]] {
         assert_eq!(told_by_columns(&[settled, &["10,710"]], true), Ok(Decimal::Point));
     }
