@@ -10,11 +10,11 @@ use crate::{
     range::{Range, Span},
 };
 
-/// What one field is swept over or drawn from: a list of values, or a range.
+/// The values that one swept field takes: a list or a range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Axis {
-    /// These values.
+    /// A list of values.
     List(Vec<Value>),
     /// A range of numbers.
     Range(Range),
@@ -35,7 +35,7 @@ impl JsonSchema for Axis {
 }
 
 impl<'de> Deserialize<'de> for Axis {
-    /// By hand, because serde's untagged enums do not say what is wrong.
+    /// Written by hand: errors of serde's untagged enums do not say what is wrong.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match Value::deserialize(deserializer)? {
             Value::Array(values) => Ok(Self::List(values)),
@@ -55,48 +55,50 @@ impl From<Vec<Value>> for Axis {
     }
 }
 
-/// The values of an axis, ready to be enumerated or drawn from.
+/// The values of an axis, prepared for enumeration and for random draws.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Points {
-    /// Each of these.
+    /// A list of values, each equally likely.
     Discrete(Vec<Value>),
-    /// Anything in between.
+    /// Every number of a range.
     Continuous(Span),
 }
 
-/// What is wrong with the values of an axis.
+/// An error in the values of an axis.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AxisError {
     /// An empty list.
     #[error("it has no values; give a list such as [0.8, 0.9], or a range")]
     Empty,
-    /// The same value twice in a list.
+    /// A list with a repeated value.
     #[error("it has the value {value} twice; remove one")]
     Repeated {
-        /// The value.
+        /// The repeated value.
         value: String,
     },
     /// A range that holds no values.
     #[error("{reason}")]
     Range {
-        /// What is wrong with it.
+        /// The reason.
         reason: String,
     },
 }
 
 impl Axis {
-    /// The value that a uniform draw `unit` from `[0, 1)` stands for: each of a list or of a range's listed numbers is equally likely,
-    /// any number of an open range, evenly or evenly in the logarithm.
+    /// Maps a uniform draw `unit` from `[0, 1)` to a value. Each value of a list, or of a range that stands for a list,
+    /// is equally likely. An open range is sampled uniformly, on a linear or a logarithmic scale.
     ///
-    /// `like` is a value of the field, such as its default, if it has one: where that is a whole number, so are the draws.
+    /// `like` is a value of the field, such as its default. If it is a whole number, the drawn values are whole numbers
+    /// too.
     ///
     /// # Errors
-    /// An empty list, a repeated value, a range without numbers, or one for a field that is no number.
+    /// Returns an error for an empty list, a repeated value, a range without numbers, or a range for a field that is no
+    /// number.
     pub fn draw(&self, like: Option<&Value>, unit: f64) -> Result<Value, AxisError> {
         Ok(self.points_like(like)?.draw(unit).1)
     }
 
-    /// Its values as those of a field with the value `like`.
+    /// Returns the values of the axis for a field whose values look like `like`.
     fn points_like(&self, like: Option<&Value>) -> Result<Points, AxisError> {
         let points = match self {
             Self::List(values) => Points::Discrete(values.clone()),
@@ -114,7 +116,7 @@ impl Axis {
         Ok(points)
     }
 
-    /// Its values as those of the agent's field `field`.
+    /// Returns the values of the axis for the agent field `field`.
     pub(crate) fn points(&self, field: &str, agent: &AgentConfig) -> Result<Points, SweepError> {
         let fields = agent.fields();
         let Some(own) = fields.get(field) else {
@@ -138,7 +140,7 @@ impl Axis {
 }
 
 impl Points {
-    /// The value that a uniform draw from `[0, 1)` stands for, and its place in the order of a grid.
+    /// Maps a uniform draw from `[0, 1)` to a value, and returns it with its place in grid order.
     pub(crate) fn draw(&self, unit: f64) -> (f64, Value) {
         match self {
             Self::Discrete(values) => {
@@ -165,7 +167,7 @@ fn check_values(values: &[Value]) -> Result<(), AxisError> {
     Ok(())
 }
 
-/// Whether two values are one: 1 and 1.0 are.
+/// Whether two values are equal. The numbers 1 and 1.0 are.
 fn are_same(a: &Value, b: &Value) -> bool {
     match (a.as_f64(), b.as_f64()) {
         (Some(a), Some(b)) => a == b,

@@ -1,4 +1,4 @@
-//! What agents start from: simple predictors, fitted on the part of the log that a run does not replay.
+//! Simple predictors that agents start from. Each is fitted on the part of the log that the run does not replay.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -18,25 +18,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Environment, EnvironmentId, Span, SweepError};
 
-/// Version of how predictors are fitted. It is raised when the same log gives other coefficients.
+/// Version of the fitting method. Raise it when the same log gives other coefficients.
 const FIT_VERSION: u8 = 2;
 
-/// Less of the log than this share is too little to fit on: then all of it counts, also what a run replays.
+/// Smallest share of the log that predictors are fitted on. If fewer rows are left, they are fitted on the whole log,
+/// including the rows that the run replays.
 const LEAST_SHARE: f64 = 0.2;
 
-/// Rows of the training log that the predictors of a run may be fitted on.
+/// The rows of the training log that the predictors of a run may be fitted on.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum FittingRows {
-    /// All of them: the run is of data that come after.
+    /// All rows: the run uses later data.
     All,
-    /// All but those that the run replays.
+    /// All rows except these, which the run replays.
     AllBut(Vec<Range<usize>>),
-    /// The block that the member of a leave-one-block-out ensemble lacks.
+    /// Only the block that this member of a leave-one-block-out ensemble was not trained on.
     Only(Range<usize>),
 }
 
 impl FittingRows {
-    /// The rows that are left out of a log of `rows`.
+    /// Returns the row ranges to leave out of a log of `rows` rows.
     fn excluded(&self, rows: usize) -> Vec<Range<usize>> {
         match self {
             Self::All => Vec::new(),
@@ -46,15 +47,15 @@ impl FittingRows {
     }
 }
 
-/// The log that simple predictors are fitted on, with those that were fitted.
+/// The log that simple predictors are fitted on, with a cache of those already fitted.
 pub struct Baselines<'a> {
     log: &'a Frames,
     fingerprint: Fingerprint,
-    /// Each group has a lock of its own: runs that need the same predictors wait for them, others do not.
+    /// One lock per group: runs that need the same predictors wait for each other, other runs do not.
     fitted: Mutex<HashMap<FittingGroup, Arc<Mutex<Fits>>>>,
 }
 
-/// Predictors that are fitted on the same numbers. γ and the decays of traces are compared by their bits.
+/// The key of predictors that are fitted on the same numbers. γ and trace decays are compared bit by bit.
 #[derive(Clone, PartialEq, Eq, Hash)]
 struct FittingGroup {
     gamma: u64,
@@ -62,13 +63,13 @@ struct FittingGroup {
     rows: FittingRows,
 }
 
-/// A predictor of a column.
+/// A predictor kind and the column that it predicts.
 type WantedPredictor = (SimplePredictor, usize);
 
 type Fits = BTreeMap<WantedPredictor, Arc<FittedPredictor>>;
 
 impl<'a> Baselines<'a> {
-    /// Predictors that are fitted on the training log.
+    /// Creates an empty cache of predictors for the training log `log`.
     pub fn new(log: &'a Frames) -> Self {
         let mut fingerprint = Fingerprinter::default();
         fingerprint.add(&[FIT_VERSION]).add(bytemuck::cast_slice(log.states().as_slice()));
@@ -78,13 +79,14 @@ impl<'a> Baselines<'a> {
         Self { log, fingerprint: fingerprint.finish(), fitted: Mutex::default() }
     }
 
-    /// Of the log and of how predictors are fitted. What a run replays is in the inputs of its stream.
+    /// Returns the fingerprint of the log and the fitting method. The rows that a run replays belong to the inputs of
+    /// its stream instead.
     pub fn fingerprint(&self) -> &Fingerprint {
         &self.fingerprint
     }
 
-    /// The wanted predictors of what such an agent sees, fitted on these rows. A wide log takes seconds, so that the `monitor` is asked
-    /// before each fit.
+    /// Returns the `wanted` predictors for an agent like `agent`, fitted on `rows`. A fit on a wide log takes seconds,
+    /// so the `monitor` is checked before each fit.
     fn fitted(
         &self,
         wanted: &[WantedPredictor],
@@ -121,10 +123,10 @@ impl<'a> Baselines<'a> {
         Ok(wanted.iter().map(|wanted| Arc::clone(&fits[wanted])).collect())
     }
 
-    /// Every simple predictor of each sensor, fitted on these rows; sensors come with their column of the states.
+    /// Fits every simple predictor for each sensor on `rows`. `sensors` holds names and state columns.
     ///
     /// # Errors
-    /// If the `monitor` asks to stop.
+    /// Returns an error if the `monitor` asks to stop.
     pub fn simple(
         &self,
         sensors: &[(String, usize)],
@@ -137,7 +139,7 @@ impl<'a> Baselines<'a> {
             SimplePredictor::ALL.into_iter().map(move |predictor| (sensor, (predictor, *column)))
         });
         let wanted: Vec<WantedPredictor> = each.clone().map(|(_, wanted)| wanted).collect();
-        // All at once: what they share of the log is summed up once.
+        // One call for all predictors, so that shared sums over the log are computed once.
         let fitted = self.fitted(&wanted, &agent, rows, monitor)?;
         let named = each.zip(fitted).map(|((sensor, (predictor, column)), fitted)| FittedSimple {
             sensor: sensor.clone(),
@@ -148,11 +150,12 @@ impl<'a> Baselines<'a> {
         Ok(named.collect())
     }
 
-    /// The best simple predictor of each sensor, fitted on all of the log, as an agent with `baseline = "best"` starts from it
-    /// when it is deployed; sensors come with their column of the states. Those with too few rows to tell have none.
+    /// Returns the best simple predictor of each sensor, fitted on the whole log. An agent with `baseline = "best"`
+    /// starts from it at deployment. Sensors with too few rows to compare predictors have no entry. `sensors` holds
+    /// names and state columns.
     ///
     /// # Errors
-    /// If the `monitor` asks to stop.
+    /// Returns an error if the `monitor` asks to stop.
     pub fn best(
         &self,
         sensors: &[(String, usize)],
@@ -172,8 +175,8 @@ impl<'a> Baselines<'a> {
         Ok(all)
     }
 
-    /// What agents start from at each state of a run's stream, for each of these agents and the column that it predicts; none
-    /// for one that starts from nothing. The rows are those that the run's predictors may be fitted on.
+    /// Returns the baseline predictions at each state of a run's stream, for each agent and its predicted column. An
+    /// agent without a baseline gets `None`. `rows` are those that the run's predictors may be fitted on.
     pub(crate) fn predictions(
         &self,
         agents: &[(&AgentConfig, usize)],
@@ -243,22 +246,22 @@ pub struct SimpleScore {
     pub scores: Scores,
 }
 
-/// A stretch of a recorded log that predictors are scored on.
+/// A window of a recorded log that predictors are scored on.
 pub struct RecordedWindow {
-    /// Whether it is of the held-out range or of the log.
+    /// Whether the window is from the held-out range or the training log.
     pub environment: EnvironmentId,
-    /// Row of that range at which it begins.
+    /// Row of that range at which the window begins.
     pub start_row: u32,
-    /// What may be fitted on: not what it holds.
+    /// The rows to fit on: those outside the window.
     pub fitting_rows: FittingRows,
-    /// Its states.
+    /// The states of the window.
     pub stream: Box<dyn Stream>,
 }
 
-/// The recorded windows of these environments, each once.
+/// Returns the distinct recorded windows of these environments.
 ///
 /// # Errors
-/// If a stream cannot be made.
+/// Returns an error if a stream cannot be made.
 pub fn recorded_windows(
     environments: &[&dyn Environment],
 ) -> Result<Vec<RecordedWindow>, SweepError> {
@@ -284,11 +287,11 @@ pub fn recorded_windows(
     Ok(windows)
 }
 
-/// The errors of every simple predictor over these windows, in the order of windows, sensors and predictors. Predictors see
-/// the state, and are fitted on what the window does not hold.
+/// Scores every simple predictor on these windows. Scores are ordered by window, sensor and predictor. Predictors see
+/// the state and are fitted on rows outside the window.
 ///
 /// # Errors
-/// If no step of a window can be scored, or the `monitor` asks to stop.
+/// Returns an error if a window has no step to score, or the `monitor` asks to stop.
 pub fn simple_scores(
     baselines: &Baselines<'_>,
     windows: &[RecordedWindow],
@@ -304,7 +307,7 @@ pub fn simple_scores(
     Ok(scores?.into_iter().flatten().collect())
 }
 
-/// See [`simple_scores`], for one window.
+/// Scores the predictors on one window, as [`simple_scores`] does.
 fn window_scores(
     baselines: &Baselines<'_>,
     window: &RecordedWindow,
@@ -341,7 +344,7 @@ mod tests {
 
     use super::*;
 
-    /// Asks to stop once it was asked so many times.
+    /// A monitor that asks to stop after this many checks.
     struct StopsAfter(AtomicUsize);
 
     impl Monitor for StopsAfter {
@@ -352,7 +355,7 @@ mod tests {
         }
     }
 
-    /// Two columns that swing.
+    /// Returns a log with two oscillating columns.
     fn log(rows: usize) -> Frames {
         let values = (0..rows).flat_map(|row| [row as f32 / 7.0, row as f32 / 11.0]);
         let states = States::new(values.map(f32::sin).collect(), rows, 2).expect("valid");
@@ -369,7 +372,7 @@ mod tests {
         let fitted =
             |monitor: &dyn Monitor| baselines.simple(&sensors, 0.5, &FittingRows::All, monitor);
         assert_eq!(fitted(&StopsAfter(AtomicUsize::new(0))), Err(Cancelled));
-        // Once before all of them, and before each of two.
+        // The monitor is checked once at the start and once before each of the two fits.
         assert_eq!(fitted(&StopsAfter(AtomicUsize::new(3))), Err(Cancelled));
         let kept: usize = locked(&baselines.fitted).values().map(|fits| locked(fits).len()).sum();
         assert_eq!(kept, 2);

@@ -21,12 +21,12 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// The swept values for people: `learning_rate = 1e-4`.
+    /// Returns the swept values as text, such as `learning_rate = 1e-4`.
     pub fn label(&self) -> String {
         label(&self.values)
     }
 
-    /// The candidate as it predicts a sensor, with the discount factor of that sensor.
+    /// Returns the same setting with the discount factor of `sensor`.
     #[must_use]
     pub fn for_sensor(&self, sensor: &str) -> Self {
         Self { agent: self.agent.for_sensor(sensor), ..self.clone() }
@@ -37,7 +37,8 @@ fn label(values: &[(String, Value)]) -> String {
     values.iter().map(|(field, value)| format!("{field} = {}", written(value))).join(", ")
 }
 
-/// A swept value as one would write it by hand: `1e-4`, `0.05`, `1000`, `adam`. Below 0.01 with an exponent, as in reports.
+/// Formats a swept value as in a study: `1e-4`, `0.05`, `1000`, `adam`. Numbers below 0.01 have an exponent, as in
+/// reports.
 pub fn written(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -53,14 +54,20 @@ pub fn written(value: &Value) -> String {
     }
 }
 
-/// The candidates of a sweep: combinations of the swept values over the `[agent]` section, in the order of
-/// a grid, and the section's own values if no combination has them: in their place among the numbers of a single field, else last.
+/// Returns the settings of a sweep: combinations of the swept values over the `[agent]` section, in grid order. The
+/// section's own values are added if no combination has them. In a sweep of a single numeric field they take their
+/// place among the numbers, otherwise they come last.
 ///
-/// Values are drawn, where they are drawn, from `seed`.
+/// Random and Sobol samples depend on `seed`.
 ///
 /// # Errors
-/// An empty grid or field, gamma (each of its values is another question), a field that an agent lacks or that no agent uses, a range without numbers, a repeated value, more
-/// samples than there are combinations, or a combination that is not a valid agent.
+/// Returns an error for:
+/// - an empty grid or an empty field;
+/// - gamma, because each of its values asks another question;
+/// - a field that an agent lacks, or that no agent of the sweep uses;
+/// - a range without numbers, or a repeated value;
+/// - more samples than there are combinations;
+/// - a combination that is not a valid agent.
 pub fn candidates(
     sweep: &SweepConfig,
     agent: &AgentConfig,
@@ -105,7 +112,8 @@ pub fn candidates(
     Ok(all)
 }
 
-/// Where the default stands among the others: in its place where one field has increasing numbers, else last.
+/// Returns the position of the default among `others`: in numeric order if a single field has increasing numbers,
+/// otherwise last.
 fn place_of(values: &[(String, Value)], others: &[Candidate]) -> usize {
     let of_others: Option<Vec<f64>> =
         others.iter().map(|other| only_number(&other.values)).collect();
@@ -117,7 +125,7 @@ fn place_of(values: &[(String, Value)], others: &[Candidate]) -> usize {
     }
 }
 
-/// The value of the only field, if it is a number.
+/// Returns the value of the only swept field, if there is one field and its value is a number.
 fn only_number(values: &[(String, Value)]) -> Option<f64> {
     match values {
         [(_, value)] => value.as_f64(),
@@ -140,7 +148,8 @@ fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentC
     Ok(with)
 }
 
-/// The agent of a program: values are its own. Where the default is a fraction, a whole number is one too.
+/// Returns the agent of an external program, with these values as its parameters. A whole number becomes a fraction
+/// where the default is a fraction.
 fn of_program(agent: &AgentConfig, values: &[(String, Value)]) -> AgentConfig {
     let mut with = agent.clone();
     for (field, value) in values {
@@ -206,7 +215,7 @@ mod tests {
             assert!(refused.contains(&format!("sweep.grid.{field} decides nothing")), "{refused}");
             assert!(refused.contains(needed), "{refused}");
         }
-        // Where one of the swept optimisers uses it, it is swept.
+        // A field counts as used if at least one of the swept optimisers uses it.
         let both = vec![Value::from("adam"), Value::from("sgd")];
         let numbers = vec![Value::from(0.1), Value::from(0.2)];
         let grid = BTreeMap::from([

@@ -2,12 +2,12 @@ use calib_files::Fingerprint;
 
 use crate::{Environment, EnvironmentId, RunStream, SweepError};
 
-/// An environment of which everything is known but its streams: for plans of which this process runs other parts.
+/// The description of an environment without its streams, for plans of which this process runs only other parts.
 #[derive(Clone, Debug)]
 pub struct ClosedEnvironment {
-    /// Which it is.
+    /// The environment.
     pub id: EnvironmentId,
-    /// What the stream of each run is made from.
+    /// The fingerprint of each run's stream inputs.
     pub inputs: Vec<Fingerprint>,
 }
 

@@ -1,4 +1,4 @@
-//! Passes that an accelerator makes side by side.
+//! Passes that an accelerator trains side by side. Such a group of passes is a cohort.
 
 use std::collections::BTreeMap;
 
@@ -8,15 +8,15 @@ use rayon::prelude::*;
 
 use crate::{RunStream, SettingRun, SweepError, UnitRuns, UnitSink, pass::Pass};
 
-/// Make these passes, as many side by side as the accelerator can; results come in the order of the passes. Those of a cohort are kept once all of it is
-/// done.
+/// Runs these passes, as many side by side as the accelerator can hold. Results are in the order of the passes. The
+/// results of a cohort are stored when the whole cohort is done.
 pub(crate) fn run(
     passes: &[Pass<'_, '_>],
     accelerator: &dyn Accelerator,
     sink: &dyn UnitSink,
     monitor: &dyn Monitor,
 ) -> Result<Vec<UnitRuns>, SweepError> {
-    // Networks are stacked where they are of the same learners.
+    // Only networks of the same learners can be stacked.
     let mut alike: BTreeMap<Vec<(usize, Vec<usize>)>, Vec<usize>> = BTreeMap::new();
     for (number, pass) in passes.iter().enumerate() {
         let learners = pass.jobs.iter().map(|job| {
@@ -41,7 +41,7 @@ pub(crate) fn run(
     Ok(results.into_iter().flatten().collect())
 }
 
-/// Make passes of the same learners side by side.
+/// Runs passes of the same learners side by side.
 fn together(
     passes: &[&Pass<'_, '_>],
     accelerator: &dyn Accelerator,
@@ -69,7 +69,7 @@ fn together(
         .collect()
 }
 
-/// Why training of a cohort ended.
+/// Converts the error that ended the training of a cohort.
 fn failed(source: AgentError) -> SweepError {
     match source {
         AgentError::Cancelled(cancelled) => cancelled.into(),

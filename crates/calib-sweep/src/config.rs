@@ -59,11 +59,11 @@ pub enum RaceKind {
     Halving,
 }
 
-/// What to write where a study asks for the race that there was, `"sure"` or `true`.
+/// The error for `"sure"` and `true`, which selected a race that no longer exists.
 const RACE_BY_CERTAINTY: &str = "the race by certainty is gone. Write \"halving\", which saves more \
     runs and chooses as well, or \"none\", which makes all runs";
 
-/// A kind by its name, or `false`, as none was written before there were several.
+/// Reads the kind of race: its name, or `false`, which older studies use for no race.
 fn race_kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RaceKind, D::Error> {
     struct Spelt;
     impl Visitor<'_> for Spelt {
@@ -88,7 +88,7 @@ fn race_kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RaceKind, D::
 }
 
 impl SweepConfig {
-    /// Runs of every value in a network.
+    /// Returns the number of runs per setting in a network model.
     pub fn runs_of_network(&self) -> usize {
         self.network_runs.unwrap_or(self.member_runs)
     }

@@ -32,44 +32,45 @@ impl fmt::Display for EnvironmentId {
     }
 }
 
-/// The stream of a run.
+/// The state stream of one training run.
 pub struct RunStream {
-    /// The states: those of the steps, and what follows so that the last returns are complete. They end where the rollout did.
+    /// The states of the steps, then those that complete the last returns. They end where the rollout ended.
     pub stream: Box<dyn Stream>,
-    /// The row that it starts from.
+    /// The row that the stream starts from.
     pub start_row: RowIndex,
-    /// Where the rollout left the finite numbers, if it did. Such a run trains nothing: the error of every value is +∞.
+    /// Where the rollout ceased to be finite, if it did. Such a run trains nothing, and the error of every setting is
+    /// +∞.
     pub not_finite: Option<NotFinite>,
 }
 
 impl RunStream {
-    /// A stream of all states that were asked for.
+    /// Wraps a stream that holds all requested states.
     pub fn complete(stream: impl Stream + 'static, start_row: RowIndex) -> Self {
         Self { stream: Box::new(stream), start_row, not_finite: None }
     }
 }
 
-/// A source of streams. The stream of a run depends on the run alone, never on the agent,
-/// so that all candidates see the same one.
+/// A source of streams. The stream of a run depends only on the run, never on the agent, so that all settings see the
+/// same stream.
 pub trait Environment: Sync {
-    /// Which environment this is.
+    /// Returns the identity of the environment.
     fn id(&self) -> EnvironmentId;
 
-    /// Number of runs.
+    /// Returns the number of runs.
     fn runs(&self) -> usize;
 
-    /// Fingerprint of what the stream of `run` is made from, beside the [`Span`](crate::Span) of the plan.
+    /// Returns the fingerprint of the inputs of the stream of `run`, without the [`Span`](crate::Span) of the plan.
     fn inputs(&self, run: usize) -> Fingerprint;
 
-    /// Rows of the training log that the simple predictors of `run` may be fitted on.
+    /// Returns the rows of the training log that the simple predictors of `run` may be fitted on.
     fn fitting_rows(&self, run: usize) -> FittingRows {
         let _ = run;
         FittingRows::All
     }
 
-    /// The stream of `run`.
+    /// Returns the stream of `run`.
     ///
     /// # Errors
-    /// If no stream can be made, such as from a start state that the model lacks.
+    /// Returns an error if the stream cannot be made, for example from a start state that the model lacks.
     fn stream(&self, run: usize) -> Result<RunStream, SweepError>;
 }

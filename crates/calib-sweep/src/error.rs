@@ -8,33 +8,33 @@ use calib_stats::StatsError;
 
 use crate::{EnvironmentId, Unit};
 
-/// Why a sweep cannot be planned, run or judged.
+/// An error in planning, running or judging a sweep.
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
-    /// A grid without values.
+    /// A swept field without values.
     #[error("sweep.grid.{field} has no values; give a list such as [1e-5, 1e-4, 1e-3]")]
     EmptyField {
         /// The agent field.
         field: String,
     },
-    /// The discount factor is swept.
+    /// Gamma among the swept fields.
     #[error(
         "sweep.grid.gamma: another gamma predicts another return, which varies more or less, so errors across its values do not compare and \
          none of them is better. Choose gamma for how far ahead you want to know, 1 / (1 - gamma) states; for two horizons make two studies, \
          such as with --set agent.gamma=0.9 --output near"
     )]
     GammaInGrid,
-    /// No field to sweep.
+    /// A grid without fields.
     #[error(
         "sweep.grid is empty; name at least one agent field, such as learning_rate = [1e-4, 1e-3]"
     )]
     EmptyGrid,
-    /// The same value twice in one field.
+    /// A repeated value in one field.
     #[error("sweep.grid.{field} has the value {value} twice; remove one")]
     RepeatedValue {
         /// The agent field.
         field: String,
-        /// The value.
+        /// The repeated value.
         value: String,
     },
     /// A field that no agent of the sweep uses.
@@ -44,37 +44,37 @@ pub enum SweepError {
     UnusedField {
         /// The agent field.
         field: String,
-        /// What uses it.
+        /// The agents that use it.
         needed: &'static str,
     },
-    /// A result that is none of this sweep.
+    /// A result that does not belong to this sweep.
     #[error(
         "the result of {unit} is of value {candidate}, counted from 0, and the sweep has {candidates}"
     )]
     UnknownCandidate {
-        /// Whose result.
+        /// The unit of the result.
         unit: Unit,
-        /// Position of the value.
+        /// Position of its setting.
         candidate: usize,
-        /// How many there are.
+        /// Number of settings.
         candidates: usize,
     },
     /// A field that no agent has.
     #[error("sweep.grid.{field} is no key of {section}; there are: {known}")]
     UnknownField {
-        /// What the study says.
+        /// The field as the study writes it.
         field: String,
-        /// Where the fields stand.
+        /// The section that lists the fields.
         section: &'static str,
-        /// The fields that there are.
+        /// The known fields.
         known: String,
     },
-    /// A field where a program has no parameters.
+    /// A swept field for a program that has no parameters.
     #[error(
         "sweep.grid.{field} varies a parameter, and [agent.parameters] has none; give {field} its default there"
     )]
     NoParameters {
-        /// What the study says.
+        /// The field as the study writes it.
         field: String,
     },
     /// A range that holds no values.
@@ -82,7 +82,7 @@ pub enum SweepError {
     Range {
         /// The agent field.
         field: String,
-        /// What is wrong with it.
+        /// The reason.
         reason: String,
     },
     /// More combinations than can be swept.
@@ -90,12 +90,12 @@ pub enum SweepError {
         "sweep.grid has {got} settings, more than {most}; sweep fewer, or set sweep.sampling to \"sobol\" and sweep.samples to how many to try"
     )]
     TooManyCandidates {
-        /// Combinations of the grid.
+        /// Combinations in the grid.
         got: usize,
         /// The limit.
         most: usize,
     },
-    /// A number of samples outside its range.
+    /// A number of samples outside its limits.
     #[error("sweep.samples must be from 1 to {most}, got {got}")]
     Samples {
         /// Samples asked for.
@@ -103,7 +103,7 @@ pub enum SweepError {
         /// The limit.
         most: usize,
     },
-    /// More fields than the sequence has dimensions.
+    /// More fields than the Sobol sequence has dimensions.
     #[error(
         "sweep.sampling = \"sobol\" spreads samples over at most {most} fields, got {got} fields; use \"random\""
     )]
@@ -113,59 +113,59 @@ pub enum SweepError {
         /// The limit.
         most: usize,
     },
-    /// Samples cannot all be different.
+    /// Too few different settings for the requested samples.
     #[error(
         "sweep.samples asks for {got} different settings, and only {there} were found; ask for fewer, or widen sweep.grid"
     )]
     TooFewPoints {
         /// Samples asked for.
         got: usize,
-        /// Different ones found.
+        /// Different settings found.
         there: usize,
     },
-    /// A candidate is not a valid agent.
+    /// A setting that is not a valid agent.
     #[error("sweep.grid: {candidate} is not a valid agent: {reason}")]
     Candidate {
-        /// The candidate's label.
+        /// The label of the setting.
         candidate: String,
-        /// What is wrong with it.
+        /// The reason.
         reason: String,
     },
-    /// No step is left to train on.
+    /// A stream without steps to train on.
     #[error("a run of {steps} steps is too short to train on; raise sweep.steps or give more data")]
     TooShort {
-        /// Steps of the stream.
+        /// Steps in the stream.
         steps: usize,
     },
-    /// Training failed in a unit.
+    /// A failed training run.
     #[error("{unit}")]
     Agent {
-        /// Where.
+        /// The unit.
         unit: Unit,
-        /// Why.
+        /// The cause.
         source: AgentError,
     },
-    /// Training runs side by side failed.
+    /// A failure in training runs that were made side by side.
     #[error("training runs side by side")]
     Together(#[source] AgentError),
-    /// The program of external agents failed.
+    /// A failure of the program of external agents.
     #[error("{unit}")]
     Program {
-        /// Where.
+        /// The unit.
         unit: Unit,
-        /// Why.
+        /// The cause.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// A model could not be rolled out.
+    /// A model that could not be rolled out.
     #[error(transparent)]
     Model(Arc<ModelError>),
-    /// A unit's file could not be read or written.
+    /// A unit file that could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),
     /// Results that cannot be ranked.
     #[error(transparent)]
     Stats(#[from] StatsError),
-    /// Units that a verdict needs have not been run.
+    /// Missing units that a verdict needs.
     #[error(
         "{missing} of {planned} training runs have no result, such as {example}; run the sweep again to complete it"
     )]
@@ -174,7 +174,7 @@ pub enum SweepError {
         missing: usize,
         /// Units in the plan.
         planned: usize,
-        /// One of them.
+        /// An example.
         example: Unit,
     },
     /// A run whose scored part has no step with a complete return.
@@ -182,13 +182,13 @@ pub enum SweepError {
         "{unit} has no step to score: gaps or gamma leave none; use longer runs (sweep.steps), or score the whole run"
     )]
     NothingScored {
-        /// Which run.
+        /// The run.
         unit: Unit,
     },
-    /// A stream of an environment that was described and not opened.
+    /// A request for a stream of an environment of which only the description is known.
     #[error("{0} was not opened here")]
     Closed(EnvironmentId),
-    /// The observer asked to stop.
+    /// A stop that the observer asked for.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

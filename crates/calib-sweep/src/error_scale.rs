@@ -22,12 +22,12 @@ pub struct ErrorScale {
 }
 
 impl ErrorScale {
-    /// What errors are divided by, in normalised units: 1 where the standard deviation is unknown or zero.
+    /// Returns the divisor of errors, in normalised units. It is 1 where the standard deviation is unknown or zero.
     pub fn unit(&self) -> f64 {
         self.returns.map(|returns| returns.std).filter(|&std| std > 0.0).unwrap_or(1.0)
     }
 
-    /// The scale of a candidate's errors.
+    /// Returns the scale of a setting's errors for `sensor`.
     pub fn find(scales: &[Self], sensor: &str, candidate: &Candidate) -> f64 {
         scales
             .iter()

@@ -1,19 +1,20 @@
 //! Hyperparameter sweeps: plan → units → store → verdict.
 //!
-//! - [`SweepConfig`]: the `[sweep]` section of a study; [`candidates`] expands its grid: lists and
-//!   ranges, all combinations or a random or Sobol sample of them.
-//! - [`Environment`]: where agents are trained. [`MemberEnvironment`] rolls out one member of a calibration model, of
-//!   whatever kind, [`ReplayEnvironment`] replays the log: held out (Online) or training.
-//! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** candidates
-//!   on one stream with the same mini-batch draws, so they differ by their values alone. Units of several
-//!   sensors share the pass over a run's stream. Agents may [`Start`] from checkpoints.
-//! - [`Baselines`]: simple predictors that agents start from; [`simple_scores`]: what those come to alone.
-//! - [`Plan::race`]: values that are behind make no more runs.
-//! - [`Plan::with_accelerator`]: all runs side by side, on an accelerator.
-//! - [`Program`]: agents of another program, which are trained in the place of calib's own.
-//! - [`UnitStore`]: one small file a unit, with the run of each setting under a key of its own. [`Plan::run`] does only what is
-//!   missing there: one more value in the grid leaves the runs of the others as they are.
-//! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`ChoiceBaseline`]s.
+//! - [`SweepConfig`]: the `[sweep]` section of a study. [`candidates`] expands its grid of lists and ranges into all
+//!   combinations, or into a random or Sobol sample of them.
+//! - [`Environment`]: where agents are trained. [`MemberEnvironment`] rolls out one ensemble member of a calibration
+//!   model of any kind. [`ReplayEnvironment`] replays the held-out log (Online) or the training log.
+//! - [`Plan`]: every [`Unit`] of work (environment, sensor, run). One unit trains **all** settings on one stream with
+//!   the same mini-batches, so they differ only by their values. Units of several sensors share one pass over a run's
+//!   stream. Agents may [`Start`] from checkpoints.
+//! - [`Baselines`]: simple predictors that agents start from. [`simple_scores`] returns their errors without an agent.
+//! - [`Plan::race`]: drops the worse settings, which make no more runs.
+//! - [`Plan::with_accelerator`]: trains all runs side by side on an accelerator.
+//! - [`Program`]: agents of an external program, which replace calib's own.
+//! - [`UnitStore`]: one small file per unit, with each setting's run under its own key. [`Plan::run`] makes only the
+//!   missing runs. A new value in the grid does not affect the runs of the other settings.
+//! - [`verdict`]: the choice of a [`Rule`], its stability, and its error on held-out [`Windows`] next to that of each
+//!   [`ChoiceBaseline`].
 //!
 //! ```
 //! use calib_agent::AgentConfig;

@@ -6,13 +6,13 @@ use calib_model::{CalibrationModel, ModelError, ModelStart, Rolling, Trajectory,
 
 use crate::{Environment, EnvironmentId, FittingRows, RunStream, Span, SweepError};
 
-/// The rollouts of runs that step together, or why there are none.
+/// The rollouts of runs that step together, or the error that prevented them.
 type LockstepRollouts = Result<Vec<Trajectory>, Arc<ModelError>>;
 
-/// Rollouts of one member of a calibration model, one start state a run.
+/// Rollouts of one ensemble member of a calibration model, with one start state per run.
 ///
-/// A stream ends early where its states cease to be finite, and says so. Runs that step together are rolled out once and kept,
-/// because every sensor sees the same streams.
+/// A stream ends early where its states cease to be finite, and reports it. Runs that step together are rolled out once
+/// and cached, because every sensor sees the same streams.
 #[derive(Debug)]
 pub struct MemberEnvironment<'a> {
     model: &'a dyn CalibrationModel,
@@ -23,21 +23,22 @@ pub struct MemberEnvironment<'a> {
     together: Vec<OnceLock<LockstepRollouts>>,
 }
 
-/// How a member is rolled out.
+/// The rollout options of an ensemble member.
 #[derive(Clone, Debug)]
 pub struct RolloutOptions {
-    /// How long each rollout is.
+    /// Length of each rollout.
     pub span: Span,
-    /// How neighbours are drawn.
+    /// Weights for sampling neighbours.
     pub weights: Weights,
-    /// Root of the rollouts' seeds; run `r` of member `m` is seeded as in [`calib_model::rollouts`].
+    /// Root of the rollout seeds. Run `r` of member `m` has the seed that [`calib_model::rollouts`] gives it.
     pub seed: Seed,
     /// Fingerprint of the model, the start states and the weights.
     pub inputs: Fingerprint,
 }
 
 impl<'a> MemberEnvironment<'a> {
-    /// Member `member` of `model`, rolled out from each of `starts`; the agent sees `states`, the normalised states of the data.
+    /// Creates an environment that rolls out member `member` of `model` from each of `starts`. The agent sees `states`,
+    /// the normalised states of the data.
     pub fn new(
         model: &'a dyn CalibrationModel,
         member: usize,
@@ -49,7 +50,8 @@ impl<'a> MemberEnvironment<'a> {
         Self { model, member, states, starts, options, together }
     }
 
-    /// On this thread alone: work that waits for what others roll out must not wait for the pool that waits for it.
+    /// Rolls out one lockstep group on this thread alone. Threads of the pool may wait for this rollout, so it must not
+    /// wait for the pool.
     fn roll_out(&self, lockstep: usize) -> LockstepRollouts {
         let lanes = self.model.lanes();
         let numbers = lockstep * lanes..self.starts.len().min((lockstep + 1) * lanes);
@@ -88,7 +90,7 @@ impl Environment for MemberEnvironment<'_> {
     fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
         let lanes = self.model.lanes();
         if lanes == 1 {
-            // Made again for who asks again, rather than kept for all runs.
+            // A repeated request computes the rollout again. Rollouts of single runs are not kept.
             let alone = self.roll_out(run);
             return Ok(self.stream_of(&alone.as_ref().map_err(failed)?[0]));
         }

@@ -12,33 +12,33 @@ use crate::{
     plan::UnitJob, program::outcomes, run_checkpoint::RunCheckpoint,
 };
 
-/// What the agents of one sensor start from.
+/// The checkpoint that the agents of one sensor start from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
-    /// Parameters, and moments if they are to be kept.
+    /// Parameters, and optimiser moments if they are to be kept.
     pub checkpoint: Checkpoint,
-    /// What its value function is added to, if it was pre-trained on top of a baseline.
+    /// The baseline under the value function, if it was pre-trained on top of one.
     pub baseline: Option<FittedPredictor>,
-    /// Of the checkpoint and of what is taken from it.
+    /// Fingerprint of the checkpoint and of the parts that are used.
     pub fingerprint: Fingerprint,
 }
 
-/// One pass over one stream: the units of one run in one environment, one for each sensor, all values of all
-/// of them side by side. The stream is made once and every mini-batch gathered once; a unit's result is the
-/// one that it would have alone.
+/// One pass over one stream. It trains the units of one run in one environment, one unit per sensor, with all their
+/// settings side by side. The stream is made once and every mini-batch is gathered once. Each unit's result is the same
+/// as if it were trained alone.
 pub(crate) struct Pass<'p, 'a> {
     pub(crate) jobs: Vec<&'p UnitJob<'a>>,
-    /// What trains them, if not calib.
+    /// The external program that trains the agents, if any.
     pub(crate) program: Option<&'p dyn Program>,
     /// The log that baselines are fitted on.
     pub(crate) baselines: Option<&'p Baselines<'a>>,
     pub(crate) options: &'p PlanOptions,
-    /// Work between two states of the run that are kept.
+    /// Work between two saved states of the run.
     pub(crate) work_between: u64,
 }
 
 impl Pass<'_, '_> {
-    /// Train the units and put them into `sink`; results come in the order of the jobs.
+    /// Trains the units and puts them into `sink`. Results are in the order of the jobs.
     pub(crate) fn run(
         &self,
         sink: &dyn UnitSink,
@@ -68,13 +68,13 @@ impl Pass<'_, '_> {
         Ok(results)
     }
 
-    /// What its agents see.
+    /// Returns the stream that the agents see.
     pub(crate) fn stream(&self) -> Result<RunStream, SweepError> {
         let first = self.jobs[0];
         first.environment.stream(first.unit.run)
     }
 
-    /// The agents of all jobs, in the order of the jobs.
+    /// Returns the agents of all jobs, in the order of the jobs.
     pub(crate) fn learners(&self) -> Vec<Learner<'_>> {
         self.jobs
             .iter()
@@ -92,7 +92,7 @@ impl Pass<'_, '_> {
             .collect()
     }
 
-    /// What each of them starts from at each state of the stream.
+    /// Returns the baseline predictions of each agent at each state of the stream.
     fn baselines(
         &self,
         stream: &dyn Stream,
@@ -114,7 +114,7 @@ impl Pass<'_, '_> {
         baselines.predictions(&agents, stream, &rows, monitor)
     }
 
-    /// The run that they make over the pass's stream.
+    /// Returns the run of the agents over the pass's stream.
     pub(crate) fn agent_run<'s>(&self, stream: &'s dyn Stream) -> Run<'s> {
         Run {
             stream,
@@ -124,7 +124,7 @@ impl Pass<'_, '_> {
         }
     }
 
-    /// Why training ended.
+    /// Converts the error that ended training.
     fn failed(&self, source: AgentError) -> SweepError {
         match source {
             AgentError::Cancelled(cancelled) => cancelled.into(),
@@ -132,7 +132,7 @@ impl Pass<'_, '_> {
         }
     }
 
-    /// Store what the agents of all jobs came to, in the order of the jobs and their agents.
+    /// Stores the outcomes of all jobs, in the order of the jobs and their agents.
     pub(crate) fn put_outcomes(
         &self,
         sink: &dyn UnitSink,
@@ -146,7 +146,8 @@ impl Pass<'_, '_> {
         })
     }
 
-    /// Store the runs of all jobs, which `run` makes of the steps of the stream, in the order of the jobs and their agents.
+    /// Stores the runs of all jobs, in the order of the jobs and their agents. `run` builds each from the number of
+    /// steps in the stream.
     pub(crate) fn put(
         &self,
         sink: &dyn UnitSink,
@@ -179,7 +180,7 @@ impl Pass<'_, '_> {
     }
 }
 
-/// What each agent of the job starts from, if they were pre-trained on top of a baseline.
+/// Returns the baseline predictions of each agent of the job, if the agents were pre-trained on top of a baseline.
 fn pretrained_baseline(job: &UnitJob<'_>, stream: &dyn Stream) -> Option<Vec<Option<Arc<[f32]>>>> {
     let fitted = job.start?.baseline.as_ref()?;
     let traces = &job.agents.first()?.agent.traces;

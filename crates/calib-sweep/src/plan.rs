@@ -27,46 +27,46 @@ pub(crate) use stored::UnitJob;
 use survivors::{Survivors, SurvivorsBefore};
 pub use training::CompletedSweep;
 
-/// Version of what units come to. It is raised when the same inputs give other bytes, whatever the reason, so that results
-/// of two versions of calib never stand beside each other.
+/// Version of the results. Raise it whenever the same inputs give other bytes, so that results of different versions of
+/// calib are never compared.
 pub const RESULT_VERSION: u32 = 4;
 
-/// What holds for every unit of a plan.
+/// Options for every unit of a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanOptions {
-    /// The part of a run by which values are dropped, where they are.
+    /// The part of a run whose error decides which settings a race drops.
     pub part: Part,
-    /// How long streams are; of several groups of sensors, the longest.
+    /// Length of streams. With several groups of sensors, the longest.
     pub span: Span,
-    /// Points of each learning curve.
+    /// Points per learning curve.
     pub curve_points: usize,
     /// Root of the agents' seeds.
     pub seed: Seed,
 }
 
-/// Every unit of a sweep, in a fixed order.
+/// All units of a sweep, in a fixed order.
 pub struct Plan<'a> {
     candidates: &'a [Candidate],
-    /// The keys of their settings, once they are known.
+    /// The keys of the settings, computed on first use.
     settings: OnceLock<Vec<Arc<str>>>,
     groups: Vec<SensorGroup<'a>>,
     sensors: Vec<PlannedSensor>,
-    /// What the agents of a sensor start from, where they were pre-trained.
+    /// The checkpoint that the agents of each pre-trained sensor start from.
     starts: BTreeMap<String, Start>,
     /// The log that the baselines of agents are fitted on.
     baselines: Option<&'a Baselines<'a>>,
-    /// What trains agents, if not calib.
+    /// The external program that trains agents, if any.
     program: Option<&'a dyn Program>,
-    /// What makes their products, if not calib.
+    /// The accelerator that computes matrix products, if any.
     accelerator: Option<&'a dyn Accelerator>,
     options: PlanOptions,
     work_between: u64,
-    /// The race of each group, if the plan is one.
+    /// The race of each group, if the plan is a race.
     races: Option<Vec<Race>>,
 }
 
 impl<'a> Plan<'a> {
-    /// The plan that trains `candidates` on `sensors` (name and column) in `environments`.
+    /// Creates the plan that trains `candidates` on `sensors` (name and column) in `environments`.
     pub fn new(
         candidates: &'a [Candidate],
         environments: Vec<&'a dyn Environment>,
@@ -79,8 +79,8 @@ impl<'a> Plan<'a> {
         Self::of_groups(candidates, vec![group], sensors.collect(), options)
     }
 
-    /// The plan that trains `candidates` on `sensors`, each in the environments of its group. Runs are known by the settings of
-    /// `candidates`, whatever the discount factor of the group.
+    /// Creates the plan that trains `candidates` on `sensors`, each in the environments of its group. Run keys come
+    /// from `candidates`, whatever the discount factor of the group.
     pub fn of_groups(
         candidates: &'a [Candidate],
         groups: Vec<SensorGroup<'a>>,
@@ -102,51 +102,53 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The same plan for agents of a program, if there is one.
+    /// Uses the agents of `program`, if there is one.
     #[must_use]
     pub fn with_program(mut self, program: Option<&'a dyn Program>) -> Self {
         self.program = program;
         self
     }
 
-    /// The same plan with passes side by side on an accelerator, if there is one. Its results are not those of a plan without.
+    /// Trains passes side by side on `accelerator`, if there is one. Results differ from those of a plan without it.
     #[must_use]
     pub fn with_accelerator(mut self, accelerator: Option<&'a dyn Accelerator>) -> Self {
         self.accelerator = accelerator;
         self
     }
 
-    /// The same plan for agents that start from checkpoints, one a sensor.
+    /// Starts agents from checkpoints, one per sensor.
     #[must_use]
     pub fn starting_from(mut self, starts: BTreeMap<String, Start>) -> Self {
         self.starts = starts;
         self
     }
 
-    /// The same plan for agents whose baselines are fitted on a log.
+    /// Fits the baselines of agents on a log.
     #[must_use]
     pub fn with_baselines(mut self, baselines: Option<&'a Baselines<'a>>) -> Self {
         self.baselines = baselines;
         self
     }
 
-    /// The same plan that keeps the state of long runs after this much work instead of [`WORK_BETWEEN`].
-    /// Results do not depend on it.
+    /// Saves the state of long runs after this much work instead of [`WORK_BETWEEN`]. Results do not depend on it.
     #[must_use]
     pub fn keeping_after(mut self, work_between: u64) -> Self {
         self.work_between = work_between;
         self
     }
 
-    /// The same plan as a race: after each round the worse half of the values is dropped, and a sensor makes no more runs once one value
-    /// is left. Online always trains all values. Every run that is made is the one that it would be without the race.
+    /// Turns the plan into a race. After each round the worse half of the settings is dropped. A sensor makes no more
+    /// runs once one setting is left. Online always trains all settings. Each run is the same as it would be without
+    /// the race.
     ///
-    /// The first round has ⌈N / 2^⌈log₂ V⌉⌉ of N streams, at least two, and each one after it as many as all before. After them ⌈V/2⌉,
-    /// ⌈V/4⌉, … of V values are left, so that about half of all streams are ever seen, by few values. Streams come in turn from members and
-    /// log, as many as there are of each. What leads is the value that diverged in the fewest streams so far, and of these has the smallest
-    /// mean logarithm of the error over the others.
+    /// The first round has ⌈N / 2^⌈log₂ V⌉⌉ of N streams, and at least two. Each later round has as many streams as all
+    /// rounds before it. After the rounds ⌈V/2⌉, ⌈V/4⌉, … of V settings are left. So only about half of all streams are
+    /// ever used, the later ones by few settings. Streams come in turn from members and log, in proportion to their
+    /// numbers. Settings are ranked by the number of streams in which they diverged, and then by the mean logarithm of
+    /// the error over the other streams.
     ///
-    /// Source: successive halving (Karnin, Koren & Somekh 2013; Jamieson & Talwalkar 2016), with streams as its resource.
+    /// Source: successive halving (Karnin, Koren & Somekh 2013; Jamieson & Talwalkar 2016), with streams as its
+    /// resource.
     #[must_use]
     pub fn race(mut self) -> Self {
         let races = self.groups.iter().map(|group| {
@@ -156,25 +158,25 @@ impl<'a> Plan<'a> {
         self
     }
 
-    /// Units in all, as many as there can be.
+    /// Returns the largest possible number of units.
     pub fn count(&self) -> usize {
         let runs: Vec<usize> = self.groups.iter().map(SensorGroup::runs).collect();
         self.sensors.iter().map(|sensor| runs[sensor.group]).sum()
     }
 
-    /// Units whose values are known before any has been run, which are all units but in a race: sensor by sensor, environment by
-    /// environment, run by run.
+    /// Returns the units whose settings are known before any run. Without a race these are all units. They are ordered
+    /// by sensor, environment and run.
     pub fn units(&self) -> Vec<PlannedUnit> {
         self.jobs(&Survivors::default()).iter().map(UnitJob::planned).collect()
     }
 
-    /// All units there can be, as they are where nothing is dropped before them.
+    /// Returns all possible units, as if no setting were dropped.
     pub fn every_unit(&self) -> Vec<PlannedUnit> {
         let jobs = self.jobs_after(None, &|_| true);
         jobs.iter().map(UnitJob::planned).collect()
     }
 
-    /// The runs of a result, each under the key of its setting.
+    /// Returns the runs of a result, each under the key of its setting.
     pub fn runs_of(&self, result: &UnitResult) -> UnitRuns {
         let settings = self.settings();
         let UnitResult { key, unit, seed, start_row, not_finite, rows } = result;
@@ -191,7 +193,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The results as they are planned, with which candidates a race left in each.
+    /// Returns the planned units of the results, with the settings that a race dropped before each.
     pub fn planned(&self, results: &[UnitResult]) -> Vec<PlannedUnit> {
         results
             .iter()
@@ -205,12 +207,12 @@ impl<'a> Plan<'a> {
             .collect()
     }
 
-    /// The results that `store` has.
+    /// Returns the results that `store` holds.
     pub fn stored(&self, store: &UnitStore) -> StoredUnits {
         self.known(&|unit, key| store.get(unit, key))
     }
 
-    /// The results that `look_up` finds by unit and key.
+    /// Returns the results that `look_up` finds by unit and key.
     pub fn known(&self, look_up: Lookup<'_>) -> StoredUnits {
         let mut found = StoredUnits::default();
         let mut survivors = Survivors::default();
@@ -222,12 +224,13 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Units of which something has to be run beside `found`; in a race, at most.
+    /// Returns the number of units that lack a run in `found`. In a race it is an upper bound.
     pub fn left(&self, found: &StoredUnits) -> usize {
         self.missing(&found.whole).len()
     }
 
-    /// Runs that have to be made beside `found`, one for each setting of a unit; in a race, at most.
+    /// Returns the number of runs that `found` lacks, counting one per setting of a unit. In a race it is an upper
+    /// bound.
     pub fn runs_left(&self, found: &StoredUnits) -> usize {
         let mut survivors = Survivors::default();
         self.decide(&mut survivors, &found.whole);
@@ -240,7 +243,7 @@ impl<'a> Plan<'a> {
         missing.iter().map(|unit| *known.get(unit).unwrap_or(&self.candidates.len())).sum()
     }
 
-    /// Units that have to be run beside `found`; in a race, at most.
+    /// Returns the units that lack a run in `found`. In a race some of them may not be needed.
     fn missing(&self, found: &BTreeMap<Unit, UnitResult>) -> Vec<Unit> {
         let mut survivors = Survivors::default();
         self.decide(&mut survivors, found);
@@ -258,17 +261,17 @@ impl<'a> Plan<'a> {
         missing
     }
 
-    /// Position of a sensor's group; the first of a sensor that the plan does not have.
+    /// Returns the position of a sensor's group, or of the first group if the plan does not have the sensor.
     fn group_of(&self, sensor: &str) -> usize {
         self.sensors.iter().find(|planned| planned.name == sensor).map_or(0, |found| found.group)
     }
 
-    /// The units whose values are known when `survivors` are.
+    /// Returns the jobs whose settings are known once `survivors` are.
     fn jobs(&self, survivors: &Survivors) -> Vec<UnitJob<'_>> {
         self.jobs_after(Some(survivors), &|_| true)
     }
 
-    /// Those of them that are `wanted`; without `survivors` as if nothing were ever dropped.
+    /// Returns the `wanted` jobs. Without `survivors` no setting counts as dropped.
     fn jobs_after(
         &self,
         survivors: Option<&Survivors>,

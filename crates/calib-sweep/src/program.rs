@@ -6,18 +6,18 @@ use calib_files::Fingerprint;
 
 use crate::{PlanOptions, SweepError, Unit, plan::UnitJob};
 
-/// A program whose agents learn in the place of calib's own.
+/// An external program whose agents learn in place of calib's own.
 ///
-/// It has agents predict at every state of a stream, in the order of time: at state t an agent knows the states up to t, and nothing of those
-/// after it. Calib scores what they predicted.
+/// Its agents predict at every state of a stream, in time order. At state t an agent knows only the states up to t.
+/// Calib scores the predictions.
 pub trait Program: fmt::Debug + Sync {
-    /// Of its content, as far as that can be seen.
+    /// Returns the fingerprint of the program's content, as far as calib can see it.
     fn fingerprint(&self) -> &Fingerprint;
 
-    /// What every agent predicted, in the order of `wanted.agents`.
+    /// Returns the predictions of every agent, in the order of `wanted.agents`.
     ///
     /// # Errors
-    /// If the program fails, or the monitor is interrupted.
+    /// Returns an error if the program fails, or the monitor is interrupted.
     fn predictions(
         &self,
         wanted: &PredictionRequest<'_>,
@@ -25,44 +25,44 @@ pub trait Program: fmt::Debug + Sync {
     ) -> Result<Vec<ProgramPredictions>, ProgramStopped>;
 }
 
-/// What agents of a program are to predict: the returns of a column on a stream.
+/// A request for the agents of a program to predict the returns of a column on a stream.
 pub struct PredictionRequest<'w> {
     /// The predicted sensor.
     pub sensor: &'w str,
     /// Its column of the states.
     pub column: usize,
-    /// The agents, one after the other; none knows of another.
+    /// The agents. They are independent, and each is trained from the start of the stream.
     pub agents: Vec<&'w AgentConfig>,
-    /// For all of them: common random numbers.
+    /// The seed for all agents: common random numbers.
     pub seed: Seed,
     /// The states.
     pub stream: &'w dyn Stream,
-    /// Predictions of each agent, one for each of the first states. The stream has more.
+    /// Number of predictions per agent, one for each of the first states. The stream has more states.
     pub steps: usize,
 }
 
-/// What an agent of a program predicted.
+/// The predictions of one agent of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProgramPredictions {
-    /// One value a step, in normalised units. The last of an unbroken piece does not count. What comes after the first that is not finite does
-    /// not either.
+    /// One value per step, in normalised units. The last value of an unbroken piece does not count. Values after the
+    /// first one that is not finite do not count either.
     pub values: Vec<f32>,
-    /// Updates, as it says.
+    /// Number of updates that the program reports.
     pub updates: u64,
 }
 
-/// Why a program gave no predictions.
+/// The reason why a program gave no predictions.
 #[derive(Debug)]
 pub enum ProgramStopped {
     /// The observer asked to stop.
     Cancelled(Cancelled),
-    /// It failed.
+    /// The program failed.
     Failed(Box<dyn Error + Send + Sync>),
-    /// It failed at what it was asked. It may answer other questions.
+    /// The program cannot answer this request. It may answer others.
     CannotAnswer(Box<dyn Error + Send + Sync>),
 }
 
-/// What the agents of all jobs come to over a stream, in the order of the jobs and their agents.
+/// Returns the outcomes of the agents of all jobs over a stream, in the order of the jobs and their agents.
 pub(crate) fn outcomes(
     program: &dyn Program,
     jobs: &[&UnitJob<'_>],

@@ -44,14 +44,15 @@ pub struct Range {
     pub whole: bool,
 }
 
-/// More values of one field than anybody asks for.
+/// Limit on the values of one field, larger than any practical grid.
 const MANY_VALUES: usize = 10_000;
 
-/// What is left of a decade's or step's end to rounding.
+/// Tolerance for rounding at the end of a decade or step.
 const SLACK: f64 = 1e-9;
 
 impl Range {
-    /// The values, or what is wrong with the range. `whole`: the field takes whole numbers.
+    /// Returns the values of the range. `whole` says that the field takes whole numbers. The error says what
+    /// is wrong with the range.
     pub(crate) fn points(&self, whole: bool) -> Result<Points, String> {
         let Self { from, to, .. } = *self;
         let whole = whole || self.whole;
@@ -99,9 +100,9 @@ impl Range {
     }
 }
 
-/// How many values a range has, if they are neither too few nor too many.
+/// Checks that a range has neither too few nor too many values, and returns their number.
 fn checked_count(count: f64) -> Result<usize, String> {
-    // Compared before it is cast: quotients of numbers far apart are infinite.
+    // Compared before the cast, because quotients of distant numbers are infinite.
     if (2.0..=MANY_VALUES as f64).contains(&count) {
         Ok(count as usize)
     } else {
@@ -138,7 +139,7 @@ impl Span {
         Ok(())
     }
 
-    /// The number at `share` of the way.
+    /// Returns the number at fraction `share` of the range.
     fn at(&self, share: f64) -> f64 {
         match self.scale {
             Scale::Linear => self.from + (self.to - self.from) * share,
@@ -152,14 +153,14 @@ impl Span {
             Scale::Linear => decimals(value, self.to - self.from),
             Scale::Log => read(&format!("{value:.2e}")),
         };
-        // The ends are meant as they are written.
+        // Keeps the ends exactly as the study writes them.
         value.clamp(self.from, self.to)
     }
 
-    /// The value that a uniform draw from `[0, 1)` stands for.
+    /// Maps a uniform draw from `[0, 1)` to a value.
     pub(crate) fn draw(&self, unit: f64) -> f64 {
         match self.scale {
-            // Every whole number is equally likely, the ends too.
+            // Every whole number is equally likely, including the ends.
             Scale::Linear if self.whole => {
                 (self.from + (unit * (self.to - self.from + 1.0)).floor()).min(self.to)
             }
@@ -167,13 +168,13 @@ impl Span {
         }
     }
 
-    /// A value as the study would have it.
+    /// Converts a number to a value of the field.
     pub(crate) fn value(&self, value: f64) -> Value {
         if self.whole { Value::from(value.round() as u64) } else { Value::from(value) }
     }
 }
 
-/// `value` with three decimals more than `spacing` begins with.
+/// Rounds `value` to three more decimals than the leading digit of `spacing` has.
 fn decimals(value: f64, spacing: f64) -> f64 {
     let places = (3.0 - spacing.log10().floor()).clamp(0.0, 17.0) as usize;
     read(&format!("{value:.places$}"))

@@ -14,8 +14,8 @@ pub struct ReplayEnvironment<'a> {
 }
 
 impl<'a> ReplayEnvironment<'a> {
-    /// Online: `runs` runs over `windows` of the held-out `frames`, dealt to them in turn. Runs of one window differ in the agents'
-    /// seeds only. `inputs` is the fingerprint of the data.
+    /// Replays `windows` of the held-out `frames` in `runs` runs (Online), which take the windows in turn. Runs of one
+    /// window differ only in the agents' seeds. `inputs` is the fingerprint of the data.
     pub fn online(
         held_out: &'a Frames,
         windows: Windows,
@@ -25,7 +25,7 @@ impl<'a> ReplayEnvironment<'a> {
         Self { id: EnvironmentId::Online, frames: held_out, windows, runs, inputs }
     }
 
-    /// Log replay: one run for each of `windows` of the training `frames`.
+    /// Replays each of `windows` of the training `frames` in one run (log replay).
     pub fn log_replay(train: &'a Frames, windows: Windows, inputs: Fingerprint) -> Self {
         let runs = windows.starts.len();
         Self { id: EnvironmentId::LogReplay, frames: train, windows, runs, inputs }
@@ -56,7 +56,7 @@ impl Environment for ReplayEnvironment<'_> {
         let rows = self.frames.rows();
         let start = self.start(run);
         let end = start + self.windows.states;
-        // A window that is longer than what is left of the log goes on with its first rows.
+        // A window that is longer than the rest of the log continues with its first rows.
         let wrapped = 0..end.saturating_sub(rows).min(start);
         let replayed = [start..end.min(rows), wrapped];
         FittingRows::AllBut(replayed.into_iter().filter(|range| !range.is_empty()).collect())

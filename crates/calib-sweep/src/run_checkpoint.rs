@@ -3,20 +3,19 @@ use calib_files::Fingerprinter;
 
 use crate::{UnitSink, plan::UnitJob, store::environment_name};
 
-/// Work between two states of a long run that are kept: about a minute of one core, some megabytes.
-///
-/// In multiplications, as [`calib_agent::Checkpointer`] counts them.
+/// Work between two saved states of a long run, in multiplications as [`calib_agent::Checkpointer`] counts them. It is
+/// about a minute of one core. A state has some megabytes.
 pub const WORK_BETWEEN: u64 = 5_000_000_000_000;
 
-/// The state of one unfinished pass, in a file beside the finished units.
+/// The saved state of one unfinished pass, in a file beside the finished units.
 pub(crate) struct RunCheckpoint {
     file: StateFile,
     work_between: u64,
 }
 
 impl RunCheckpoint {
-    /// Where the pass of these jobs keeps its state. The name tells passes of other sensors, settings and inputs apart, which
-    /// may run beside it.
+    /// Creates the checkpoint of the pass that trains these jobs. Passes of other sensors, settings and inputs may run
+    /// at the same time, so the file name depends on all of these.
     pub(crate) fn new(sink: &dyn UnitSink, jobs: &[&UnitJob<'_>], work_between: u64) -> Self {
         let mut key = Fingerprinter::default();
         for job in jobs {
@@ -32,7 +31,7 @@ impl RunCheckpoint {
         Self { file: StateFile::new(sink.state(&name), key.to_string()), work_between }
     }
 
-    /// The pass is finished.
+    /// Removes the state of a finished pass.
     pub(crate) fn forget(&self) {
         self.file.remove();
     }

@@ -26,13 +26,13 @@ pub enum Sampling {
     Sobol,
 }
 
-/// More candidates than anybody asks for.
+/// Limit on the settings of a sweep, larger than any practical sweep.
 const MANY_CANDIDATES: usize = 10_000;
 
-/// Draws for each sample that is asked for, before it is clear that there are no more different ones.
+/// Draws per requested sample before calib concludes that there are no more different ones.
 const PATIENCE: usize = 100;
 
-/// Values of the swept fields, one list a candidate.
+/// Returns combinations of values of the swept fields, one list per setting.
 pub(crate) fn combinations(
     axes: &[(String, Points)],
     sampling: Sampling,
@@ -58,7 +58,7 @@ pub(crate) fn combinations(
     }
 }
 
-/// The Cartesian product, the first field varying slowest.
+/// Returns the Cartesian product, with the first field varying slowest.
 fn grid(axes: &[(String, Points)]) -> Result<Vec<Vec<Value>>, SweepError> {
     let lists = axes
         .iter()
@@ -80,7 +80,7 @@ fn grid(axes: &[(String, Points)]) -> Result<Vec<Vec<Value>>, SweepError> {
     Ok(lists.into_iter().map(|list| list.iter().cloned()).multi_cartesian_product().collect())
 }
 
-/// The first `samples` different points, in the order of a grid. More samples keep those that fewer have.
+/// Returns the first `samples` distinct points, in grid order. A larger sample contains every smaller one.
 fn sample(
     axes: &[(String, Points)],
     samples: usize,
@@ -164,7 +164,7 @@ mod tests {
                 drawn.iter().map(|values| values[0].as_f64().expect("a number").log10()).collect();
             logs.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
         };
-        // 64 points in 8 decades: one in each eighth of a decade, so no two neighbours are 2/8 apart.
+        // 64 points in 8 decades: one in each eighth of a decade. So no two neighbours are 2/8 apart.
         assert!(widest(Sampling::Sobol) < 0.26, "{}", widest(Sampling::Sobol));
         assert!(widest(Sampling::Random) > 0.3, "{}", widest(Sampling::Random));
     }

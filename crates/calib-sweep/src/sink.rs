@@ -2,14 +2,15 @@ use std::path::PathBuf;
 
 use crate::{SweepError, UnitRuns};
 
-/// Where the results of a pass go, and the state of one that is not finished.
+/// Storage for the results of a pass and the state of an unfinished pass.
 pub trait UnitSink: Sync {
-    /// Store the runs of a pass, all of them or none. Runs of other settings that are there stay.
+    /// Stores the runs of a pass, either all or none. Runs of other settings that are already
+    /// stored stay.
     ///
     /// # Errors
-    /// If they cannot be written.
+    /// Returns an error if the runs cannot be written.
     fn put(&self, runs: &[UnitRuns]) -> Result<(), SweepError>;
 
-    /// Where the state of an unfinished pass that is called `name` is kept.
+    /// Returns the path for the state of the unfinished pass `name`.
     fn state(&self, name: &str) -> PathBuf;
 }

@@ -6,7 +6,7 @@
 
 use calib_core::Seed;
 
-/// Degree s, coefficients a of the primitive polynomial, and m₁ … mₛ of dimensions 2, 3, …
+/// Degree s, coefficients a of the primitive polynomial, and m₁ … mₛ, for dimensions 2, 3, …
 const DIRECTIONS: [(u32, u32, &[u32]); 20] = [
     (1, 0, &[1]),
     (2, 1, &[1, 3]),
@@ -30,22 +30,23 @@ const DIRECTIONS: [(u32, u32, &[u32]); 20] = [
     (7, 4, &[1, 3, 7, 13, 13, 15, 69]),
 ];
 
-/// Dimensions that there are direction numbers for: more than an agent has fields.
+/// Number of dimensions with direction numbers. It is larger than the number of agent fields.
 pub(crate) const DIMENSIONS: usize = DIRECTIONS.len() + 1;
 
-/// Points that fill the unit cube evenly: of the first 2ᵐ, every dimension has one in each of 2ᵐ equal
-/// intervals.
+/// A sequence of points that fill the unit cube evenly. Each of 2ᵐ equal intervals of every dimension holds
+/// one of the first 2ᵐ points.
 #[derive(Clone, Debug)]
 pub(crate) struct Sobol {
     /// v₁ … v₃₂ of each dimension.
     directions: Vec<[u32; 32]>,
-    /// Exclusive-ored onto every point of a dimension. It keeps the evenness and moves the points off the
-    /// corner in which the sequence begins.
+    /// Shift per dimension, combined with every point by exclusive or. It keeps the evenness and moves the
+    /// sequence away from the corner in which it begins.
     shifts: Vec<u32>,
 }
 
 impl Sobol {
-    /// The sequence in `dimensions` dimensions, at most [`DIMENSIONS`], shifted as `seed` says.
+    /// Creates the sequence in `dimensions` dimensions, at most [`DIMENSIONS`], with a shift drawn from
+    /// `seed`.
     pub(crate) fn new(dimensions: usize, seed: Seed) -> Self {
         assert!(dimensions <= DIMENSIONS, "direction numbers for {DIMENSIONS} dimensions");
         Self {
@@ -56,7 +57,7 @@ impl Sobol {
         }
     }
 
-    /// Point `index`, each coordinate in `[0, 1)`.
+    /// Returns point `index`, with coordinates in `[0, 1)`.
     pub(crate) fn point(&self, index: u32) -> Vec<f64> {
         self.directions
             .iter()
@@ -70,7 +71,7 @@ impl Sobol {
     }
 }
 
-/// vₖ = mₖ 2³²⁻ᵏ with mₖ = 2a₁mₖ₋₁ ⊕ … ⊕ 2ˢ⁻¹aₛ₋₁mₖ₋ₛ₊₁ ⊕ 2ˢmₖ₋ₛ ⊕ mₖ₋ₛ.
+/// Computes vₖ = mₖ 2³²⁻ᵏ with mₖ = 2a₁mₖ₋₁ ⊕ … ⊕ 2ˢ⁻¹aₛ₋₁mₖ₋ₛ₊₁ ⊕ 2ˢmₖ₋ₛ ⊕ mₖ₋ₛ.
 fn directions(dimension: usize) -> [u32; 32] {
     let mut v = std::array::from_fn(|k| 1 << (31 - k));
     let Some((degree, coefficients, m)) = dimension.checked_sub(1).map(|index| DIRECTIONS[index])

@@ -12,16 +12,16 @@ pub struct Span {
 }
 
 impl Span {
-    /// `steps` steps whose returns are complete for every one of these discount factors.
+    /// Creates a span of `steps` steps whose returns are complete for all `gammas`.
     ///
     /// # Panics
-    /// As [`truncation_horizon`].
+    /// Panics as [`truncation_horizon`] does.
     pub fn new(steps: usize, gammas: impl IntoIterator<Item = f64>) -> Self {
         let horizons = gammas.into_iter().map(truncation_horizon);
         Self { steps, tail: horizons.max().unwrap_or(0).max(1) }
     }
 
-    /// States of an unbroken stream.
+    /// Returns the number of states of an unbroken stream.
     pub fn states(self) -> usize {
         self.steps + self.tail
     }
@@ -33,7 +33,7 @@ mod tests {
 
     use super::*;
 
-    /// Of so many states in one piece.
+    /// Returns the scored steps of a stream with this many states in one piece.
     fn scored_steps(span: Span, states: usize, gamma: f64) -> usize {
         Part::WholeRun.scored_steps(std::slice::from_ref(&(0..states)), gamma, span.steps)
     }

@@ -13,7 +13,7 @@ use calib_files::{
 
 use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitRuns, UnitSink};
 
-/// Finished units, one small file each, so that an interrupted sweep loses only units in progress.
+/// Finished units in one small file each. An interrupted sweep loses only the units in progress.
 #[derive(Clone, Debug)]
 pub struct UnitStore {
     directory: PathBuf,
@@ -21,20 +21,20 @@ pub struct UnitStore {
 }
 
 impl UnitStore {
-    /// The store in `directory`, which need not exist.
+    /// Creates the store in `directory`, which need not exist.
     pub fn new(directory: PathBuf) -> Self {
         Self { directory, beside: Vec::new() }
     }
 
-    /// The same store that also has the results of others: a result follows from its inputs alone, so whose it is does
-    /// not matter. What is put goes to this store.
+    /// Adds other stores to read from. A result depends only on its inputs, so it does not matter who made it. New
+    /// results still go to this store.
     #[must_use]
     pub fn beside(self, others: Vec<UnitStore>) -> Self {
         Self { beside: others, ..self }
     }
 
-    /// The stored runs of `unit` that were made from the inputs that `key` stands for.
-    /// A file that is missing, damaged or made from other inputs has none.
+    /// Returns the stored runs of `unit` whose inputs have the fingerprint `key`. A missing or damaged file, or one
+    /// from other inputs, gives `None`.
     pub fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
         let others = self.beside.iter().filter_map(|other| other.get(unit, key));
         UnitRuns::merged(self.own(unit, key).into_iter().chain(others))
@@ -45,10 +45,10 @@ impl UnitStore {
         own.filter(|runs: &UnitRuns| runs.is_of(unit, key))
     }
 
-    /// The stored results of all planned units, in their order, where `settings` are the keys of all candidates.
+    /// Returns the stored results of all planned units, in order. `settings` are the keys of all settings.
     ///
     /// # Errors
-    /// [`SweepError::Incomplete`] if a unit lacks a run.
+    /// Returns [`SweepError::Incomplete`] if a unit lacks a run.
     pub fn collect<S: AsRef<str>>(
         &self,
         planned: &[PlannedUnit],
@@ -69,10 +69,10 @@ impl UnitStore {
         }
     }
 
-    /// Store runs of a unit. Runs of other settings from the same inputs, which another grid has left, stay.
+    /// Stores runs of a unit. Runs of other settings from the same inputs, which another grid has left, stay.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn put(&self, runs: &UnitRuns) -> Result<(), SweepError> {
         let path = self.path(&runs.unit);
         let Some(mut all) = self.own(&runs.unit, &runs.key) else {
@@ -82,7 +82,7 @@ impl UnitStore {
         Ok(write_sealed_json(&path, &all)?)
     }
 
-    /// States of unfinished runs that are there, and when they were last written.
+    /// Returns the saved states of unfinished runs, with the time of the last write.
     pub(crate) fn states_kept(&self) -> StatesKept {
         let kept = listed(&self.directory.join(UNFINISHED)).unwrap_or_default().into_iter();
         kept.filter(|entry| is_state(&entry.path()))
@@ -90,24 +90,24 @@ impl UnitStore {
             .collect()
     }
 
-    /// Remove the states of unfinished runs that were there `before` and have not been written since: they are of other
-    /// inputs. Another process may be writing the others.
+    /// Removes the states in `before` that have not been written since, because they belong to other inputs. Another
+    /// process may be writing the rest.
     pub(crate) fn forget_stale(&self, before: &StatesKept) {
         let now = self.states_kept();
         for (path, _) in now.iter().filter(|(path, written)| before.get(*path) == Some(*written)) {
-            // What stays is not looked at again.
+            // A file that cannot be removed is never read again.
             let _ = remove_file(path);
         }
         remove_empty_folder(&self.directory.join(UNFINISHED));
     }
 
-    /// Forget all units. Only files that are called as a unit's are removed, and folders that are empty then: where links
-    /// lead, and what somebody else put here, stays.
+    /// Removes all units. Only files named like units are removed, and folders that are then empty. Targets of links
+    /// and other files stay.
     ///
     /// # Errors
-    /// If a file cannot be removed.
+    /// Returns an error if a file cannot be removed.
     pub fn clear(&self) -> Result<(), SweepError> {
-        // What stays is not looked at again.
+        // States that cannot be removed are never read again.
         let _ = remove_states(&self.directory.join(UNFINISHED));
         for sensor in folders(&self.directory)? {
             for environment in folders(&sensor)? {
@@ -118,7 +118,7 @@ impl UnitStore {
                         remove_file(&entry.path())?;
                     }
                 }
-                // What is not empty stays.
+                // Fails where the folder is not empty, which then stays.
                 remove_empty_folder(&environment);
             }
             remove_empty_folder(&sensor);
@@ -126,7 +126,7 @@ impl UnitStore {
         Ok(())
     }
 
-    /// The files of those of `planned` that are not there; they are looked for, not read.
+    /// Returns the paths of the `planned` units without a file. The files are not read.
     pub fn missing(&self, planned: &[PlannedUnit]) -> Vec<PathBuf> {
         let paths = planned.iter().map(|planned| self.path(&planned.unit));
         paths.filter(|path| !path.exists()).collect()
@@ -150,21 +150,21 @@ impl UnitSink for UnitStore {
     }
 }
 
-/// States of unfinished runs, and when they were written.
+/// Saved states of unfinished runs, with the time of the last write.
 pub(crate) type StatesKept = BTreeMap<PathBuf, SystemTime>;
 
-/// Whether a file is called `run-0000.json`.
+/// Whether a file name has the form `run-0000.json`.
 fn is_unit(name: &str) -> bool {
     let number = name.strip_prefix("run-").and_then(|rest| rest.strip_suffix(".json"));
     number.is_some_and(is_run_number)
 }
 
-/// Whether a part of a name is the number of a run.
+/// Whether part of a file name is a run number.
 fn is_run_number(text: &str) -> bool {
     text.len() >= 4 && text.bytes().all(|digit| digit.is_ascii_digit())
 }
 
-/// Whether a file is called as the state of an unfinished run, or as what a kill leaves of one.
+/// Whether a file is named like the state of an unfinished run, or like its remains after a kill.
 fn is_state(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
     let number_and_key = name.and_then(number_and_key_of_state);
@@ -174,21 +174,21 @@ fn is_state(path: &Path) -> bool {
     is_ours || is_temporary(path)
 }
 
-/// The parts of a name such as `online-run-0003-0123456789ab.safetensors` that stand for the run and its inputs.
+/// Returns the run number and the key from a name such as `online-run-0003-0123456789ab.safetensors`.
 fn number_and_key_of_state(name: &str) -> Option<(&str, &str)> {
     let (_, run) = name.strip_suffix(".safetensors")?.rsplit_once("-run-")?;
     run.split_once('-')
 }
 
-/// Forget the states of unfinished runs in `folder`; what else lies there stays.
+/// Removes the states of unfinished runs in `folder`. Other files stay.
 ///
 /// # Errors
-/// If one cannot be removed.
+/// Returns an error if one cannot be removed.
 pub fn remove_states(folder: &Path) -> Result<(), FileError> {
     remove_known(folder, &mut is_state)
 }
 
-/// What lies in a folder, which need not be there; nothing at the end of a link.
+/// Returns the entries of a folder, which need not exist. A link to a folder counts as empty.
 fn listed(folder: &Path) -> Result<Vec<DirEntry>, FileError> {
     let is_own = std::fs::symlink_metadata(folder).is_ok_and(|found| found.is_dir());
     if !is_own {
@@ -198,17 +198,17 @@ fn listed(folder: &Path) -> Result<Vec<DirEntry>, FileError> {
     entries.map_err(|source| FileError::io("read", folder, source))
 }
 
-/// The folders in a folder.
+/// Returns the subfolders of a folder.
 fn folders(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     let inside = listed(folder)?.into_iter();
     let inside = inside.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
     Ok(inside.map(|entry| entry.path()).collect())
 }
 
-/// The folder of unfinished runs; no sensor's folder begins with a dot.
+/// The folder of unfinished runs. No sensor's folder begins with a dot.
 const UNFINISHED: &str = ".unfinished";
 
-/// What files of an environment are called.
+/// Returns the prefix of the file names of an environment.
 pub(crate) fn environment_name(unit: &Unit) -> String {
     match unit.environment {
         EnvironmentId::Member(member) => format!("member-{member}"),

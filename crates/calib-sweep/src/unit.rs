@@ -43,7 +43,7 @@ pub struct PlannedUnit {
 }
 
 impl PlannedUnit {
-    /// The candidates that are trained, with their keys, where `settings` are the keys of all candidates.
+    /// Returns the trained settings with their keys. `settings` are the keys of all settings.
     pub(crate) fn trained<'s, S: AsRef<str>>(
         &'s self,
         settings: &'s [S],
@@ -52,7 +52,7 @@ impl PlannedUnit {
         settings.enumerate().filter(|(candidate, _)| !self.dropped.contains(candidate))
     }
 
-    /// Fingerprint of everything that its results follow from, where `settings` are the keys of all candidates.
+    /// Returns the fingerprint of all inputs of the unit's results. `settings` are the keys of all settings.
     pub fn fingerprint<S: AsRef<str>>(&self, settings: &[S]) -> String {
         let mut all = Fingerprinter::default();
         all.add(self.key.as_bytes());
@@ -63,19 +63,20 @@ impl PlannedUnit {
     }
 }
 
-/// The runs of a unit that are kept, whatever grid they were made for: a run follows from its unit and its own setting
-/// alone, so a larger or smaller grid finds those that it shares with this one.
+/// The stored runs of a unit, from any grid. A run depends only on its unit and its own setting. So a larger or
+/// smaller grid reuses the runs that it shares with this one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UnitRuns {
-    /// Fingerprint of everything that the runs follow from beside their settings.
+    /// Fingerprint of all inputs of the runs except their settings.
     pub key: String,
-    /// Which unit.
+    /// The unit.
     pub unit: Unit,
     /// Seed of the agents.
     pub seed: u64,
-    /// Row of the training data (or of the held-out data) that the stream starts from.
+    /// Row of the training data (or the held-out data) that the stream starts from.
     pub start_row: u32,
-    /// Where the model's rollout left the finite numbers, if it did: nothing was trained, and all errors are infinite.
+    /// Where the model's rollout ceased to be finite, if it did. In that case nothing was trained, and all errors are
+    /// infinite.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_finite: Option<NotFinite>,
     /// Each run, by the key of its setting.
@@ -83,7 +84,7 @@ pub struct UnitRuns {
 }
 
 impl UnitRuns {
-    /// Take the runs of `other` that are not there, if they are runs of the same unit and inputs.
+    /// Adds the missing runs from `other`, if it holds runs of the same unit and inputs.
     pub fn merge(&mut self, other: Self) {
         if self.is_of(&other.unit, &other.key) {
             for (setting, run) in other.runs {
@@ -92,7 +93,7 @@ impl UnitRuns {
         }
     }
 
-    /// The runs of one unit that are in several places, together; none where no place has any.
+    /// Merges the runs of one unit from several places. Returns `None` if no place has any.
     pub fn merged(places: impl IntoIterator<Item = Self>) -> Option<Self> {
         places.into_iter().reduce(|mut all, more| {
             all.merge(more);
@@ -100,17 +101,17 @@ impl UnitRuns {
         })
     }
 
-    /// The rows that are there of the candidates of a planned unit, where `settings` are the keys of all candidates.
+    /// Returns the available rows of the settings of a planned unit. `settings` are the keys of all settings.
     pub fn of<S: AsRef<str>>(&self, planned: &PlannedUnit, settings: &[S]) -> Vec<RunRow> {
         self.rows(planned.trained(settings)).flatten().collect()
     }
 
-    /// Whether these are runs of `unit`, made from the inputs that `key` stands for.
+    /// Whether these are runs of `unit` from the inputs with the fingerprint `key`.
     pub(crate) fn is_of(&self, unit: &Unit, key: &str) -> bool {
         self.key == key && self.unit == *unit
     }
 
-    /// The result of these candidates, each with the key of its setting, if all their runs are there.
+    /// Returns the result of these settings (with their keys), if all runs are there.
     pub(crate) fn result<'s>(
         &self,
         candidates: impl Iterator<Item = (usize, &'s str)>,
@@ -126,7 +127,7 @@ impl UnitRuns {
         })
     }
 
-    /// The row of each of these candidates whose run is there.
+    /// Returns the rows of these settings whose runs are there.
     pub(crate) fn rows<'s>(
         &self,
         candidates: impl Iterator<Item = (usize, &'s str)>,
@@ -135,23 +136,24 @@ impl UnitRuns {
     }
 }
 
-/// One run of one setting.
+/// One training run of one setting.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SettingRun {
-    /// Steps of the run, between which nothing is missing.
+    /// Steps of the run within its unbroken pieces.
     pub steps: usize,
     /// Mini-batch or online updates.
     pub updates: u64,
     /// Errors over each part of the run, in normalised units.
     pub scores: Scores,
-    /// Step at which a value ceased to be finite: of the agent, or of the rollout that it should have learnt from.
+    /// Step at which a value ceased to be finite, either in the agent or in the rollout that it was to learn from.
     pub diverged_at: Option<usize>,
     /// The learning curve.
     pub curve: Vec<CurvePoint>,
 }
 
 impl SettingRun {
-    /// Of a run whose rollout left the finite numbers after `steps` steps: there is nothing to hold an agent to.
+    /// Creates the run for a rollout that ceased to be finite after `steps` steps, so that there is no return to score
+    /// against.
     pub(crate) fn failed(steps: usize) -> Self {
         Self {
             steps,
@@ -162,7 +164,7 @@ impl SettingRun {
         }
     }
 
-    /// Of a run of `steps` steps between which nothing is missing.
+    /// Creates the run from an outcome over `steps` steps within unbroken pieces.
     pub(crate) fn new(steps: usize, outcome: RunOutcome) -> Self {
         Self {
             steps,
@@ -173,7 +175,7 @@ impl SettingRun {
         }
     }
 
-    /// The run as one of the candidate at this position.
+    /// Returns the run as the row of the setting at position `candidate`.
     fn row(&self, candidate: usize) -> RunRow {
         let Self { steps, updates, scores, diverged_at, curve } = self.clone();
         RunRow { candidate, steps, updates, scores, diverged_at, curve }
@@ -187,47 +189,49 @@ impl From<&RunRow> for SettingRun {
     }
 }
 
-/// What a unit gave.
+/// The result of one unit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnitResult {
-    /// Fingerprint of everything that the result follows from beside the settings.
+    /// Fingerprint of all inputs of the result except the settings.
     pub key: String,
-    /// Which unit.
+    /// The unit.
     pub unit: Unit,
     /// Seed of the agents.
     pub seed: u64,
-    /// Row of the training data (or of the held-out data) that the stream starts from.
+    /// Row of the training data (or the held-out data) that the stream starts from.
     pub start_row: u32,
-    /// Where the model's rollout left the finite numbers, if it did: nothing was trained, and all errors are infinite.
+    /// Where the model's rollout ceased to be finite, if it did. In that case nothing was trained, and all errors are
+    /// infinite.
     pub not_finite: Option<NotFinite>,
-    /// One row a candidate, in the order of the candidates that were trained.
+    /// One row per trained setting, in order.
     pub rows: Vec<RunRow>,
 }
 
-/// The result of one run of one candidate.
+/// The result of one training run of one setting.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunRow {
-    /// Position of the candidate in the sweep.
+    /// Position of the setting in the sweep.
     pub candidate: usize,
-    /// Steps of the run, between which nothing is missing.
+    /// Steps of the run within its unbroken pieces.
     pub steps: usize,
     /// Mini-batch or online updates.
     pub updates: u64,
     /// Errors over each part of the run, in normalised units.
     pub scores: Scores,
-    /// Step at which a value ceased to be finite: of the agent, or of the rollout that it should have learnt from.
+    /// Step at which a value ceased to be finite, either in the agent or in the rollout that it was to learn from.
     pub diverged_at: Option<usize>,
     /// The learning curve.
     pub curve: Vec<CurvePoint>,
 }
 
 impl RunRow {
-    /// Of a run of `steps` steps between which nothing is missing.
+    /// Creates the row of a run of `steps` steps within unbroken pieces.
     pub fn new(candidate: usize, steps: usize, outcome: RunOutcome) -> Self {
         SettingRun::new(steps, outcome).row(candidate)
     }
 
-    /// RMSE over one part, in normalised units: +∞ if the run diverged, none if no step of the part can be scored.
+    /// Returns the RMSE over `part`, in normalised units: +∞ if the run diverged, `None` if no step of the part can be
+    /// scored.
     pub fn rmse(&self, part: Part) -> Option<f64> {
         match self.diverged_at {
             Some(_) => Some(f64::INFINITY),

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::Span;
 
-/// What a run must have to be scored.
+/// The conditions under which a run can be scored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScoringDemand {
-    /// How long streams are.
+    /// Length of streams.
     pub span: Span,
     /// The largest discount factor.
     pub gamma: f64,
@@ -29,11 +29,11 @@ pub struct Windows {
 }
 
 impl Windows {
-    /// Windows of the held-out rows of `segments`, in the order of time: at most `most`, as many as fit beside each other, evenly
-    /// spread over all rows.
+    /// Returns at most `most` windows of the held-out rows of `segments`, in time order. They do not overlap and are
+    /// evenly spread over all rows. Their number is limited by how many fit side by side.
     ///
-    /// Windows that do not overlap are as independent as held-out data can be. Where not even one fits, all rows are the
-    /// only one; its last returns are then not complete.
+    /// Windows that do not overlap are as independent as held-out data can be. If not even one fits, all rows form the
+    /// only window. Its last returns are then incomplete.
     pub fn held_out(segments: &Segments, demand: ScoringDemand, most: usize) -> Self {
         let rows = segments.rows();
         let states = demand.span.states().min(rows);
@@ -42,27 +42,29 @@ impl Windows {
         Self::scorable(spread.collect(), states, segments, demand)
     }
 
-    /// How many windows of `rows` rows fit beside each other, the states that follow the steps of each included: one at least, and
-    /// at most `most`.
+    /// Returns how many windows fit side by side into `rows` rows, including the states after the steps of each. The
+    /// number is at least one and at most `most`.
     pub fn side_by_side(rows: usize, span: Span, most: usize) -> usize {
         (rows / span.states().max(1)).min(most).max(1)
     }
 
-    /// `count` windows of the log of `segments`, the latest first and the others evenly spread over what precedes it. They overlap
-    /// where they must, and where the log is shorter than a stream it is replayed over and over, from as many different rows.
+    /// Returns `count` windows of the log of `segments`. The latest comes first, and the others are evenly spread over
+    /// the rows before it. They overlap where necessary. A log that is shorter than a stream is replayed repeatedly,
+    /// from as many different rows.
     pub fn log(segments: &Segments, demand: ScoringDemand, count: usize) -> Self {
         let rows = segments.rows();
         let states = demand.span.states();
         let starts = (0..count).map(|window| match rows.checked_sub(states) {
             Some(last) => last - spread(window, count, last),
-            // The first of them ends with the log.
+            // The first window ends with the log.
             None => (rows - states % rows.max(1) + window * rows / count) % rows.max(1),
         });
         Self::scorable(starts.collect(), states, segments, demand)
     }
 
-    /// Those of `starts` whose streams have a tenth of the steps to score that an unbroken one has; where none has, those that have
-    /// any. Every window counts alike, and one of a few steps says nothing.
+    /// Returns those of `starts` whose streams have at least a tenth of the scorable steps of an unbroken stream. If
+    /// there are none, returns those with any step to score. Every window has the same weight, and one of a few steps
+    /// is no evidence.
     fn scorable(
         starts: Vec<usize>,
         states: usize,
@@ -89,7 +91,7 @@ impl Windows {
         Self { starts, states, left_out }
     }
 
-    /// Fingerprint of what the stream of `run` is made from, of data that have the fingerprint `data`.
+    /// Returns the fingerprint of the inputs of the stream of `run`. `data` is the fingerprint of the data.
     pub fn inputs(&self, data: &Fingerprint, run: usize) -> Fingerprint {
         let mut fingerprint = Fingerprinter::default();
         fingerprint.add(data.to_string().as_bytes());
@@ -99,13 +101,13 @@ impl Windows {
         fingerprint.finish()
     }
 
-    /// Window that `run` replays.
+    /// Returns the window that `run` replays.
     pub fn of_run(&self, run: usize) -> usize {
         run % self.starts.len()
     }
 }
 
-/// Where the `number`-th of `count` evenly spread things begins, the first at 0 and the last at `last`.
+/// Returns the place of item `number` of `count` evenly spread items. The first is at 0 and the last at `last`.
 fn spread(number: usize, count: usize, last: usize) -> usize {
     (number as u128 * last as u128 / (count.max(2) - 1) as u128) as usize
 }
@@ -118,7 +120,7 @@ mod tests {
         Segments::from_lengths(lengths.iter().copied()).expect("valid")
     }
 
-    /// Ten steps and two states after them.
+    /// Demands ten steps and two states after them.
     fn demand() -> ScoringDemand {
         ScoringDemand { span: Span { steps: 10, tail: 2 }, gamma: 0.1, part: Part::WholeRun }
     }
@@ -141,7 +143,7 @@ mod tests {
 
     #[test]
     fn windows_that_gaps_leave_nothing_of_are_left_out() {
-        // Two rows at a time: returns of two states are never known with γ = 0.1.
+        // Segments of two rows: with γ = 0.1 no return of two states is known.
         let lengths: Vec<usize> = (0..6).map(|_| 2).chain([12]).collect();
         let windows = Windows::held_out(&segments(&lengths), demand(), 4);
         assert_eq!((windows.starts, windows.left_out), (vec![12], 1));
@@ -149,7 +151,7 @@ mod tests {
 
     #[test]
     fn windows_of_a_few_steps_count_only_where_there_are_no_others() {
-        // A step or two to score in the first window, ten in the second; γ = 0.5 needs seven states.
+        // A step or two to score in the first window, ten in the second. γ = 0.5 needs seven states.
         let demand =
             ScoringDemand { span: Span { steps: 40, tail: 7 }, gamma: 0.5, part: Part::WholeRun };
         let pieces: Vec<usize> = (0..5).map(|_| 7).chain([9, 3, 47]).collect();

@@ -1,4 +1,5 @@
-//! Scores, choices, regrets and bounds as NumPy has them: `scripts/golden/verdict.py`.
+//! Compares scores, choices, regrets and bounds with those of NumPy, from
+//! `scripts/golden/verdict.py`.
 
 use std::collections::BTreeMap;
 
@@ -20,12 +21,12 @@ struct Golden {
     race: GoldenRace,
 }
 
-/// Some runs of each member, and as many windows of the log, which come last.
+/// Some runs of each member, then as many windows of the log.
 #[derive(Deserialize)]
 struct GoldenRace {
-    /// `[run][stream][value]`; null where a value diverged.
+    /// `[run][stream][setting]`; null where a setting diverged.
     streams: Vec<Vec<Vec<Option<f64>>>>,
-    /// `[run][stream]`: the values that are trained.
+    /// `[run][stream]`: the settings that are trained.
     trained: Vec<Vec<Vec<usize>>>,
 }
 
@@ -144,7 +145,7 @@ fn judged(golden: &GoldenVerdict) -> SensorVerdict {
         );
     }
     let log = golden.log.iter().enumerate();
-    // Windows that do not overlap.
+    // Starts nine rows apart, so that windows do not overlap.
     results.extend(log.map(|(run, errors)| result(EnvironmentId::LogReplay, run, run * 9, errors)));
     for (window, runs) in golden.windows.iter().enumerate() {
         let runs = runs.iter().enumerate();
@@ -199,7 +200,7 @@ fn choices_regrets_and_bounds_are_numpys() {
     let quotient = quotient.interval.expect("finite");
     near("quotient, low", quotient.low, golden.against_default_interval[0], 1e-9);
     near("quotient, high", quotient.high, golden.against_default_interval[1], 1e-9);
-    // Both are estimates, of 20,000 and 40,000 resamples.
+    // Both are estimates, from 20,000 and 40,000 resamples.
     for (value, &expected) in golden.shares.iter().enumerate() {
         let share = verdict.stability.iter().find(|share| share.candidate == value);
         near("share", share.map_or(0.0, |share| share.share), expected, 0.015);

@@ -26,12 +26,12 @@ use calib_sweep::{
     SweepConfig, SweepError, Unit, UnitResult, UnitStore, Windows, candidates, raced, verdict,
 };
 
-/// It rises and falls with a period of 24 rows.
+/// Returns a wave with a period of 24 rows.
 fn wave(row: usize, phase: f32) -> f32 {
     ((row as f32 / 24.0 + phase) * std::f32::consts::TAU).sin()
 }
 
-/// Two waves, in two segments.
+/// Returns two waves in two segments.
 fn frames(rows: usize) -> Frames {
     let values =
         (0..rows).flat_map(|row| [0.5 + 0.4 * wave(row, 0.0), 0.5 + 0.4 * wave(row, 0.25)]);
@@ -41,7 +41,7 @@ fn frames(rows: usize) -> Frames {
         .expect("valid")
 }
 
-/// 600 steps, and what follows so that returns of γ = 0.8 are complete.
+/// Returns a span of 600 steps, with the states that complete returns of γ = 0.8.
 fn span() -> Span {
     Span::new(600, [0.8])
 }
@@ -79,7 +79,7 @@ impl Study {
         Self::of(&[1e-5, 5e-2, 1e38])
     }
 
-    /// With these learning rates, and the agent's own.
+    /// Creates a study of these learning rates and the agent's own.
     fn of(rates: &[f64]) -> Self {
         let agent = AgentConfig {
             value_function: ValueFunction::Linear,
@@ -106,7 +106,7 @@ impl Study {
         Self { train, held_out: frames(1300), model, candidates }
     }
 
-    /// The units of the plan, and the keys of its settings.
+    /// Returns the units of the plan and the keys of its settings.
     fn units(&self, seed: u64) -> (Vec<PlannedUnit>, Vec<String>) {
         self.with_plan(seed, |plan| {
             (plan.units(), plan.settings().iter().map(ToString::to_string).collect())
@@ -117,7 +117,7 @@ impl Study {
         self.with_runs(seed, 2, then)
     }
 
-    /// As many runs of each member, and as many windows of the log.
+    /// Runs `then` on a plan with `runs` runs of each member and as many windows of the log.
     fn with_runs<T>(&self, seed: u64, runs: usize, then: impl FnOnce(Plan<'_>) -> T) -> T {
         let seed = Seed::new(seed);
         let inputs = Fingerprint::of(b"data");
@@ -167,7 +167,7 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     let together = in_pool(4, || run(&four));
     assert_eq!(alone, together);
 
-    // Lose a unit, damage another: only these are run again, to the same result.
+    // One unit is lost and another damaged. Only these are run again, with the same result.
     let lost = directory.path().join("one/A/online/run-0001.json");
     let damaged = directory.path().join("one/B/member-2/run-0000.json");
     let kept = directory.path().join("one/A/member-0/run-0000.json");
@@ -191,7 +191,7 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
             .all(|result| result.rows.iter().all(|row| row.steps == 600))
     );
 
-    // Another seed is another sweep: nothing of the old one counts.
+    // Another seed gives another sweep, which reuses no results.
     let (other, settings) = study.units(2);
     assert!(matches!(
         one.collect(&other, &settings),
@@ -271,7 +271,7 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     assert!(warns(&verdict, "diverged"));
 }
 
-/// By the paper's rule, over the whole run.
+/// Returns the verdict by the paper's rule over the whole run.
 fn judged(study: &Study, results: &[UnitResult]) -> SensorVerdict {
     let replay =
         calib_core::RowStream::replay(study.train.states().clone(), study.train.segments());
@@ -307,7 +307,7 @@ fn runs_are_dealt_to_windows() {
     let online = ReplayEnvironment::online(&train, windows, 5, inputs.clone());
     assert_eq!([0, 1, 2, 3, 4].map(|run| start_row(&online, run)), [0, 579, 0, 579, 0]);
     assert_eq!(online.inputs(0), online.inputs(2));
-    // All there is, where no window fits.
+    // All rows form the window where none fits.
     let demand = self::demand(Span::new(5000, [0.8]));
     let windows = Windows::held_out(train.segments(), demand, 8);
     let online = ReplayEnvironment::online(&train, windows, 2, inputs);
@@ -316,7 +316,7 @@ fn runs_are_dealt_to_windows() {
     assert_eq!(online.id(), EnvironmentId::Online);
 }
 
-/// Asks to stop when it was asked often enough.
+/// A monitor that asks to stop after a number of checks.
 struct Impatient {
     asked: AtomicU64,
     patience: u64,
@@ -337,7 +337,7 @@ fn long_runs_go_on_in_the_middle() {
     let stopped = store("stopped");
     let expected = study.with_plan(1, |plan| plan.run(&whole, &Silent).expect("runs"));
     let unfinished = directory.path().join("stopped/.unfinished");
-    // Six or eight agents of at least a million multiplications a step: a state every hundred steps.
+    // Six or eight agents with at least a million multiplications per step: one state every hundred steps.
     let mut resumed = 0;
     let results = loop {
         let monitor = Impatient { asked: AtomicU64::new(0), patience: 320 };
@@ -375,7 +375,7 @@ fn agents_start_from_checkpoints() {
     }
 }
 
-/// The whole sweep of four values, and the same as a race, which is what is left of it.
+/// Returns the complete sweep of four settings and the same sweep as a race. Checks that the race makes the same runs.
 fn whole_and_raced(study: &Study, directory: &Path) -> (Vec<UnitResult>, Vec<UnitResult>) {
     let store = |name: &str| UnitStore::new(directory.join(name));
     let whole = study.with_runs(1, 4, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
@@ -442,7 +442,8 @@ fn a_halving_keeps_the_better_half_again_and_again() {
 fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
-    // Three runs of members and a window of the log by four values, as many again by two; runs that are made are the same.
+    // The first round has three runs of members and a window of the log with four settings. The next has as many again
+    // with two. The runs are the same as without a race.
     let (whole, alone) = whole_and_raced(&study, directory.path());
     assert!(rows(&alone) < rows(&whole) * 3 / 4, "{} of {}", rows(&alone), rows(&whole));
     let left = [0, 1, 2].map(|run: usize| {
@@ -463,7 +464,7 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let scores_of_whole = of_whole.truth.as_ref().map(|truth| &truth.scores);
     assert_eq!(scores, scores_of_whole, "held-out data has judged all settings");
 
-    // A unit of the first round lost: it is run again, and nothing else.
+    // A unit of the first round is lost. Only this unit is run again.
     let one = UnitStore::new(directory.path().join("one"));
     let lost = directory.path().join("one/A/member-1/run-0000.json");
     let kept = ["one/A/member-2/run-0000.json", "one/A/member-1/run-0001.json"];
@@ -475,7 +476,7 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     assert_eq!(written(), before);
 }
 
-/// Multiplies states by 10 where the first sensor is above one half, and leaves others as they are.
+/// A model that multiplies states by 10 where the first sensor is above one half, and keeps others.
 #[derive(Debug)]
 struct Tenfold;
 
@@ -509,7 +510,7 @@ impl Walk for Tenfold {
 #[test]
 fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     let study = Study::new();
-    // 0.9 at its peak, 0.1 at its trough.
+    // The wave is 0.9 at its peak and 0.1 at its trough.
     let starts = [6, 18].map(RowIndex::new).map(|row| {
         let wanted = RequestedStart::Recorded(row);
         ModelStart::Row(StartRow { row, wanted, replaced: None })
@@ -531,13 +532,13 @@ fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     assert_eq!(results.len(), 4, "two sensors, two runs");
     for result in &results {
         let failed = result.unit.run == 0;
-        // 9e37 at step 38.
+        // The state is 9e37 at step 38.
         let expected = failed.then_some(NotFinite { step: 39, column: 0 });
         assert_eq!(result.not_finite, expected, "{}", result.unit);
         assert_eq!(result.rows.len(), 4, "all values");
         let diverged =
             result.rows.iter().filter(|row| row.rmse(Part::WholeRun) == Some(f64::INFINITY));
-        // The third value diverges by itself.
+        // The third setting diverges by itself.
         assert_eq!(diverged.count(), if failed { 4 } else { 1 }, "{}", result.unit);
         assert!(result.rows.iter().all(|row| row.steps == if failed { 38 } else { 600 }));
     }

@@ -1,35 +1,35 @@
-//! Sensors whose returns have one discount factor.
+//! Groups of sensors whose returns have the same discount factor.
 
 use crate::{Candidate, Environment, EnvironmentId, Span, race::RacedStreams};
 
-/// What the agents of some sensors are and are trained in: those whose return has one discount factor.
+/// The agents and environments of the sensors with one discount factor.
 pub struct SensorGroup<'a> {
-    /// The candidates of the plan, with this discount factor.
+    /// The settings of the plan, with this discount factor.
     pub candidates: &'a [Candidate],
-    /// Where they are trained.
+    /// The environments that they are trained in.
     pub environments: Vec<&'a dyn Environment>,
-    /// How long their streams are. All groups have as many steps.
+    /// Length of their streams. All groups have the same number of steps.
     pub span: Span,
 }
 
-/// A sensor that is predicted.
+/// A predicted sensor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlannedSensor {
-    /// Its name.
+    /// The name.
     pub name: String,
-    /// Its column of the states.
+    /// The state column.
     pub column: usize,
     /// Position of its group.
     pub group: usize,
 }
 
 impl SensorGroup<'_> {
-    /// Runs in all of its environments.
+    /// Returns the number of runs in all its environments.
     pub(super) fn runs(&self) -> usize {
         self.environments.iter().map(|environment| environment.runs()).sum()
     }
 
-    /// The streams that a race orders.
+    /// Returns the streams that a race orders.
     pub(super) fn raced_streams(&self) -> RacedStreams {
         let mut members = Vec::new();
         let mut runs = usize::MAX;

@@ -1,4 +1,4 @@
-//! What results are known by.
+//! Keys of results: fingerprints of their inputs.
 
 use std::{borrow::Cow, sync::Arc};
 
@@ -10,21 +10,21 @@ use serde::Serialize;
 use super::{Plan, RESULT_VERSION, SensorGroup};
 use crate::{Baselines, Candidate, Program, Span, Start, Unit};
 
-/// What the runs of a unit follow from, beside their settings and what holds for the whole plan.
+/// The inputs of a unit's runs that are neither part of a setting nor shared by the whole plan.
 pub(super) struct UnitInputs<'i> {
     pub(super) group: &'i SensorGroup<'i>,
-    /// Column of the states that is predicted.
+    /// Predicted state column.
     pub(super) column: usize,
     pub(super) agents: &'i [&'i Candidate],
-    /// What the agents start from, if they were pre-trained.
+    /// The checkpoint that the agents start from, if they were pre-trained.
     pub(super) start: Option<&'i Start>,
     pub(super) seed: Seed,
-    /// Of what the stream is made from.
+    /// Fingerprint of the stream's inputs.
     pub(super) stream: &'i Fingerprint,
 }
 
 impl Plan<'_> {
-    /// Fingerprint of everything that the runs of a unit follow from beside their settings.
+    /// Returns the fingerprint of all inputs of a unit's runs except their settings.
     pub(super) fn key(
         &self,
         unit: &Unit,
@@ -45,12 +45,12 @@ impl Plan<'_> {
             program: Option<&'k Fingerprint>,
             #[serde(skip_serializing_if = "Option::is_none")]
             stacked: Option<Stacked<'k>>,
-            /// Where it is not that of the settings.
+            /// The discount factor, where it differs from that of the settings.
             #[serde(skip_serializing_if = "Option::is_none")]
             gamma: Option<f64>,
         }
-        /// An accelerator stacks the networks of all settings in one product, whose size may decide how it rounds. Its
-        /// runs are those of all of them.
+        /// The settings whose networks an accelerator stacks in one product. The size of the product may decide how it
+        /// rounds, so each run depends on all of them.
         #[derive(Serialize)]
         struct Stacked<'k> {
             arithmetic: &'k str,
@@ -75,15 +75,15 @@ impl Plan<'_> {
         })
     }
 
-    /// The discount factor of a group, if it is not that of the plan's candidates.
+    /// Returns the discount factor of a group, if it differs from that of the plan's settings.
     fn own_gamma(&self, group: &SensorGroup<'_>) -> Option<f64> {
         let [own, all] = [group.candidates, self.candidates]
             .map(|candidates| candidates.first().map(|candidate| candidate.agent.gamma));
         own.filter(|_| own != all)
     }
 
-    /// The key of each candidate's setting, in their order: a fingerprint of what a run follows from beside its unit. It
-    /// does not depend on which other candidates there are.
+    /// Returns the key of each setting, in order. A key is the fingerprint of all inputs of a run except its unit. It
+    /// does not depend on the other settings.
     pub fn settings(&self) -> &[Arc<str>] {
         #[derive(Serialize)]
         struct Key<'k> {

@@ -1,4 +1,4 @@
-//! Parts of a plan that are run apart, by other processes on other machines.
+//! Parts of a plan that other processes on other machines can run.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,10 +10,10 @@ use crate::{
     EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitRuns, UnitSink, cohorts,
 };
 
-/// The units of some sensors of a group in one run of one environment, which share a pass over its stream.
+/// The identity of a pass: some sensors of a group in one run of one environment. Their units share the pass.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct PassId {
-    /// Where the stream comes from.
+    /// The environment of the stream.
     pub environment: EnvironmentId,
     /// Number of the run.
     pub run: usize,
@@ -22,13 +22,13 @@ pub struct PassId {
 }
 
 impl PassId {
-    /// Whether a unit is one of its.
+    /// Whether `unit` belongs to the pass.
     pub fn has(&self, unit: &Unit) -> bool {
         (unit.environment, unit.run) == (self.environment, self.run)
             && self.sensors.contains(&unit.sensor)
     }
 
-    /// Its units.
+    /// Returns the units of the pass.
     pub fn units(&self) -> impl Iterator<Item = Unit> + '_ {
         let Self { environment, run, sensors } = self;
         sensors.iter().map(|sensor| Unit {
@@ -39,40 +39,41 @@ impl PassId {
     }
 }
 
-/// A pass whose values are known, as far as it has no results.
+/// A pass whose settings are known, with the units that need training.
 pub struct ReadyPass<'p> {
     jobs: Vec<UnitJob<'p>>,
 }
 
 impl<'p> ReadyPass<'p> {
-    /// What is to be trained of it beside the runs that `look_up` finds.
+    /// Returns the jobs with the runs that `look_up` does not find.
     fn rest(&self, look_up: Lookup<'_>) -> Vec<UnitJob<'p>> {
         let mut stored = StoredUnits::default();
         stored.read(&self.jobs, look_up);
         self.jobs.iter().filter_map(|job| stored.rest(job)).collect()
     }
 
-    /// Its units, each with the fingerprint of what it follows from.
+    /// Returns the units of the pass, each with the fingerprint of its inputs.
     pub fn units(&self) -> impl Iterator<Item = PlannedUnit> + '_ {
         self.jobs.iter().map(UnitJob::planned)
     }
 
-    /// Whether `look_up` finds every run of it.
+    /// Whether `look_up` finds every run of the pass.
     pub fn is_found(&self, look_up: Lookup<'_>) -> bool {
         self.rest(look_up).is_empty()
     }
 }
 
 impl Plan<'_> {
-    /// In which stage a pass can be made: results of all stages before decide its values. Without a race there is one.
+    /// Returns the stage in which a pass can run. Its settings depend on the results of all earlier stages. Without a
+    /// race there is one stage.
     pub fn stage(&self, pass: &PassId) -> usize {
         let group = pass.sensors.first().map_or(0, |sensor| self.group_of(sensor));
         let race = self.races.as_ref().map(|races| &races[group]);
         race.and_then(|race| race.round(pass.environment, pass.run)).unwrap_or(0)
     }
 
-    /// The units of `passes` that are to be made where `before` are the results of all stages before; of a race, those
-    /// that are not spared.
+    /// Returns the `passes` to run, given `before`, the results of all earlier stages. In a race, units that are no
+    /// longer needed are left out.
     pub fn ready<'p>(
         &'p self,
         passes: &[PassId],
@@ -93,10 +94,10 @@ impl Plan<'_> {
         ready
     }
 
-    /// Check that nothing has to be run beside `found`.
+    /// Checks that `found` lacks no run.
     ///
     /// # Errors
-    /// [`SweepError::Incomplete`].
+    /// Returns [`SweepError::Incomplete`] if it does.
     pub fn collected(&self, found: &StoredUnits) -> Result<(), SweepError> {
         let missing = self.missing(found.whole());
         match missing.first() {
@@ -109,10 +110,11 @@ impl Plan<'_> {
         }
     }
 
-    /// Train what `look_up` does not find of a pass, and put the runs into `sink`: the same as in the whole plan. A pass that is interrupted keeps its state in the sink, and goes on from it.
+    /// Trains the runs of a pass that `look_up` does not find, and puts them into `sink`. They are the same as in the
+    /// whole plan. An interrupted pass keeps its state in the sink and resumes from it.
     ///
     /// # Errors
-    /// As [`complete`](Self::complete).
+    /// Fails as [`complete`](Self::complete) does.
     pub fn train_ready(
         &self,
         ready: &ReadyPass<'_>,

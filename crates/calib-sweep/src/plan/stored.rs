@@ -1,4 +1,4 @@
-//! What there is of the results of a plan, and what is left to be trained.
+//! Stored results of a plan, and the runs that are still missing.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -10,30 +10,30 @@ use rayon::prelude::*;
 
 use crate::{Candidate, Environment, PlannedUnit, Start, Unit, UnitResult, UnitRuns};
 
-/// What looks the runs of a unit up by unit and key.
+/// A function that finds the runs of a unit by unit and key.
 pub(super) type Lookup<'l> = &'l (dyn Fn(&Unit, &str) -> Option<UnitRuns> + Sync);
 
-/// What is there of the results of a plan.
+/// The stored results of a plan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StoredUnits {
     /// Units that have a run of every setting.
     pub(super) whole: BTreeMap<Unit, UnitResult>,
-    /// Those runs of other units that are there: a smaller grid has left them.
+    /// The runs of incomplete units. A smaller grid may have left them.
     begun: BTreeMap<Unit, UnitRuns>,
 }
 
 impl StoredUnits {
-    /// The results of the units that are whole.
+    /// Returns the results of the complete units.
     pub fn whole(&self) -> &BTreeMap<Unit, UnitResult> {
         &self.whole
     }
 
-    /// The runs of those that are not.
+    /// Returns the runs of the incomplete units.
     pub fn begun(&self) -> &BTreeMap<Unit, UnitRuns> {
         &self.begun
     }
 
-    /// Add what `look_up` finds of `jobs`.
+    /// Adds the results that `look_up` finds for `jobs`.
     pub(super) fn read(&mut self, jobs: &[UnitJob<'_>], look_up: Lookup<'_>) {
         let read: Vec<(&UnitJob<'_>, UnitRuns)> = jobs
             .par_iter()
@@ -46,7 +46,7 @@ impl StoredUnits {
         }
     }
 
-    /// Add runs of a job, which may make it whole.
+    /// Adds runs of a job. They may complete its unit.
     pub(super) fn add(&mut self, job: &UnitJob<'_>, runs: UnitRuns) {
         if runs.runs.is_empty() {
             return;
@@ -64,7 +64,7 @@ impl StoredUnits {
         }
     }
 
-    /// What is left to be trained of a job, if anything is.
+    /// Returns the part of a job that lacks runs, if any.
     pub(super) fn rest<'a>(&self, job: &UnitJob<'a>) -> Option<UnitJob<'a>> {
         if self.whole.contains_key(&job.unit) {
             return None;
@@ -74,39 +74,39 @@ impl StoredUnits {
     }
 }
 
-/// A unit with what is needed to run it.
+/// A unit and the data needed to train it.
 #[derive(Clone)]
 pub(crate) struct UnitJob<'a> {
     pub(crate) unit: Unit,
-    /// Position of the sensor's group: units of one group share passes.
+    /// Position of the sensor's group. Units of one group share passes.
     pub(super) group: usize,
     pub(crate) environment: &'a dyn Environment,
     pub(crate) column: usize,
     pub(crate) agents: Vec<&'a Candidate>,
     /// The key of each agent's setting.
     pub(crate) settings: Vec<Arc<str>>,
-    /// Positions of the candidates that were dropped before.
+    /// Positions of the settings that were dropped before.
     pub(crate) dropped: BTreeSet<usize>,
     pub(crate) start: Option<&'a Start>,
     pub(crate) seed: Seed,
-    /// Of everything that its runs follow from beside their settings.
+    /// Fingerprint of all inputs of its runs except their settings.
     pub(crate) key: String,
 }
 
 impl UnitJob<'_> {
-    /// Position and key of each candidate.
+    /// Returns the position and key of each trained setting.
     fn trained(&self) -> impl Iterator<Item = (usize, &str)> {
         let settings = self.settings.iter().map(AsRef::as_ref);
         self.agents.iter().map(|agent| agent.index).zip(settings)
     }
 
-    /// The unit, as it is planned.
+    /// Returns the planned unit of the job.
     pub(super) fn planned(&self) -> PlannedUnit {
         let Self { unit, key, dropped, .. } = self.clone();
         PlannedUnit { unit, key, dropped }
     }
 
-    /// The same job with those agents only whose settings are `wanted`.
+    /// Returns the same job with only the agents whose settings are `wanted`.
     fn of(&self, wanted: impl Fn(&str) -> bool) -> Self {
         let both = self.agents.iter().zip(&self.settings).filter(|(_, setting)| wanted(setting));
         let (agents, settings) = both.map(|(agent, setting)| (*agent, Arc::clone(setting))).unzip();

@@ -1,11 +1,11 @@
-//! Which values a race has left, and which units it therefore makes.
+//! The settings that a race has left, and the units that it therefore needs.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Plan, PlannedSensor};
 use crate::{Unit, UnitResult};
 
-/// The values that are left after each round of a race, for each sensor.
+/// The settings that are left after each round of a race, for each sensor.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Survivors(BTreeMap<String, Vec<BTreeSet<usize>>>);
 
@@ -15,16 +15,17 @@ impl Survivors {
     }
 }
 
-/// The values that are left before a unit.
+/// The settings that are left before a unit.
 pub(super) enum SurvivorsBefore<'s> {
     All,
     Some(&'s BTreeSet<usize>),
-    /// They are one, so that the unit is not run, or not known yet.
+    /// Either one setting is left, so that the unit is not needed, or the settings are not known
+    /// yet.
     OneOrUnknown,
 }
 
 impl Plan<'_> {
-    /// Decide what the results allow to decide; whether that was anything.
+    /// Decides the rounds whose results are complete. Returns whether it decided any.
     pub(super) fn decide(
         &self,
         survivors: &mut Survivors,
@@ -40,13 +41,13 @@ impl Plan<'_> {
         decided
     }
 
-    /// The round of the race before that of a unit; none if it is made whatever happens.
+    /// Returns the race round before that of a unit, or `None` if the unit is always run.
     fn round_before(&self, unit: &Unit) -> Option<usize> {
         let race = &self.races.as_ref()?[self.group_of(&unit.sensor)];
         race.round(unit.environment, unit.run)?.checked_sub(1)
     }
 
-    /// The values that are left before the round of a unit.
+    /// Returns the settings that are left before the round of a unit.
     pub(super) fn left_before<'s>(
         &self,
         unit: &Unit,
@@ -58,7 +59,7 @@ impl Plan<'_> {
             .map_or(SurvivorsBefore::OneOrUnknown, SurvivorsBefore::Some)
     }
 
-    /// Whether one value is left before the round of a unit.
+    /// Whether a unit is not needed because one setting is left before its round.
     pub(super) fn is_spared(&self, unit: &Unit, survivors: &Survivors) -> bool {
         let rounds = survivors.rounds(&unit.sensor);
         self.round_before(unit)

@@ -1,4 +1,4 @@
-//! How what a plan lacks is trained.
+//! Training of the runs that a plan lacks.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,22 +10,22 @@ use crate::{
     EnvironmentId, SweepError, Unit, UnitResult, UnitRuns, UnitStore, cohorts, pass::Pass,
 };
 
-/// A sweep that is complete.
+/// A completed sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompletedSweep {
     /// Every result, in the order of the units.
     pub results: Vec<UnitResult>,
-    /// Units of which something had to be run for it.
+    /// Number of units that lacked at least one run.
     pub ran: usize,
-    /// Runs that were made for it: of each unit, one for each setting that had none.
+    /// Number of new runs, counting one per setting of a unit.
     pub runs: usize,
 }
 
 impl<'a> Plan<'a> {
-    /// Run what `store` lacks; see [`complete`](Self::complete).
+    /// Makes the runs that `store` lacks, as [`complete`](Self::complete) does.
     ///
     /// # Errors
-    /// As [`complete`](Self::complete).
+    /// Fails as [`complete`](Self::complete) does.
     pub fn run(
         &self,
         store: &UnitStore,
@@ -34,14 +34,14 @@ impl<'a> Plan<'a> {
         Ok(self.complete(self.stored(store), store, monitor)?.results)
     }
 
-    /// Run what units have no run of in `stored`, in parallel, put their results in `store`, and return
-    /// all results in the order of [`units`](Self::units). Results do not depend on the number of threads.
+    /// Makes the runs that `stored` lacks in parallel, puts them into `store`, and returns all results in the order of
+    /// [`units`](Self::units). Results do not depend on the number of threads.
     ///
-    /// The units of one run in one environment share a pass over its stream, whatever sensor of a group they predict.
-    /// Long passes keep their state in the store, so that a killed one goes on in the middle.
+    /// The units of one run in one environment share a pass over its stream, for all sensors of a group. Long passes
+    /// save their state in the store, so that a killed pass resumes in the middle.
     ///
     /// # Errors
-    /// The first failure, or [`SweepError::Cancelled`]; finished units stay stored.
+    /// Returns the first failure, or [`SweepError::Cancelled`]. Finished units stay stored.
     pub fn complete(
         &self,
         stored: StoredUnits,
@@ -57,10 +57,11 @@ impl<'a> Plan<'a> {
         let mut survivors = Survivors::default();
         loop {
             let jobs = self.jobs(&survivors);
-            // Values of later runs were not known before: what is stored of them is not run again, and some are not needed.
+            // The settings of later rounds are known only now. Stored runs of these units are not repeated, and some
+            // units are not needed.
             found.read(&jobs, &|unit, key| store.get(unit, key));
             let now = self.passes(&found);
-            // Sensors need not have come equally far before, so that one pass can train units of several rounds.
+            // Some sensors may have been further ahead before, so one pass can train units of several rounds.
             let done = left.saturating_sub(now);
             monitor.advance((done * self.options.span.steps) as u64);
             let rest: Vec<UnitJob<'_>> = jobs.iter().filter_map(|job| found.rest(job)).collect();
@@ -84,7 +85,8 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Passes over streams that are still to be made beside `found`, in a race at most: sensors share those of a run.
+    /// Returns the number of passes over streams that `found` lacks. Sensors share the pass of a run. In a race it is
+    /// an upper bound.
     pub fn passes(&self, found: &StoredUnits) -> usize {
         self.passes_over(self.missing(&found.whole).iter())
     }
@@ -94,7 +96,7 @@ impl<'a> Plan<'a> {
         passes.collect::<BTreeSet<_>>().len()
     }
 
-    /// Run these jobs, in parallel.
+    /// Trains these jobs in parallel.
     fn train(
         &self,
         jobs: &[UnitJob<'_>],
@@ -123,7 +125,7 @@ impl<'a> Plan<'a> {
         Ok(trained.into_iter().flatten().collect())
     }
 
-    /// A pass of these jobs.
+    /// Creates the pass of these jobs.
     pub(super) fn pass<'p>(&'p self, jobs: Vec<&'p UnitJob<'a>>) -> Pass<'p, 'a> {
         Pass {
             jobs,

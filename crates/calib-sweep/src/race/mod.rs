@@ -1,4 +1,4 @@
-//! A race: the worse half of the values makes no more runs, again and again, until one is left.
+//! A race by successive halving: the worse half of the settings makes no more runs, until one setting is left.
 
 mod rounds;
 
@@ -11,7 +11,7 @@ pub(crate) use rounds::RacedStreams;
 use self::rounds::Rounds;
 use crate::{EnvironmentId, Unit, UnitResult};
 
-/// A race among the values of a sweep, as [`Plan::race`](crate::Plan::race) describes it.
+/// A race among the settings of a sweep, as [`Plan::race`](crate::Plan::race) describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Race {
     rounds: Rounds,
@@ -20,17 +20,17 @@ pub(crate) struct Race {
 }
 
 impl Race {
-    /// Of `values` values on these streams.
+    /// Creates a race of `values` settings on these streams.
     pub(crate) fn new(streams: &RacedStreams, values: usize, part: Part) -> Self {
         Self { rounds: streams.rounds(values), values, part }
     }
 
-    /// The round in which a run is made; none for those that are made whatever happens.
+    /// Returns the round of a run, or `None` for runs that are always made.
     pub(crate) fn round(&self, environment: EnvironmentId, run: usize) -> Option<usize> {
         self.rounds.round_of((environment, run))
     }
 
-    /// The values that are left after each round whose results are there, as far as there is more than one.
+    /// Returns the settings that are left after each round with complete results, as long as more than one is left.
     pub(crate) fn survivors(
         &self,
         sensor: &str,
@@ -58,7 +58,7 @@ impl Race {
     }
 }
 
-/// The `most` best of `left`.
+/// Returns the `most` best settings of `left`.
 fn best(left: BTreeSet<usize>, logs: &[Vec<f64>], most: usize) -> BTreeSet<usize> {
     let mut ordered: Vec<usize> = left.into_iter().collect();
     ordered.sort_by(|&a, &b| {
@@ -69,15 +69,16 @@ fn best(left: BTreeSet<usize>, logs: &[Vec<f64>], most: usize) -> BTreeSet<usize
     ordered.into_iter().take(most).collect()
 }
 
-/// How a value stands: in how many streams it diverged, and its mean logarithm in the others.
+/// Returns the ranking of a setting: the number of streams in which it diverged, and its mean logarithm of the error in
+/// the others.
 pub(crate) fn standing(logs: &[f64]) -> (usize, f64) {
     let finite: Vec<f64> = logs.iter().copied().filter(|log| *log < f64::INFINITY).collect();
     let mean = finite.iter().sum::<f64>() / finite.len().max(1) as f64;
     (logs.len() - finite.len(), mean)
 }
 
-/// What a race would have made of the results of a whole sweep of `values` values: those that are dropped are left out of the rows that
-/// follow, and runs are once one value is left. What is saved, and whether the choice is another, can be read off.
+/// Applies a race to the results of a complete sweep of `values` settings. Rows of dropped settings are removed, and so
+/// are runs after one setting is left. This shows what a race saves, and whether it changes the choice.
 pub fn raced(results: &[UnitResult], values: usize, part: Part) -> Vec<UnitResult> {
     let by_unit: BTreeMap<Unit, UnitResult> =
         results.iter().map(|result| (result.unit.clone(), result.clone())).collect();

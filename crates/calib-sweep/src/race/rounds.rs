@@ -1,4 +1,4 @@
-//! Which runs are made in which round.
+//! The assignment of runs to race rounds.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -7,20 +7,21 @@ use crate::EnvironmentId;
 /// One run in an environment.
 pub(super) type Run = (EnvironmentId, usize);
 
-/// What values are told apart by: runs in members, and windows of the replayed log.
+/// The streams that a race compares settings on: runs in ensemble members, and windows of the replayed log.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct RacedStreams {
-    /// Numbers of the members.
+    /// Numbers of the ensemble members.
     pub(crate) members: Vec<usize>,
-    /// Runs in each of them.
+    /// Runs per member.
     pub(crate) runs: usize,
     /// Windows of the log.
     pub(crate) windows: usize,
 }
 
 impl RacedStreams {
-    /// The first round has N / 2^⌈log₂ values⌉ of the N streams, rounded up and at least two, and each one after it as many as all before, so
-    /// that all rounds take the same work when half of the values go after each.
+    /// Divides the streams into rounds. The first round has N / 2^⌈log₂ values⌉ of the N streams, rounded up, and at
+    /// least two. Each later round has as many streams as all rounds before it. So all rounds take the same work when
+    /// half of the settings are dropped after each.
     pub(super) fn rounds(&self, values: usize) -> Rounds {
         let all = self.spread();
         let halvings = values.max(1).next_power_of_two();
@@ -35,8 +36,8 @@ impl RacedStreams {
         Rounds::new(rounds)
     }
 
-    /// All streams in an order of which each beginning has members and windows in their proportion, but for one of each at first, and windows
-    /// from all of the log.
+    /// Returns all streams in a balanced order. Every prefix has members and windows in proportion, except that the
+    /// first two streams are one of each. The windows of every prefix are spread over the whole log.
     fn spread(&self) -> Vec<Run> {
         let members = (0..self.runs).flat_map(|run| {
             self.members.iter().map(move |&member| (EnvironmentId::Member(member), run))
@@ -45,18 +46,18 @@ impl RacedStreams {
         let mut placed: Vec<(f64, Run)> = placed(members, self.members.len() * self.runs)
             .chain(placed(windows, self.windows))
             .collect();
-        // Stable: where places are equal the member comes first.
+        // A stable sort: members come first where places are equal.
         placed.sort_by(|a, b| a.0.total_cmp(&b.0));
         placed.into_iter().map(|(_, run)| run).collect()
     }
 }
 
-/// Each of `count` runs with its place from 0 to below 1.
+/// Returns `count` runs with their places in `[0, 1)`.
 fn placed(runs: impl Iterator<Item = Run>, count: usize) -> impl Iterator<Item = (f64, Run)> {
     runs.enumerate().map(move |(number, run)| (number as f64 / count as f64, run))
 }
 
-/// The numbers below `count`, such that each beginning is spread over all of them: by bits reversed.
+/// Returns the numbers below `count` in bit-reversed order, so that every prefix is spread over all of them.
 fn far_apart(count: usize) -> impl Iterator<Item = usize> {
     let all = count.next_power_of_two();
     let bits = all.trailing_zeros();
@@ -81,7 +82,7 @@ impl Rounds {
         Self { round_of: round_of.collect(), runs }
     }
 
-    /// Numbers of the rounds, after each of which something is decided.
+    /// Returns the numbers of the rounds after which settings are dropped.
     pub(super) fn numbers(&self) -> Range<usize> {
         0..self.runs.len()
     }

@@ -1,4 +1,4 @@
-//! Values that a race dropped, in the verdict.
+//! Settings that a race dropped, as the verdict reports them.
 
 use std::collections::BTreeSet;
 
@@ -24,8 +24,9 @@ pub struct Dropped {
     pub mean_error: f64,
 }
 
-/// The dropped ones among `grid` candidates, best first: those that went on for longer, then those with the lower
-/// error. `mean_errors` is `[members, candidates]`, the members in the order of their numbers; of the log alone where there is no model.
+/// Returns the dropped settings among `grid` settings, best first: those with more runs, then those with the lower
+/// error. `mean_errors` is `[member, setting]`, with the members in numeric order. Without a model it has one row for
+/// the log.
 pub(super) fn dropped(
     results: &[&UnitResult],
     grid: usize,
@@ -63,14 +64,14 @@ pub(super) fn dropped(
     dropped
 }
 
-/// See [`Dropped::mean_error`].
+/// Returns [`Dropped::mean_error`].
 fn mean_error(
     candidate: usize,
     results: &[&UnitResult],
     members: &[EnvironmentId],
     mean_errors: &[Vec<f64>],
 ) -> f64 {
-    // A member that it made no run in has no error of it, which is as large as can be there.
+    // Members without a run of the setting are left out, because their mean error is infinite.
     let own: Vec<f64> = (0..members.len())
         .filter(|&place| {
             results.iter().any(|result| {
@@ -83,8 +84,8 @@ fn mean_error(
     if own.is_empty() { f64::INFINITY } else { own.iter().sum::<f64>() / own.len() as f64 }
 }
 
-/// The worst-rank rule among those that made all runs; the dropped ones rank behind them in every member,
-/// in their order. Ranks of the others are ranks among themselves.
+/// Applies the worst-rank rule among the settings that made all runs. The dropped settings rank behind them in every
+/// member, in their order. The ranks of the others ignore the dropped settings.
 pub(super) fn select_among(
     mean_errors: &[Vec<f64>],
     dropped: &[Dropped],
@@ -149,7 +150,7 @@ mod tests {
         assert_eq!(selection.tie_set, [0, 2]);
         assert_eq!(selection.chosen, 0, "of equal ranks and errors the first");
         assert_eq!(selection.mean_errors[1], 2.5);
-        // Without dropping, the second value's good member would have cost the others a rank there.
+        // If ranks included the second setting, its good member would cost the others a rank there.
         let all = select_among(&errors, &[]).expect("selected");
         assert_eq!(all.ranks[1], [3, 1, 2, 4]);
     }

@@ -26,23 +26,23 @@ pub struct EnvironmentScores {
     pub skill: Vec<Option<f64>>,
 }
 
-/// Runs over one stream.
+/// The runs over one stream.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stream {
     pub(super) start_row: u32,
     pub(super) scored_steps: usize,
-    /// NRMSE `[run][candidate]`; +∞ where a value diverged, none where it was dropped before the run.
+    /// NRMSE `[run][setting]`: +∞ where the setting diverged, `None` where it was dropped before the run.
     pub(super) runs: Vec<Vec<Option<f64>>>,
 }
 
 impl Stream {
-    /// Mean error of each candidate over the runs that it made: +∞ if one diverged, or if it made none.
+    /// Returns the mean error of each setting over its runs: +∞ if one diverged, or if there are no runs.
     pub(super) fn means(&self) -> Vec<f64> {
         let candidates = self.runs.first().map_or(0, Vec::len);
         (0..candidates).map(|candidate| self.mean(candidate)).collect()
     }
 
-    /// `[run][candidate]`; +∞ where a run was not made.
+    /// Returns the errors as `[run][setting]`, with +∞ for missing runs.
     fn errors_of_runs(&self) -> Vec<Vec<f64>> {
         let runs = self.runs.iter();
         runs.map(|run| run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()).collect()
@@ -55,21 +55,21 @@ impl Stream {
     }
 }
 
-/// What was measured in one environment, stream by stream.
+/// The measured errors in one environment, by stream.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Errors {
     pub(super) environment: EnvironmentId,
     pub(super) streams: Vec<Stream>,
     /// Steps of the longest run.
     steps: usize,
-    /// Σ RMSE and Σ standard deviation of the returns over all runs, one pair a candidate.
+    /// Σ RMSE and Σ standard deviation of the returns over all runs, one pair per setting.
     totals: Vec<(f64, f64)>,
 }
 
 impl Errors {
-    /// Of the results in one environment, in the order of their runs.
+    /// Collects the errors of the results in one environment, in the order of their runs.
     ///
-    /// Runs share a stream if they begin at the same row of recorded data; every rollout is a stream of its own.
+    /// Runs share a stream if they begin at the same row of recorded data. Every rollout is a stream of its own.
     pub(super) fn new(
         environment: EnvironmentId,
         results: &[&UnitResult],
@@ -118,8 +118,9 @@ impl Errors {
         Ok(Self { environment, streams, steps, totals })
     }
 
-    /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online and of the log, and one unit with all rollouts for a
-    /// member. What a dropped value did not make is +∞: it cannot be chosen.
+    /// Returns all runs for resampling as `[unit][run][setting]`. For Online and log replay a unit is a stream with its
+    /// runs. An ensemble member is one unit with all its rollouts. Missing runs of dropped settings are +∞, so that
+    /// these settings cannot be chosen.
     pub(super) fn units(&self) -> Vec<Vec<Vec<f64>>> {
         match self.environment {
             EnvironmentId::Member(_) => {
@@ -131,19 +132,20 @@ impl Errors {
         }
     }
 
-    /// The same, of which as many are drawn as are independent.
+    /// Returns the same runs, set up so that a resample draws as many units as are independent.
     pub(super) fn nested(&self) -> Result<Nested, StatsError> {
         Ok(Nested::new(self.units())?.with_independent(self.independent()))
     }
 
-    /// Mean error of a candidate over each of the streams that it was trained on.
+    /// Returns the mean error of a setting over each stream that it was trained on.
     fn of_streams(&self, candidate: usize) -> Vec<f64> {
         let own = self.streams.iter();
         let own = own.filter(|stream| stream.runs.iter().any(|run| run[candidate].is_some()));
         own.map(|stream| stream.mean(candidate)).collect()
     }
 
-    /// Mean error of each candidate over the streams that it was trained on; +∞ if it was dropped before the first.
+    /// Returns the mean error of each setting over the streams that it was trained on: +∞ if it was dropped before the
+    /// first.
     pub(super) fn means(&self) -> Result<Vec<f64>, SweepError> {
         (0..self.totals.len())
             .map(|candidate: usize| match &self.of_streams(candidate)[..] {
@@ -153,7 +155,7 @@ impl Errors {
             .collect()
     }
 
-    /// How many streams are independent.
+    /// Returns the number of independent streams.
     fn independent(&self) -> usize {
         match self.environment {
             EnvironmentId::LogReplay => fitting(&self.streams, self.steps),
@@ -194,13 +196,13 @@ impl Errors {
     }
 }
 
-/// Whether streams are rows of recorded data one after the other, so that two which begin at the same row are the same.
+/// Whether the streams are consecutive recorded rows. Two such streams that begin at the same row are equal.
 const fn is_recorded(environment: EnvironmentId) -> bool {
     matches!(environment, EnvironmentId::Online | EnvironmentId::LogReplay)
 }
 
-/// How many windows of `steps` rows fit beside each other into the rows that `windows` cover, each unbroken part of these by itself: a
-/// chain of windows, each of which shares rows with the next, is not as many as it has links.
+/// Returns how many windows of `steps` rows fit side by side into the rows that `windows` cover. Each unbroken part
+/// counts by itself. A chain of overlapping windows therefore counts as fewer than it has windows.
 fn fitting(windows: &[Stream], steps: usize) -> usize {
     let mut starts: Vec<usize> = windows.iter().map(|window| window.start_row as usize).collect();
     starts.sort_unstable();

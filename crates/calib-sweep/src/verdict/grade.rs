@@ -29,24 +29,26 @@ pub enum Grade {
     Unchecked,
 }
 
-/// A regret that is no reason to look further.
+/// A regret up to this is no reason to look further.
 const SMALL_REGRET: f64 = 0.05;
 
 impl Grade {
-    /// By these rules, the first that holds:
+    /// Applies these rules. The first that holds decides:
     ///
-    /// 1. *poor* if the choice diverged in some stream that it was made from, as every other value then did;
-    /// 2. *unchecked* without held-out data, and where the sensor does not move in it;
+    /// 1. *poor* if the choice diverged in some stream that it was made from, as every other setting then did;
+    /// 2. *unchecked* without held-out data, and where the sensor is constant in it;
     /// 3. *poor* if the choice diverged in some held-out window;
     /// 4. *unchecked* where the spread of the returns is 0, or not known;
-    /// 5. *poor* if the training mean, where it is known, has an error of more than twenty spreads of the training range;
-    /// 6. where simple predictors are known and the choice is not known to match the one that the log prefers, or another is
-    ///    better by more than chance, *not learned* if the training mean does as well as that one, and *simpler* otherwise; also
-    ///    *not learned* if the choice matches the one that the log prefers, and is not shown to have two per cent less error than the
-    ///    training mean, or if that is so of the default that is to be used instead (`learning_off`);
-    /// 7. where they are not known, *not learned* if the best value over windows has no skill (1 − RMSE / σ ≤ 0), and *poor* if the
-    ///    choice has none;
-    /// 8. *unchecked* if all values have the same error;
+    /// 5. *poor* if the training mean, where it is known, has an error of more than twenty spreads of the training
+    ///    range;
+    /// 6. where simple predictors are known, and the choice is not known to match the one that the log prefers or
+    ///    another is better by more than chance: *not learned* if the training mean does as well as that one, and
+    ///    *simpler* otherwise. Also *not learned* if the choice matches the one that the log prefers but is not shown to
+    ///    have two per cent less error than the training mean, or if that holds for the default that is used instead
+    ///    (`learning_off`);
+    /// 7. where they are not known, *not learned* if the best setting over windows has no skill (1 − RMSE / σ ≤ 0), and
+    ///    *poor* if the choice has no skill;
+    /// 8. *unchecked* if all settings have the same error;
     /// 9. *poor* if the choice has more error than the default, with an interval over windows that excludes equality;
     /// 10. *good* if its regret is at most 5 %, over two windows or more;
     /// 11. *fair* otherwise.
@@ -101,7 +103,7 @@ impl Grade {
         }
     }
 
-    /// The grade in a word or two.
+    /// Returns the grade in a word or two.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Good => "good",

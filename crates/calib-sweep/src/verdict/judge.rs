@@ -17,10 +17,10 @@ use super::{
 };
 use crate::{Candidate, EnvironmentId, SweepError, UnitResult};
 
-/// Judge one sensor from the results of its units.
+/// Judges one sensor from the results of its units.
 ///
 /// # Errors
-/// If results are missing, cannot be ranked, or have no step to score.
+/// Returns an error if results are missing, cannot be ranked, or have no step to score.
 pub fn verdict(
     sensor: &str,
     candidates: &[Candidate],
@@ -50,7 +50,7 @@ pub fn verdict(
     let truth =
         TruthInputs { sensor, all: &all, candidates, judging, losses: &losses, dropped: &dropped };
     let truth = all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
-    // What was dropped cannot be drawn anew: the others would only be found to be firm among themselves.
+    // Dropped settings cannot be resampled. Shares among the others alone would look too firm.
     let stability = match dropped[..] {
         [] => shares(&redrawn(&runs, &chooser, judging, sensor)?),
         _ => Vec::new(),
@@ -70,7 +70,7 @@ pub fn verdict(
         truth.as_ref(),
     );
     let grade = Grade::of(standing, truth.as_ref(), &simple, judging.stands_still, learning_off);
-    // Which part of a run counts is no question where no agent is to be deployed.
+    // Without an agent to deploy, it does not matter which part of a run counts.
     if matches!(grade, Grade::Good | Grade::Fair | Grade::Unchecked) && learning_off.is_none() {
         let of_parts = warnings::of_parts(candidates, &parts, start_up_share, judging.part, chosen);
         warnings.extend(of_parts);
@@ -98,11 +98,11 @@ pub fn verdict(
     })
 }
 
-/// What goes on learning after the log is deployed only if it has at most this share of the error of what learns nothing more: it is one
-/// more thing that can go wrong. Our choice.
+/// An agent that learns after the log is deployed only if its error is at most this share of the error of one that does
+/// not. Learning is one more thing that can go wrong. Our choice.
 const WORTH_LEARNING_ON: f64 = 0.99;
 
-/// See [`SensorVerdict::learning_off`].
+/// Returns [`SensorVerdict::learning_off`].
 fn learning_off(candidates: &[Candidate], chosen: usize, truth: Option<&Truth>) -> Option<usize> {
     let default = candidates.iter().find(|candidate| candidate.is_default);
     let truth = truth?;
@@ -118,7 +118,7 @@ fn learning_off(candidates: &[Candidate], chosen: usize, truth: Option<&Truth>) 
         .map(|candidate| candidate.index)
 }
 
-/// What was measured, environment by environment.
+/// The measured errors by environment.
 pub(super) struct MeasuredErrors {
     pub(super) members: Vec<Errors>,
     pub(super) log: Option<Errors>,
@@ -126,7 +126,7 @@ pub(super) struct MeasuredErrors {
 }
 
 impl MeasuredErrors {
-    /// Where values are compared with each other: in the members, or on the log where there is no model.
+    /// Returns the environments in which settings are compared: the members, or the log where there is no model.
     fn compared(&self) -> impl Iterator<Item = &Errors> {
         let log = self.log.iter().filter(|_| self.members.is_empty());
         self.members.iter().chain(log)
@@ -155,9 +155,9 @@ impl MeasuredErrors {
     }
 }
 
-/// The same for resampling: members with their rollouts, windows with their runs.
+/// The same errors for resampling: members with their rollouts, windows with their runs.
 pub(super) struct NestedRuns {
-    /// None without a model; then there is a log.
+    /// `None` without a model. In that case there is a log.
     members: Option<Nested>,
     log: Option<Nested>,
     online: Option<Nested>,
@@ -165,7 +165,7 @@ pub(super) struct NestedRuns {
 
 impl NestedRuns {
     /// # Errors
-    /// If there are neither members nor a replayed log.
+    /// Returns an error if there are neither members nor a replayed log.
     pub(super) fn new(all: &MeasuredErrors) -> Result<Self, StatsError> {
         let is_without = all.members.is_empty() && all.log.is_some();
         Ok(Self {
@@ -177,7 +177,7 @@ impl NestedRuns {
         })
     }
 
-    /// All of them, each once.
+    /// Returns all runs, each once.
     pub(super) fn whole(&self) -> AllRuns<'_> {
         AllRuns {
             members: self.members.as_ref().map(Nested::whole),
@@ -185,7 +185,7 @@ impl NestedRuns {
         }
     }
 
-    /// The rules that can choose from them.
+    /// Returns the rules that can choose from these runs.
     fn rules(&self) -> impl Iterator<Item = Rule> {
         let is_without = self.members.is_none();
         Rule::ALL.into_iter().filter(move |rule| !is_without || rule.works_without_model())
@@ -204,7 +204,7 @@ impl<'a> AllRuns<'a> {
     }
 }
 
-/// What is chosen from other draws of members, of windows of the log and of their runs.
+/// Returns the choices in resamples of members, of windows of the log and of their runs.
 fn redrawn(
     runs: &NestedRuns,
     chooser: &Chooser<'_>,
@@ -227,7 +227,7 @@ fn redrawn(
     )
 }
 
-/// How often each value is chosen, the most frequent first.
+/// Returns the share of resamples that choose each setting, largest first.
 fn shares(choices: &ChoiceOfResamples) -> Vec<Share> {
     let counts = &choices.counts;
     let all: usize = counts.iter().sum();
@@ -241,7 +241,7 @@ fn shares(choices: &ChoiceOfResamples) -> Vec<Share> {
     shares
 }
 
-/// What the truth is put together from.
+/// The inputs of a [`Truth`].
 struct TruthInputs<'a> {
     sensor: &'a str,
     all: &'a MeasuredErrors,
@@ -292,7 +292,7 @@ impl TruthInputs<'_> {
         self.candidates.iter().position(|candidate| candidate.is_default)
     }
 
-    /// What other ways to choose cost.
+    /// Returns the regrets of other ways to choose.
     fn baselines(&self) -> Result<Vec<BaselineRegret>, SweepError> {
         let losses = self.losses;
         let of_value = |baseline, value: Option<usize>| BaselineRegret {
@@ -317,7 +317,7 @@ impl TruthInputs<'_> {
         ])
     }
 
-    /// The best of the values that were not dropped: errors of the others are of other streams.
+    /// Returns the best of the settings that were not dropped. Errors of dropped settings come from other streams.
     fn best_of_kept(&self, errors: &[f64]) -> usize {
         let mut errors = errors.to_vec();
         for dropped in self.dropped {
@@ -327,13 +327,14 @@ impl TruthInputs<'_> {
     }
 }
 
-/// The regret of what chooses no value. Pairs of windows are no sample, and nor are the values of a grid: neither has a bound.
+/// Returns the regret of a baseline that chooses no single setting. It has no bound, because neither pairs of windows
+/// nor the settings of a grid are a random sample.
 fn unbounded(baseline: ChoiceBaseline, regret: Option<f64>) -> BaselineRegret {
     let regret = regret.map(|value| Bounded { value, upper: None });
     BaselineRegret { baseline, chosen: None, regret }
 }
 
-/// Each window, and what is best in it.
+/// Returns the held-out windows, each with its best setting.
 fn windows(online: &Errors) -> Vec<WindowTruth> {
     online
         .streams

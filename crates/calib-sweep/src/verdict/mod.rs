@@ -1,4 +1,4 @@
-//! What a sweep says about one sensor.
+//! The verdict of a sweep on one sensor: the choice, and its error on held-out data.
 
 mod dropped;
 mod errors;
@@ -38,24 +38,24 @@ pub(crate) const LOWER: Direction = Direction::LowerIsBetter;
 pub struct Judging<'a> {
     /// The part of a run whose error counts.
     pub part: Part,
-    /// How a value is chosen.
+    /// The rule that chooses a setting.
     pub rule: Rule,
-    /// The choice counts as a hit among this many best.
+    /// The choice counts as a hit if it is among this many best settings.
     pub top_k: usize,
-    /// What the errors of each sensor are divided by.
+    /// The scale of errors for each sensor.
     pub scales: &'a [ErrorScale],
-    /// Errors of simple predictors; none where they are not known.
+    /// Errors of simple predictors. Empty where they are not known.
     pub simple: &'a [SimpleScore],
-    /// Whether the sensor has one value throughout every held-out window, so that there was nothing to predict.
+    /// Whether the sensor is constant in every held-out window, so that there was nothing to predict.
     pub stands_still: bool,
-    /// Resamples of intervals; 0 gives none.
+    /// Number of resamples for intervals; 0 gives no intervals.
     pub resamples: usize,
     /// Root of the resamples' seeds.
     pub seed: Seed,
 }
 
 impl<'a> Judging<'a> {
-    /// For the choice alone: without simple predictors beside it, and without resamples.
+    /// Creates the judging for the choice alone, without simple predictors and without resamples.
     pub fn of_choice(
         part: Part,
         rule: Rule,
@@ -143,31 +143,32 @@ pub struct SensorVerdict {
 }
 
 impl SensorVerdict {
-    /// The simple predictor that the log prefers, beside the chosen agent.
+    /// Returns the comparison with the simple predictor that the log prefers.
     pub fn preferred_simple(&self) -> Option<&SimpleComparison> {
         simple::preferred(&self.simple)
     }
 
-    /// The simple predictor to use instead of the chosen agent; none where the agent is known to match the one that the log
-    /// prefers, and no other is better.
+    /// Returns the simple predictor to use instead of the chosen agent. `None` where the agent is known to match the
+    /// predictor that the log prefers, and no other predictor is better.
     pub fn simpler(&self) -> Option<&SimpleComparison> {
         simple::decisive(&self.simple)
     }
 
-    /// How far held-out values lie from the training mean, in spreads of the training range, where that is more than twenty: nothing was
-    /// learned of such values.
+    /// Returns the distance of held-out values from the training mean, in spreads of the training range, if it is more
+    /// than twenty. The agent learned nothing about such values.
     pub fn elsewhere(&self) -> Option<f64> {
         simple::elsewhere(&self.simple)
     }
 
-    /// Take a *good* choice for a *fair* one, because inputs of its agent left their training range with what held-out data says of it.
+    /// Lowers a *good* grade to *fair*, because inputs of the agent left their training range and held-out data
+    /// reflects this.
     pub fn doubt_inputs(&mut self) {
         if self.grade == Grade::Good {
             self.grade = Grade::Fair;
         }
     }
 
-    /// What to do.
+    /// Returns the recommended action.
     pub fn recommendation(&self) -> Recommendation {
         let default_is_better = self.truth.as_ref().is_some_and(Truth::prefers_the_default)
             && self.elsewhere().is_none();
@@ -176,7 +177,7 @@ impl SensorVerdict {
             Grade::Poor if default_is_better => Recommendation::KeepDefault,
             Grade::NotLearnt | Grade::Poor => Recommendation::DoNotDeploy,
             _ if !self.prefers_a_value() => Recommendation::KeepDefault,
-            // An agent that learns nothing is the predictor that it starts from.
+            // An agent that learns nothing equals the predictor that it starts from.
             Grade::Good | Grade::Fair if self.learning_off.is_some() => {
                 Recommendation::UseSimplePredictor
             }
@@ -185,23 +186,23 @@ impl SensorVerdict {
         }
     }
 
-    /// Whether the evidence prefers any value to another. A single one has none to differ from.
+    /// Whether the evidence prefers any setting to another. True for a single setting.
     fn prefers_a_value(&self) -> bool {
         differ(&self.scores)
     }
 
-    /// Whether the members prefer any value to another, or the replayed log where there is no model.
+    /// Whether the members prefer any setting to another, or the replayed log where there is no model.
     pub fn tells_apart(&self) -> bool {
         self.selection.as_ref().map_or_else(|| self.prefers_a_value(), told_apart)
     }
 }
 
-/// Whether any of these differs from another. A single one has none to differ from.
+/// Whether any of these differ. True for a single one.
 fn differ<T: PartialEq>(all: &[T]) -> bool {
     all.len() < 2 || all.windows(2).any(|pair| pair[0] != pair[1])
 }
 
-/// Whether the members prefer any value to another: by worst rank, or at least by mean rank.
+/// Whether the members prefer any setting to another, by worst rank or at least by mean rank.
 fn told_apart(selection: &Selection) -> bool {
     let ranks: Vec<_> = selection.worst_ranks.iter().zip(&selection.mean_ranks).collect();
     differ(&ranks)

@@ -1,7 +1,8 @@
 use super::Share;
 use crate::Candidate;
 
-/// Share of the resamples that choose `chosen` or a value next to it; none without resamples, and where nothing is next to it.
+/// Returns the share of the resamples that choose `chosen` or a neighbour. `None` without resamples, and if `chosen`
+/// has no neighbour.
 pub(super) fn share_nearby(
     stability: &[Share],
     candidates: &[Candidate],
@@ -15,7 +16,7 @@ pub(super) fn share_nearby(
     (!stability.is_empty() && !nearby.is_empty()).then_some(share)
 }
 
-/// The candidates that differ from `chosen` in one number alone, which is the next larger or the next smaller one that is there.
+/// Returns the settings that differ from `chosen` in only one number, by one place among the numbers of the sweep.
 fn neighbours(candidates: &[Candidate], chosen: usize) -> Vec<usize> {
     let own = &candidates[chosen].values;
     let mut nearby = Vec::new();
@@ -58,7 +59,7 @@ mod tests {
 
     #[test]
     fn neighbours_differ_in_one_number_by_one_place() {
-        // In any order: the default may stand last.
+        // In any order, because the default may come last.
         let line = candidates(&[&[json!(1e-4)], &[json!(1e-2)], &[json!(1e-3)]]);
         assert_eq!(neighbours(&line, 2), [0, 1]);
         assert_eq!(neighbours(&line, 1), [2]);

@@ -22,7 +22,7 @@ pub struct PartChoice {
     pub online_error_of_verdict: Option<f64>,
 }
 
-/// The choice by each part of a run that has steps to score in every environment.
+/// Returns the choice by each part of a run that has steps to score in every environment.
 pub(super) fn choices(
     results: &[&UnitResult],
     candidates: &[Candidate],
@@ -50,8 +50,9 @@ pub(super) fn choices(
     Ok(choices)
 }
 
-/// The share of the squared error of a candidate's held-out runs that it makes in their first tenth: what is decided before
-/// anything is learnt. By the points of learning curves; none where there are fewer than ten, or no error.
+/// Returns the share of the squared error of a setting's held-out runs that falls into their first tenth. The agent has
+/// learned little by then. Computed from the learning curves. `None` if a curve has fewer than ten points, or the error
+/// is zero.
 pub(super) fn start_up_share(results: &[&UnitResult], candidate: usize) -> Option<f64> {
     let mut first = 0.0;
     let mut all = 0.0;

@@ -30,7 +30,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    /// All of them.
+    /// All rules.
     pub const ALL: [Self; 7] = [
         Self::WorstRank,
         Self::MeanRank,
@@ -41,7 +41,7 @@ impl Rule {
         Self::OneStandardError,
     ];
 
-    /// Whether values stand by the mean logarithms of their errors.
+    /// Whether the rule ranks settings by the mean logarithm of their errors.
     pub const fn is_by_logarithms(self) -> bool {
         match self {
             Self::WorstRank | Self::MeanRank | Self::MeanError => false,
@@ -49,8 +49,8 @@ impl Rule {
         }
     }
 
-    /// Whether it chooses by runs on the replayed log where there is no model, and names what it does. Pooling them with nothing would
-    /// be log replay under another name.
+    /// Whether the rule is offered without a model, when it chooses by log replay alone. `Pooled` is not: it would then
+    /// equal `LogReplay`.
     pub const fn works_without_model(self) -> bool {
         match self {
             Self::LogReplay | Self::OneStandardError => true,
@@ -62,7 +62,7 @@ impl Rule {
         }
     }
 
-    /// Its name in studies and files.
+    /// Returns the name in studies and files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::WorstRank => "worst_rank",
@@ -76,20 +76,19 @@ impl Rule {
     }
 }
 
-/// Streams in how many of which one is independent of the others, as far as standard errors go: what was measured of members with
-/// three runs each.
+/// Number of streams per independent stream, for standard errors. Measured on members with three runs each.
 const STREAMS_PER_INDEPENDENT: f64 = 3.0;
 
-/// What a choice is made from: all runs, or a resample of them.
+/// The evidence for a choice: all runs, or a resample of them.
 #[derive(Clone, Copy)]
 pub(super) struct Evidence<'d, 'a> {
-    /// Members, and rollouts in each; none without a model.
+    /// Members with their rollouts. `None` without a model.
     pub(super) members: Option<&'d Drawn<'a>>,
     /// Windows of the replayed log.
     pub(super) log: Option<&'d Drawn<'a>>,
 }
 
-/// What does not change from resample to resample.
+/// The parts of a choice that are the same for all resamples.
 pub(super) struct Chooser<'a> {
     pub(super) dropped: &'a [Dropped],
     pub(super) default: Option<usize>,
@@ -97,10 +96,10 @@ pub(super) struct Chooser<'a> {
 }
 
 impl Chooser<'_> {
-    /// The worst-rank selection.
+    /// Returns the worst-rank selection.
     ///
     /// # Errors
-    /// If there are no members to rank in.
+    /// Returns an error if there are no members to rank in.
     pub(super) fn selection(&self, evidence: Evidence<'_, '_>) -> Result<Selection, StatsError> {
         select_among(&evidence.members.map(Drawn::means).unwrap_or_default(), self.dropped)
     }
@@ -140,14 +139,15 @@ impl Chooser<'_> {
         }
     }
 
-    /// What a race dropped made few runs, and its mean error over them is not that of the others over all: it cannot be chosen by it.
+    /// Sets the mean errors of dropped settings to infinity. They made few runs, so their means do not compare with the
+    /// others.
     fn without_dropped(&self, mean_errors: &mut [f64]) {
         for dropped in self.dropped {
             mean_errors[dropped.candidate] = f64::INFINITY;
         }
     }
 
-    /// How values stand by a rule, small is good: for correlations with the truth.
+    /// Returns the score of each setting by a rule. Smaller is better. Used for correlations with the truth.
     pub(super) fn scores(
         &self,
         rule: Rule,
@@ -169,7 +169,7 @@ impl Chooser<'_> {
 }
 
 impl<'a> Evidence<'_, 'a> {
-    /// Errors on all streams that count for a rule by logarithms: `[source][stream][value]`.
+    /// Returns the errors on all streams that count for a rule by logarithms: `[source][stream][setting]`.
     fn sources(&self, rule: Rule) -> Vec<Vec<&'a [f64]>> {
         let log = self.log.filter(|_| rule != Rule::MeanLogError);
         let members = self.members.filter(|_| rule != Rule::LogReplay || log.is_none());
@@ -177,8 +177,8 @@ impl<'a> Evidence<'_, 'a> {
     }
 }
 
-/// Of values that all diverged somewhere, the one that did so in the fewest streams; of these the one with the smallest mean
-/// logarithm in the others.
+/// Returns the setting that diverged in the fewest streams, if all settings diverged somewhere. Ties go to the smallest
+/// mean logarithm of the error in the other streams.
 fn least_divergent(streams: &[&[f64]]) -> usize {
     let values = streams.first().map_or(0, |errors| errors.len());
     let keys = (0..values).map(|value| {
@@ -189,17 +189,17 @@ fn least_divergent(streams: &[&[f64]]) -> usize {
     first_smallest(&keys.collect::<Vec<_>>())
 }
 
-/// How a choice stands in the evidence that it was made from.
+/// Whether the choice diverged in the evidence that it was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ChoiceStanding {
-    /// It never diverged.
+    /// The choice never diverged.
     Finite,
-    /// It diverged in some stream, and so did every other value.
+    /// The choice diverged in some stream, and so did every other setting.
     Diverged,
 }
 
 impl ChoiceStanding {
-    /// Of the choice of a rule that ranks values by `scores`.
+    /// Returns the standing of the choice of a rule that ranks settings by `scores`.
     pub(super) fn of(
         rule: Rule,
         chosen: usize,
@@ -223,7 +223,7 @@ fn first_smallest(keys: &[[f64; 2]]) -> usize {
         .unwrap_or(0)
 }
 
-/// Position of each value when the worst rank decides, then mean rank, then mean error.
+/// Returns the rank position of each setting: by worst rank, then mean rank, then mean error.
 fn selection_order(selection: &Selection) -> Vec<f64> {
     let key = |value: usize| {
         let rank = selection.worst_ranks[value];

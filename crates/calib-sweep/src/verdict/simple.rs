@@ -10,17 +10,18 @@ use super::{
 };
 use crate::{Candidate, EnvironmentId, ErrorScale, SweepError};
 
-/// An agent is recommended only if it has at most this many times the error of the simple predictor that the log prefers.
+/// An agent is recommended only if its error is at most this many times that of the simple predictor that the log
+/// prefers.
 const NO_WORSE: f64 = 1.02;
 
-/// Of predictors whose errors on the log are within this factor, the simplest is preferred.
+/// The simplest predictor is preferred among those whose errors on the log are within this factor of the best.
 const ALIKE: f64 = 1.01;
 
-/// An agent ran away in a window where it has more than so many times the error of a simple predictor. Our choice.
+/// An agent ran away in a window if its error there exceeds this many times that of a simple predictor. Our choice.
 const RUNAWAY: f64 = 10.0;
 
-/// Held-out values that lie so many spreads of the training range from its mean are nothing that was learned there: the unit or
-/// the zero of the sensor may have changed. Our choice.
+/// Held-out values at this many spreads of the training range from its mean are unlike anything learned there. The unit
+/// or the zero of the sensor may have changed. Our choice.
 const ELSEWHERE: f64 = 20.0;
 
 /// A simple predictor beside the chosen agent, on the same held-out windows and steps.
@@ -48,7 +49,8 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl SimpleComparison {
-    /// Whether the chosen agent has more error, and that is no chance. Where there is no interval, two per cent count.
+    /// Whether the chosen agent has more error by more than chance. Without an interval, a difference of two per cent
+    /// decides.
     pub fn is_better(&self) -> bool {
         match self.ratio {
             Some(Estimate { interval: Some(interval), .. }) => interval.low > 1.0,
@@ -67,7 +69,7 @@ impl SimpleComparison {
     }
 }
 
-/// The simple predictors that were scored on the held-out windows, beside a candidate.
+/// Compares the simple predictors that were scored on the held-out windows with a setting.
 pub(super) fn compared(
     judging: &Judging<'_>,
     sensor: &str,
@@ -136,8 +138,8 @@ fn ratio(logarithms: &[f64]) -> Result<Estimate, SweepError> {
     Ok(Estimate { value: summary.mean.exp(), interval })
 }
 
-/// The simple predictor that one would deploy: the best on windows of the log, as the agent is chosen. The best on held-out
-/// windows is known only afterwards; it is taken where nothing of the log was replayed.
+/// Returns the simple predictor that one would deploy: the best on windows of the log, which also choose the agent. The
+/// best on held-out windows is only known afterwards. It is used if no log was replayed.
 pub(super) fn preferred(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
     match compared.iter().filter_map(|own| own.log_error).reduce(f64::min) {
         Some(least) => {
@@ -149,10 +151,10 @@ pub(super) fn preferred(compared: &[SimpleComparison]) -> Option<&SimpleComparis
     }
 }
 
-/// Whether the chosen agent, and what is to be used in its place where it is not shown to improve on the default, are shown to have two per
-/// cent less error than the training mean, as far as that was compared.
+/// Whether the agent is shown to have two per cent less error than the training mean, if that was compared. With
+/// `learning_off` the same must hold for the setting that replaces the choice.
 ///
-/// An interval over few windows reaches far, whatever was learned: there the ratio itself counts.
+/// Intervals over few windows are wide, whatever the agent learned. In that case the ratio itself decides.
 pub(super) fn beats_the_mean(
     compared: &[SimpleComparison],
     truth: &Truth,
@@ -163,13 +165,13 @@ pub(super) fn beats_the_mean(
         && ratio.interval.is_some_and(|interval| interval.high >= 1.0);
     let is_replaced = learning_off.is_some_and(|off| off != truth.choice.chosen);
     let of_default = truth.choice.against_default.filter(|_| is_replaced);
-    // Both are geometric means over the same windows, so that their quotient is that of the default to the training mean.
+    // Both are geometric means over the same windows. Their quotient is the ratio of the default to the training mean.
     let used = of_default.map_or(ratio.value, |against| ratio.value / against.value);
     !is_chance && ratio.value * NO_WORSE <= 1.0 && (used.is_nan() || used * NO_WORSE <= 1.0)
 }
 
-/// How far held-out values lie from the training mean, in spreads of the training range, where that is so far that nothing was
-/// learned of such values.
+/// Returns the distance of held-out values from the training mean, in spreads of the training range. `None` unless it
+/// is so large that nothing was learned about such values.
 pub(super) fn elsewhere(compared: &[SimpleComparison]) -> Option<f64> {
     let away = mean_of(compared)?.online_error;
     (away > ELSEWHERE && away.is_finite()).then_some(away)
@@ -179,9 +181,9 @@ fn mean_of(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
     compared.iter().find(|own| own.predictor == SimplePredictor::Mean)
 }
 
-/// The simple predictor to use instead of the agent, if there is one: the [`preferred`] one, if the agent is not known to match
-/// it, or another that is better than the agent by more than chance. Where the training mean does as well as that to within two per
-/// cent, the mean.
+/// Returns the simple predictor to use instead of the agent, if there is one. This is the [`preferred`] one if the
+/// agent is not known to match it, or otherwise one that is better than the agent by more than chance. If the training
+/// mean is at most two per cent worse than that, the mean is returned.
 pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
     let unmatched = preferred(compared).filter(|own| own.is_better() || !own.is_matched());
     let instead = unmatched.or_else(|| {
@@ -193,10 +195,10 @@ pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleCompariso
     mean_of(compared).filter(|mean| does_as_well(mean, instead)).or(Some(instead))
 }
 
-/// Whether the training mean has no more error than another predictor: by the mean over windows, or by the geometric mean to within two
-/// per cent. Less of a difference is nothing that was predicted.
+/// Whether the training mean is as good as another predictor: no more error on average over windows, or at most two per
+/// cent more in the geometric mean. A smaller advantage does not count as prediction.
 fn does_as_well(mean: &SimpleComparison, other: &SimpleComparison) -> bool {
-    // The quotient of two ratios of the same agent is that of the predictors.
+    // Both ratios have the same agent's error, so their quotient compares the predictors.
     let geometric = match (mean.ratio, other.ratio) {
         (Some(mean), Some(other)) => other.value / mean.value,
         _ => f64::NAN,
@@ -204,7 +206,7 @@ fn does_as_well(mean: &SimpleComparison, other: &SimpleComparison) -> bool {
     mean.online_rmse <= other.online_rmse || geometric <= NO_WORSE
 }
 
-/// By how much the agent has more error; as much where that is not known.
+/// Returns the ratio of the agent's error to the predictor's, or 1 if it is not known.
 fn ratio_or_one(comparison: &SimpleComparison) -> f64 {
     comparison.ratio.map_or(1.0, |ratio| ratio.value)
 }

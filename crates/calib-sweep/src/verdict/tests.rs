@@ -9,7 +9,7 @@ use crate::{Candidate, CurvePoint, EnvironmentId, RunRow, Unit, UnitResult};
 
 const INF: f64 = f64::INFINITY;
 
-/// Three values, the last of which is the default.
+/// Returns three settings, the last of which is the default.
 fn candidates() -> Vec<Candidate> {
     (0..3)
         .map(|index| Candidate {
@@ -21,7 +21,7 @@ fn candidates() -> Vec<Candidate> {
         .collect()
 }
 
-/// One run whose errors are these, over a stream whose returns spread by 1.
+/// Returns one run with these errors, over a stream whose returns have standard deviation 1.
 fn run(environment: EnvironmentId, run: usize, start_row: u32, errors: [f64; 3]) -> UnitResult {
     UnitResult {
         key: String::new(),
@@ -52,7 +52,7 @@ fn member(number: usize, number_of_run: usize, errors: [f64; 3]) -> UnitResult {
     run(EnvironmentId::Member(number), number_of_run, 5, errors)
 }
 
-/// Two members with two rollouts each, in which values 0 and 1 are better than the default in turn.
+/// Returns two members with two rollouts each. Settings 0 and 1 take turns at being better than the default.
 fn members() -> Vec<UnitResult> {
     vec![
         member(0, 0, [0.1, 0.2, 0.4]),
@@ -95,7 +95,7 @@ fn warns(verdict: &SensorVerdict, text: &str) -> bool {
     verdict.warnings.iter().any(|warning| warning.contains(text))
 }
 
-/// The regret of another way to choose.
+/// Returns the regret of another way to choose.
 fn cost(truth: &Truth, baseline: ChoiceBaseline) -> Option<f64> {
     let own = truth.baselines.iter().find(|known| known.baseline == baseline).expect("there");
     own.regret.map(|regret| regret.value)
@@ -118,7 +118,7 @@ fn rules_choose_by_their_definitions() {
     assert_eq!(chosen_in_members(Rule::MeanError), 1);
     // ln 0.1 + ln 0.3 + 2 ln 0.2 against 3 ln 0.2 + ln 0.1: 0.0012 against 0.0008.
     assert_eq!(chosen_in_members(Rule::MeanLogError), 1);
-    // The log prefers value 0 by far.
+    // The log strongly prefers setting 0.
     let all = with((0..2).map(|number| log_run(number, 9, [0.05, 0.4, 0.5])));
     assert_eq!(judge(Rule::MeanLogError, &all).chosen, 1, "the log does not count");
     assert_eq!(judge(Rule::Pooled, &all).chosen, 0);
@@ -126,7 +126,7 @@ fn rules_choose_by_their_definitions() {
     assert_eq!(chosen_in_members(Rule::LogReplay), 1, "nothing was replayed");
 }
 
-/// Without a model the replayed log is all there is, and nothing is said of ranks in members.
+/// Without a model only the replayed log decides, and ranks in members are not reported.
 #[test]
 fn the_log_decides_alone_where_there_is_no_model() {
     let all = [
@@ -146,7 +146,7 @@ fn the_log_decides_alone_where_there_is_no_model() {
         "windows are resampled"
     );
     assert!(judged.tells_apart() && judged.truth.is_some());
-    // The same choice as beside a model, which does not count by this rule.
+    // The same choice as next to a model, which this rule ignores.
     let beside =
         judge(Rule::LogReplay, &members().into_iter().chain(with_online()).collect::<Vec<_>>());
     assert_eq!((beside.chosen, &beside.scores), (judged.chosen, &judged.scores));
@@ -188,7 +188,7 @@ fn what_a_race_on_the_log_dropped_is_told_with_its_error_there() {
 
 #[test]
 fn what_a_race_dropped_is_not_chosen() {
-    // Value 1 made one run, in a stream that was easy for all; its error there is the smallest of all means.
+    // Setting 1 made one run, in a stream that was easy for all. Its error there is the smallest of all means.
     let errors = [[0.1, 0.15, 0.2], [0.4, 0.0, 0.5], [0.4, 0.0, 0.5], [0.4, 0.0, 0.5]];
     let mut results: Vec<UnitResult> = (0..4)
         .map(|number: usize| run(EnvironmentId::Member(number / 2), number % 2, 0, errors[number]))
@@ -214,9 +214,10 @@ fn a_result_of_another_sweep_is_named() {
 
 #[test]
 fn the_default_stays_unless_another_is_better_by_a_standard_error() {
-    // Differences of logarithms to the default: ln 1/2 three times and ln 1/4 once: mean -0.866, sd 0.347, SE = sd / sqrt(4/3) = 0.3.
+    // Differences of logarithms to the default: ln 1/2 three times and ln 1/4 once. Mean -0.866, sd 0.347, SE = sd /
+    // sqrt(4/3) = 0.3.
     assert_eq!(judge(Rule::OneStandardError, &members()).chosen, 1);
-    // Half of the time better by a factor of two, half of the time worse: no difference to speak of.
+    // Better by a factor of two in half of the runs, worse in the other half: no clear difference.
     let even = [[0.5, 0.2, 0.4], [0.5, 0.8, 0.4], [0.5, 0.2, 0.4], [0.5, 0.75, 0.4]];
     let results: Vec<UnitResult> = (0..4)
         .map(|number| run(EnvironmentId::Member(number / 2), number % 2, 0, even[number]))
@@ -232,12 +233,12 @@ fn what_diverges_is_not_chosen() {
     for rule in Rule::ALL {
         assert_eq!(judge(rule, &results).chosen, 0, "{rule:?}");
     }
-    // A default that diverges is left for what does not.
+    // A default that diverges is replaced by a setting that does not.
     results[0] = run(EnvironmentId::Member(0), 0, 5, [0.1, 0.2, INF]);
     assert_eq!(judge(Rule::OneStandardError, &results).chosen, 1);
 }
 
-/// Two windows with two runs each; value 1 is best in the first, value 0 in the second.
+/// Returns two windows with two runs each. Setting 1 is best in the first, setting 0 in the second.
 fn online() -> Vec<UnitResult> {
     vec![
         online_run(0, 100, [0.3, 0.1, 0.4]),
@@ -256,7 +257,7 @@ fn regrets_are_geometric_over_windows() {
         truth.windows.iter().map(|window| window.best).collect::<Vec<_>>(),
         [Some(1), Some(0)]
     );
-    // Mean errors are 0.4, 0.2, 0.4 and 0.2, 0.4, 0.4: by the best 2, 1, 2 and 1, 2, 2.
+    // Mean errors are 0.4, 0.2, 0.4 and 0.2, 0.4, 0.4. Relative to the best they are 2, 1, 2 and 1, 2, 2.
     let regrets = truth.regrets.as_ref().expect("finite");
     near(regrets[0], 2.0_f64.sqrt() - 1.0);
     near(regrets[1], 2.0_f64.sqrt() - 1.0);
@@ -321,7 +322,7 @@ fn windows_in_which_everything_diverges_are_left_out_and_told() {
 
 #[test]
 fn a_divergence_of_another_windows_choice_excuses_nothing() {
-    // Value 0 is best in the first window and diverges in the second.
+    // Setting 0 is best in the first window and diverges in the second.
     let windows = [
         online_run(0, 100, [0.1, 0.3, 0.9]),
         online_run(1, 500, [INF, 0.3, 0.2]),
@@ -330,14 +331,14 @@ fn a_divergence_of_another_windows_choice_excuses_nothing() {
     let verdict = judge(Rule::WorstRank, &with(windows));
     let truth = verdict.truth.expect("held out");
     let another = cost(&truth, ChoiceBaseline::AnotherWindow).expect("pairs without divergence");
-    // 0.2 / 0.2 of 0.15, 9 of 0.1; 0.15 by itself: the pairs that did not diverge.
+    // The four pairs without divergence: ratios 0.2 / 0.2, 9, 0.2 / 0.15 and 1.
     let expected = ((1.0_f64.ln() + 9.0_f64.ln() + (0.2_f64 / 0.15).ln() + 0.0) / 4.0).exp_m1();
     near(another, expected);
 }
 
 #[test]
 fn values_that_all_diverge_in_the_evidence_are_not_recommended() {
-    // Every value diverges in one window of the log; value 2 in two.
+    // Every setting diverges in one window of the log, setting 2 in two.
     let results = with([
         log_run(0, 0, [INF, 0.2, INF]),
         log_run(1, 5_000, [0.1, INF, INF]),
@@ -352,7 +353,7 @@ fn values_that_all_diverge_in_the_evidence_are_not_recommended() {
     assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair, "members did not diverge");
 }
 
-/// The scores on the log where the first value has these errors in windows that begin at these rows.
+/// Returns the scores on the log where the first setting has these errors in windows that begin at these rows.
 fn log_scores(windows: &[(u32, f64)]) -> EnvironmentScores {
     let windows = windows.iter().enumerate();
     let runs = windows.map(|(number, &(row, error))| log_run(number, row, [error, 0.3, 0.4]));
@@ -361,15 +362,15 @@ fn log_scores(windows: &[(u32, f64)]) -> EnvironmentScores {
 
 #[test]
 fn windows_of_the_log_that_overlap_count_as_often_as_they_fit() {
-    // A thousand steps each: two of the same rows, one that shares three hundred with them, and one apart.
+    // A thousand steps each: two windows of the same rows, one that shares three hundred with them, and one apart.
     let some = log_scores(&[(0, 0.1), (0, 0.3), (700, 0.4), (5000, 0.7)]);
     assert_eq!((some.streams, some.independent, some.runs), (3, 2, 4));
     near(some.candidates[0].mean, (0.2 + 0.4 + 0.7) / 3.0);
-    // s² = 0.19 / 3, and two of three: (2/3) s², t(1) = 12.706204736.
+    // s² = 0.19 / 3, with two of three windows independent: (2/3) s², t(1) = 12.706204736.
     let half = 12.706_204_736 * (2.0_f64 / 3.0 * (0.19 / 3.0)).sqrt();
     let interval = some.candidates[0].interval.expect("two");
     assert!((interval.high - 1.3 / 3.0 - half).abs() < 1e-6, "{interval:?}");
-    // A chain, each of which shares rows with the next: into 2,800 rows fit two.
+    // A chain in which each window shares rows with the next. Two windows fit into the 2,800 rows.
     let chain = log_scores(&[(0, 0.1), (600, 0.3), (1200, 0.4), (1800, 0.7)]);
     assert_eq!((chain.streams, chain.independent), (4, 2));
     let apart = log_scores(&[(0, 0.1), (1000, 0.3), (2000, 0.4), (3000, 0.7)]);
@@ -399,7 +400,7 @@ fn a_sensor_that_does_not_move_is_not_checked() {
 
 #[test]
 fn the_start_up_and_other_parts_of_a_run_are_told() {
-    // Value 1 leaves its start at once and is worse afterwards.
+    // Setting 1 learns at once and is worse afterwards.
     let results: Vec<UnitResult> = with(online())
         .into_iter()
         .map(|mut result| {
@@ -432,7 +433,7 @@ fn regrets(results: &[UnitResult]) -> Vec<f64> {
 }
 
 proptest! {
-    /// One window, one run: the geometric regret is the plain one.
+    /// With one window and one run, the geometric regret is the plain regret.
     #[test]
     fn with_one_window_regret_is_the_quotient(errors in prop::array::uniform3(0.01_f64..5.0)) {
         let verdict = judge(Rule::WorstRank, &with([run(EnvironmentId::Online, 0, 1, errors)]));
@@ -447,7 +448,7 @@ proptest! {
         prop_assert!(verdict.grade != Grade::Poor || errors[verdict.chosen] >= 1.0, "one run is no proof");
     }
 
-    /// What all values of a window are multiplied by changes no regret.
+    /// A factor on the errors of all settings in a window changes no regret.
     #[test]
     fn regrets_do_not_depend_on_the_level_of_a_window(factor in 0.01_f64..100.0) {
         let scaled = online().into_iter().map(|mut result| {

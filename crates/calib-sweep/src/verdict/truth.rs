@@ -107,19 +107,19 @@ impl Truth {
         interval.is_some_and(|interval| interval.high < 1.0)
     }
 
-    /// Whether the errors of different values differ. A single one has none to differ from.
+    /// Whether the errors of settings differ. True for a single setting.
     pub fn tells_apart(&self) -> bool {
-        // Of every window the best value has no regret: where all have none, all have the same error.
+        // The best setting of a window has no regret there. If no setting has any regret, all errors are equal.
         self.regrets.as_deref().is_none_or(differ)
     }
 }
 
-/// The place of the smallest value, of several the first.
+/// Returns the position of the smallest value, the first of several.
 pub(super) fn least(values: &[f64]) -> usize {
     (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0)
 }
 
-/// Correlations of a ranking with the truth.
+/// Returns the correlations of a ranking with the truth.
 pub(super) fn correlations(
     scores: &[f64],
     losses: &[f64],

@@ -7,13 +7,15 @@ use super::{
 };
 use crate::{Candidate, UnitResult};
 
-/// Fewer scored horizons than this say more about the stretch that was scored than about the value.
+/// With fewer scored horizons than this, the error depends more on the scored stretch than on the setting.
 const FEW_HORIZONS: f64 = 50.0;
 
-/// An untrained agent makes about a tenth of its error in the first tenth of a run once it has nothing left to catch up on.
+/// Larger shares of the error in the first tenth of a run are reported. An agent that is past its start-up makes about a
+/// tenth of its error there.
 const MUCH_AT_THE_START: f64 = 0.3;
 
-/// Held-out values that lie further from the training mean, in spreads of the training range, are another level. Our choice.
+/// Held-out values further than this from the training mean, in spreads of the training range, are at another level.
+/// Our choice.
 const OTHER_LEVEL: f64 = 2.0;
 
 impl SensorVerdict {
@@ -22,7 +24,7 @@ impl SensorVerdict {
         level_has_changed(&self.simple)
     }
 
-    /// Whether its level is so far from that of training that its unit may have changed.
+    /// Whether the level is so far from that of training that the unit may have changed.
     pub fn unit_may_have_changed(&self) -> bool {
         elsewhere(&self.simple).is_some()
     }
@@ -33,7 +35,7 @@ pub(super) fn level_has_changed(simple: &[SimpleComparison]) -> bool {
     means.any(|row| row.online_error > OTHER_LEVEL && row.online_error.is_finite())
 }
 
-/// What the errors of a run measure: its start-up, or what comes after it.
+/// Returns warnings about the part of a run that errors measure: its start-up, or the rest.
 pub(super) fn of_parts(
     candidates: &[Candidate],
     parts: &[PartChoice],
@@ -67,7 +69,7 @@ pub(super) fn of_parts(
     warnings
 }
 
-/// Over which steps the errors of a part are counted.
+/// Returns the words for the steps that a part covers.
 const fn counted(part: Part) -> &'static str {
     match part {
         Part::WholeRun => "over whole runs",
@@ -76,12 +78,12 @@ const fn counted(part: Part) -> &'static str {
     }
 }
 
-/// Whether two values are the same or next to each other in a grid of one hyperparameter.
+/// Whether two settings are equal, or neighbours in a grid of one hyperparameter.
 fn are_neighbours(candidates: &[Candidate], a: usize, b: usize) -> bool {
     a == b || (candidates[a].values.len() == 1 && a.abs_diff(b) == 1)
 }
 
-/// What the reader of a verdict should know.
+/// Returns the warnings of a verdict.
 pub(super) fn all(
     results: &[&UnitResult],
     candidates: &[Candidate],
@@ -135,16 +137,16 @@ pub(super) fn all(
     warnings
 }
 
-/// Hardly any difference can be shown with fewer held-out windows. Our choice.
+/// With fewer held-out windows, hardly any difference can be shown. Our choice.
 pub const ENOUGH_WINDOWS: usize = 4;
 
-/// That few windows, or short ones, were held out. Where both are, the remedy of one makes the other worse.
+/// Returns a warning if few or short windows were held out. If both hold, the remedy of one would make the other worse.
 fn little_held_out(truth: &Truth, part: Part) -> Option<String> {
     let count = truth.windows.len();
     let windows = if count == 1 { "window" } else { "windows" };
     let each = if count == 1 { "" } else { "each " };
     let horizons = truth.horizons;
-    // 500 · (1 − 0.9) is a little less than 50 in binary.
+    // 500 · (1 − 0.9) is slightly less than 50 in binary.
     let are_short = horizons < FEW_HORIZONS - 1e-6;
     match (count < ENOUGH_WINDOWS, are_short) {
         (false, false) => None,
@@ -169,7 +171,7 @@ fn little_held_out(truth: &Truth, part: Part) -> Option<String> {
     }
 }
 
-/// Windows that judge nothing.
+/// Returns a warning if every setting diverged in some window.
 fn lost_windows(truth: &Truth) -> Option<String> {
     let lost = truth.windows.iter().filter(|window| window.best.is_none()).count();
     (lost > 0).then(|| {
@@ -180,7 +182,7 @@ fn lost_windows(truth: &Truth) -> Option<String> {
     })
 }
 
-/// What was dropped when, for the reader; runs were made in these `places`.
+/// Returns a warning that lists the dropped settings and their numbers of runs. `places` says where the runs were made.
 fn told_dropped(dropped: &[Dropped], candidates: &[Candidate], places: &str) -> Option<String> {
     let of_runs = dropped.first()?.of_runs;
     let each: Vec<String> = dropped

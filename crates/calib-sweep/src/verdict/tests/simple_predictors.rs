@@ -1,4 +1,4 @@
-//! Agents beside the predictors that need none.
+//! Verdicts that compare agents with simple predictors.
 
 use calib_agent::SimplePredictor;
 use calib_stats::{Estimate, Interval};
@@ -6,7 +6,7 @@ use calib_stats::{Estimate, Interval};
 use super::*;
 use crate::verdict::simple::{decisive, preferred};
 
-/// The error of a simple predictor in the held-out window that begins at this row.
+/// Returns the error of a simple predictor in the held-out window that begins at this row.
 fn online_score(predictor: SimplePredictor, start_row: u32, rmse: f64) -> SimpleScore {
     let score = PartScore { scored_steps: 10, rmse, mean_return: 1.0, return_std: 1.0 };
     SimpleScore {
@@ -18,7 +18,8 @@ fn online_score(predictor: SimplePredictor, start_row: u32, rmse: f64) -> Simple
     }
 }
 
-/// Errors of persistence and of the mean in the three held-out windows of [`online`], whose choice has 0.2, 0.2 and 0.4.
+/// Returns the verdict with these errors of persistence and of the mean in the three held-out windows. The choice has
+/// errors 0.2, 0.2 and 0.4.
 fn judged_beside(persistence: [f64; 3], mean: f64) -> SensorVerdict {
     let errors = [[0.4, 0.2, 0.4], [0.4, 0.2, 0.4], [0.4, 0.2, 0.4]];
     let windows = [100, 500, 900];
@@ -49,13 +50,14 @@ fn no_agent_is_deployed_that_a_simple_predictor_beats() {
     assert_eq!(simpler.predictor, SimplePredictor::Persistence);
     assert!(simpler.is_better());
     near(simpler.ratio.expect("known").value, 0.2 / (0.11_f64 * 0.1 * 0.09).cbrt());
-    // As good on average, and worse in one window: that the agent is no worse is not shown.
+    // As good on average, and worse in one window: the agent is not shown to be as good.
     let verdict = judged_beside([0.3, 0.2, 0.14], 1.0);
     assert_eq!(verdict.grade, Grade::Simpler);
     assert!(!verdict.simpler().expect("persistence").is_better());
 }
 
-/// A simple predictor with these errors on the log and on held-out data, and the agent's error by its own with its interval.
+/// Returns a simple predictor with these errors on the log and on held-out data. `ratio` is the agent's error relative
+/// to it, with its interval.
 fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) -> SimpleComparison {
     let [low, value, high] = ratio;
     SimpleComparison {
@@ -80,31 +82,31 @@ fn decisive_predictor(all: &[SimpleComparison]) -> Option<SimplePredictor> {
 fn the_simple_predictor_to_use_is_chosen_on_the_log() {
     let mean = simple(SimplePredictor::Mean, 1.0, 1.0, [0.2, 0.3, 0.4]);
     let ridge = simple(SimplePredictor::Ridge, 0.30, 0.35, [0.8, 1.0, 1.2]);
-    // Better on held-out data, which nobody knew when one had to be chosen.
+    // Better on held-out data, which is not known at the time of the choice.
     let line = simple(SimplePredictor::Line, 0.40, 0.33, [0.9, 1.1, 1.3]);
     let all = [mean.clone(), line.clone(), ridge.clone()];
     assert_eq!(preferred_predictor(&all), Some(SimplePredictor::Ridge));
     assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Ridge));
-    // The simplest of those within a hundredth.
+    // The simplest of those within one per cent.
     let near = SimpleComparison { log_error: Some(0.302), ..line.clone() };
     let all = [mean.clone(), near, ridge.clone()];
     assert_eq!(preferred_predictor(&all), Some(SimplePredictor::Line));
-    // The agent matches it, and what is better in hindsight could be chance.
+    // The agent matches the preferred predictor. The advantage of the other on held-out data could be chance.
     let matched = simple(SimplePredictor::Ridge, 0.30, 0.35, [0.95, 0.98, 1.01]);
     assert_eq!(decisive_predictor(&[mean.clone(), line, matched.clone()]), None);
-    // That is no chance.
+    // This advantage is more than chance.
     let better = simple(SimplePredictor::Line, 0.40, 0.2, [1.4, 1.6, 1.8]);
     let all = [mean, better, matched.clone()];
     assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Line));
-    // The mean has a hundredth more error than that, which is nothing that was predicted.
+    // The mean has one per cent more error than the ridge predictor, which is too little to count as prediction.
     let nearly = simple(SimplePredictor::Mean, 1.0, 0.3535, [0.8, 0.99, 1.2]);
     assert_eq!(decisive_predictor(&[nearly, ridge.clone()]), Some(SimplePredictor::Mean));
-    // The mean does as well as what the log prefers.
+    // The mean does as well as the predictor that the log prefers.
     let mean = simple(SimplePredictor::Mean, 1.0, 0.34, [0.9, 1.02, 1.2]);
     assert_eq!(decisive_predictor(&[mean, ridge]), Some(SimplePredictor::Mean));
 }
 
-/// Value 0 is the default with these errors, and frozen; value 1 is chosen.
+/// Setting 0 is the default with these errors, and learns nothing. Setting 1 is chosen.
 fn judged_beside_frozen(of_default: [f64; 3]) -> SensorVerdict {
     let windows = [100, 500, 900];
     let online =
@@ -124,7 +126,7 @@ fn a_default_that_learns_nothing_is_kept_unless_the_choice_improves_on_it() {
     assert_eq!((alike.chosen, alike.grade), (1, Grade::Good));
     assert_eq!(alike.learning_off, Some(0));
     assert_eq!(alike.recommendation(), Recommendation::UseSimplePredictor);
-    // Beyond chance, and too little to be worth an agent.
+    // More than chance, but too little to be worth an agent.
     let hardly = judged_beside_frozen([0.2006, 0.2005, 0.2004]);
     assert!(hardly.truth.as_ref().is_some_and(Truth::improves_on_the_default));
     assert_eq!(hardly.learning_off, Some(0));
@@ -150,8 +152,8 @@ fn what_does_not_beat_the_training_mean_is_not_learnt() {
     assert_eq!(verdict.recommendation(), Recommendation::DoNotDeploy);
 }
 
-/// The grade of an agent that has these errors in as many windows, beside a training mean that has 1 in each: nothing else predicts
-/// better than that mean.
+/// Returns the grade of an agent with these errors, one per window. The training mean has error 1 in each, and nothing
+/// else predicts better than that mean.
 fn grade_beside_mean(agent: &[f64]) -> Grade {
     let rows = (1..).map(|window| 100 * window);
     let online = rows.clone().zip(agent).map(|(row, &error)| online_run(0, row, [2.0, error, 2.0]));
@@ -164,7 +166,7 @@ fn grade_beside_mean(agent: &[f64]) -> Grade {
 
 #[test]
 fn what_is_not_shown_to_beat_the_training_mean_is_not_learnt() {
-    // White noise: a hair less error than the mean.
+    // White noise: slightly less error than the mean.
     assert_eq!(grade_beside_mean(&[0.997, 0.99, 1.004, 0.998]), Grade::NotLearnt);
     assert_eq!(grade_beside_mean(&[0.99, 0.991, 0.989, 0.99]), Grade::NotLearnt, "too little");
     assert_eq!(grade_beside_mean(&[0.96, 0.965, 0.955, 0.96]), Grade::Good);
@@ -174,7 +176,7 @@ fn what_is_not_shown_to_beat_the_training_mean_is_not_learnt() {
 
 #[test]
 fn a_default_that_is_the_training_mean_is_not_learnt() {
-    // The choice has 5 % less error, in too few windows to be shown. The default learns nothing, and is the mean.
+    // The choice has 5 % less error, in too few windows to show it. The default learns nothing, and equals the mean.
     let windows = [100, 500, 900];
     let errors = [0.93, 0.955, 0.97];
     let online =
@@ -223,7 +225,7 @@ fn inputs_that_left_their_range_make_a_good_choice_fair() {
     assert_eq!(simpler.grade, Grade::Simpler);
 }
 
-/// The mean of the log, with this error on held-out data.
+/// Returns the training mean with this error on held-out data.
 fn mean(online: f64) -> SimpleComparison {
     simple(SimplePredictor::Mean, 1.0, online, [1.0, 0.9, 1.1])
 }
