@@ -1,4 +1,4 @@
-//! The steps, as others call them.
+//! The public functions of this crate, one per step.
 
 use std::path::Path;
 
@@ -54,27 +54,27 @@ use crate::{
     validity::{self, ValidityAnswer, ValidityPlan},
 };
 
-/// Every step that a study needs, from its log to the verdict, as far as it is missing; representations, networks and the agents of sweeps are trained
-/// through libtorch on `device`, if one is named.
+/// Runs every step that a study needs, from its log to the verdict. Finished steps are skipped. Representations,
+/// networks and the agents of sweeps are trained through libtorch on `device`, if one is given.
 ///
 /// # Errors
-/// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
+/// Returns an error if the study or the data is wrong, the machine lacks resources, or the observer asks to stop.
 pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<StudyRun, StepError> {
     recorded("run", job, printer, |printer| run_study::run(job, device, &RunContext::new(printer)))
 }
 
-/// Write the log of the plant that the study describes; nothing is said of a study that describes none.
+/// Writes the simulated log of the plant that the study describes. Returns `None` for a study without a plant.
 ///
 /// # Errors
-/// As [`run`]; also if the folder holds other logs.
+/// Fails as [`run`] does, and if the folder holds other logs.
 pub fn simulate(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
     simulate::of_study(job, printer)
 }
 
-/// Write the log of this plant, a Parquet file a day, as far as it is missing; `force` begins anew.
+/// Writes the missing files of this plant's log, one Parquet file per day. `force` starts over.
 ///
 /// # Errors
-/// As [`simulate()`].
+/// Fails as [`simulate()`] does.
 pub fn simulate_plant(
     directory: &Path,
     plant: PlantOptions,
@@ -84,10 +84,10 @@ pub fn simulate_plant(
     simulate::simulate(directory, plant, force, printer)
 }
 
-/// Train or import representations of the states, score them, and choose one.
+/// Trains or imports representations of the states, scores them, and chooses one.
 ///
 /// # Errors
-/// As [`run`].
+/// Fails as [`run`] does.
 pub fn represent(
     job: &Job,
     device: Option<Device>,
@@ -97,7 +97,7 @@ pub fn represent(
         let context = &RunContext::new(printer);
         let has_several = job.parts(StepKind::Represent.scope())?.len() > 1;
         each(StepKind::Represent, job, printer, |job| {
-            // Of several models some search among the states themselves.
+            // With several models, some may search among the states themselves.
             if has_several && !job.study().has_representation() {
                 printer.say("no representation: nothing to train");
                 return Ok(StepResult::Nothing(Outcome::Done));
@@ -107,10 +107,10 @@ pub fn represent(
     })
 }
 
-/// Build the calibration models.
+/// Builds the calibration models.
 ///
 /// # Errors
-/// As [`run`].
+/// Fails as [`run`] does.
 pub fn build_model(
     job: &Job,
     options: &BuildOptions,
@@ -122,10 +122,10 @@ pub fn build_model(
     })
 }
 
-/// Roll the models out, and compare with what was recorded.
+/// Rolls out the models, and compares the rollouts with the recorded log.
 ///
 /// # Errors
-/// As [`run`].
+/// Fails as [`run`] does.
 pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollouts>>, StepError> {
     recorded(StepKind::Rollout.command(), job, printer, |printer| {
         let context = &RunContext::new(printer);
@@ -133,10 +133,10 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollou
     })
 }
 
-/// Pre-train one agent a sensor.
+/// Pre-trains one agent per sensor.
 ///
 /// # Errors
-/// As [`run`].
+/// Fails as [`run`] does.
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
     recorded(StepKind::Pretrain.command(), job, printer, |printer| {
         job.refuse_deployment()?;
@@ -144,11 +144,11 @@ pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAge
     })
 }
 
-/// Train agents for every value of the grid, in the models, Online and on the replayed log; through libtorch on `device`, if one is named, which
-/// is an arithmetic of its own: such results never stand beside others.
+/// Trains agents for every setting of the grid, in the models, Online and on the replayed log. With a `device` they are
+/// trained through libtorch. Its arithmetic differs from calib's own, so such results are never compared with others.
 ///
 /// # Errors
-/// As [`run`]; also if agents are not networks in single precision and a device is named.
+/// Fails as [`run`] does, and if a device is given and agents are not networks in single precision.
 pub fn sweep(
     job: &Job,
     device: Option<Device>,
@@ -161,10 +161,10 @@ pub fn sweep(
     })
 }
 
-/// Choose a value, judge the choice by held-out data, and write the report.
+/// Chooses a setting, judges the choice on held-out data, and writes the report.
 ///
 /// # Errors
-/// As [`run`].
+/// Fails as [`run`] does.
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, StepError> {
     let context = &RunContext::new(printer);
     let parts = job.parts(StepKind::Evaluate.scope())?;
@@ -174,10 +174,11 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, 
     told(evaluation::run(job, &parts, &[], context)?, job, printer)
 }
 
-/// Read a log of decisions, build its model with actions, let every candidate act in it, and say which to deploy.
+/// Reads a log of decisions, builds its model with actions, and trains the agent of every setting in it. Reports which
+/// one to deploy.
 ///
 /// # Errors
-/// As [`run`]; also if the study has no `[control]` section.
+/// Fails as [`run`] does, and if the study has no `[control]` section.
 pub fn control(
     job: &Job,
     printer: &Printer,
@@ -187,27 +188,28 @@ pub fn control(
     })
 }
 
-/// Read a log of decisions and build its model with actions, if it is not there.
+/// Reads a log of decisions, and builds its model with actions if it is missing.
 ///
 /// # Errors
-/// As [`control()`].
+/// Fails as [`control()`] does.
 pub fn control_model(job: &Job, printer: &Printer) -> Result<ActionModel, StepError> {
     control::build(job, printer)
 }
 
-/// Write the log of a policy in a classic task, and a study of it.
+/// Writes the log of a policy in a classic task, and a study of that log.
 ///
 /// # Errors
-/// If the folder cannot be written, or the observer asks to stop.
+/// Returns an error if the folder cannot be written, or the observer asks to stop.
 pub fn simulate_task(wanted: &SimulateTask, printer: &Printer) -> Result<SimulatedTask, StepError> {
     control::simulate(wanted, printer)
 }
 
-/// Judge runs that something else made, of a table that [`SweepStreams::write`](calib_sweep_steps::external::SweepStreams::write) wrote or that has its columns,
-/// by the `[evaluate]` of a study; with `output`, write `summary.json`, figures and `report.html` there.
+/// Judges runs of another program by the `[evaluate]` section of a study. They are in a table that
+/// [`SweepStreams::write`](calib_sweep_steps::external::SweepStreams::write) wrote, or one with its columns. With
+/// `output`, it writes `summary.json`, figures and `report.html` there.
 ///
 /// # Errors
-/// As [`run`]; also if the table lacks a column, or a value of it is none.
+/// Fails as [`run`] does, and if the table lacks a column or holds an invalid value.
 pub fn evaluate_runs(
     runs: &Path,
     study: &Study,
@@ -219,19 +221,20 @@ pub fn evaluate_runs(
     Ok(judged)
 }
 
-/// Look at a log, try small models of it, and write a study with a reason for every value.
+/// Examines a log, tries small models of it, and writes a study with a reason for every choice.
 ///
 /// # Errors
-/// As [`run`]; also if nothing in the log can be predicted.
+/// Fails as [`run`] does, and if nothing in the log can be predicted.
 pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<ProposedStudy, StepError> {
     told(propose::run(options, &RunContext::new(printer))?, &(), printer)
 }
 
-/// Look at a log of decisions, time short runs of agents that act, and write a study of such agents with a reason for every value.
-/// The sensors and the horizon of the options are of agents that predict: nothing asks for them here.
+/// Examines a log of decisions, times short runs of agents that act, and writes a study of such agents with a reason
+/// for every choice. The options for sensors and horizon are ignored, because they apply to agents that predict.
 ///
 /// # Errors
-/// As [`run`]; also if a column is not in the log, there are no two actions, or no action can be worth more than another.
+/// Fails as [`run`] does. Also fails if a column is not in the log, there are fewer than two actions, or no action can
+/// be worth more than another.
 pub fn propose_control(
     options: &ProposeOptions,
     columns: &DecisionColumns,
@@ -240,27 +243,28 @@ pub fn propose_control(
     told(propose::run_control(options, columns, printer)?, &(), printer)
 }
 
-/// Compare a folder of results with what was written.
+/// Compares a folder of results with its recorded fingerprints.
 ///
 /// # Errors
-/// If there is no such folder, it holds no results, or the observer asks to stop. Damage is no error.
+/// Returns an error if the folder is missing or holds no results, or the observer asks to stop. Damage is reported and
+/// is not an error.
 pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<CheckedResults, StepError> {
     check::run(results, logs, printer)
 }
 
-/// How a study, the study of a folder of results, or a plan for a cluster stands: what is done, what runs, and how the
-/// settings stand by the runs that are there. Nothing is written.
+/// Returns the status of a study, of the study of a folder of results, or of a cluster plan. It tells which parts are
+/// done or running, and ranks the settings by the available runs. Nothing is written.
 ///
 /// # Errors
-/// If there is no such study or folder, or the study is wrong.
+/// Returns an error if there is no such study or folder, or the study is wrong.
 pub fn status(request: &StatusRequest, printer: &Printer) -> Result<StandingOf, StepError> {
     status::status(request, printer)
 }
 
-/// Judge how well calib chooses, over several studies with held-out data.
+/// Judges how well calib chooses, over several studies with held-out data.
 ///
 /// # Errors
-/// As [`run`].
+/// Fails as [`run`] does.
 pub fn validity(
     options: &ValidityOptions,
     printer: &Printer,
@@ -268,10 +272,10 @@ pub fn validity(
     told(validity::run(options, &RunContext::new(printer))?, &(), printer)
 }
 
-/// Divide what is left of a study's sweeps into shards, with everything that they read, in a folder of their own.
+/// Divides the remaining work of a study's sweeps into shards, and writes them with all their inputs to a folder.
 ///
 /// # Errors
-/// As [`run`]; also if the folder holds a plan already.
+/// Fails as [`run`] does, and if the folder already holds a plan.
 pub fn cluster_plan(
     job: &Job,
     options: &ClusterPlanOptions,
@@ -280,10 +284,11 @@ pub fn cluster_plan(
     told(cluster::plan(job, options, &RunContext::new(printer))?, &(), printer)
 }
 
-/// Make one shard of a plan. Whoever makes it twice gets the same bytes.
+/// Runs one shard of a plan. Running it again gives the same bytes.
 ///
 /// # Errors
-/// If the plan is another calib's or damaged, the shard fails ([`StepError::is_incomplete`]), or the observer asks to stop.
+/// Returns an error if the plan comes from another version of calib or another kind of processor, the plan is damaged,
+/// the shard fails ([`StepError::is_incomplete`]), or the observer asks to stop.
 pub fn cluster_run(
     plan: &Path,
     shard: usize,
@@ -292,10 +297,11 @@ pub fn cluster_run(
     told(cluster::run(plan, shard, printer)?, &(), printer)
 }
 
-/// Say what is done of a plan, what is not, and why; [`Outcome::Incomplete`] if anything is not.
+/// Reports which shards of a plan are done, which are not, and why. The outcome is [`Outcome::Incomplete`] if any is
+/// not done.
 ///
 /// # Errors
-/// If there is no plan, or it is damaged.
+/// Returns an error if the plan is missing or damaged.
 pub fn cluster_status(
     plan: &Path,
     options: ClusterStatusOptions,
@@ -304,18 +310,18 @@ pub fn cluster_status(
     told(cluster::status(plan, options)?, &(), printer)
 }
 
-/// Bring the results of all shards together, as one process would have written them; each sweep is told when it is there.
+/// Merges the results of all shards into the files that one process would have written. Reports each finished sweep.
 ///
 /// # Errors
-/// If a shard is missing or not what it should be ([`StepError::is_incomplete`]): nothing is written then.
+/// Returns an error if a shard is missing or invalid ([`StepError::is_incomplete`]). Nothing is written in that case.
 pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<MergedSweeps, StepError> {
     cluster::merge(plan, &RunContext::new(printer))
 }
 
-/// Hand a plan to a system that runs its shards.
+/// Submits a plan to a system that runs its shards.
 ///
 /// # Errors
-/// If there is no plan, or the system refuses.
+/// Returns an error if there is no plan, or the system refuses it.
 pub fn cluster_submit(
     plan: &Path,
     options: &ClusterSubmitOptions,

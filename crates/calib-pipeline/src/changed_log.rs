@@ -1,12 +1,12 @@
-//! Whether the log of a study is another than the one that its results were made from.
+//! Detects that the log of a study has changed since its results were made.
 
 use std::path::PathBuf;
 
 use calib_base::log::{plant_of_study::data_of, prepared};
 use calib_study::{Job, Scope};
 
-/// A file of the log that has another name, size or date than when the log was read for any deployment of the study. None if there is
-/// none, or that is not known, as of a log that is gone.
+/// Returns a file of the log whose name, size or date changed since the log was read, for any deployment of the study.
+/// `None` if no file changed, or if this is not known, for example because the log is gone.
 pub(crate) fn changed_file(job: &Job) -> Option<PathBuf> {
     let parts = job.parts(Scope::Deployment).ok()?;
     parts.iter().find_map(|part| {
@@ -15,7 +15,7 @@ pub(crate) fn changed_file(job: &Job) -> Option<PathBuf> {
     })
 }
 
-/// What is said of a verdict on a log that has changed, if it has.
+/// Returns the warning about a verdict on a changed log, if it has changed.
 pub(crate) fn old_verdict(job: &Job) -> Option<String> {
     let file = changed_file(job)?;
     Some(format!(
@@ -26,7 +26,7 @@ pub(crate) fn old_verdict(job: &Job) -> Option<String> {
     ))
 }
 
-/// Why the log is to be read, where it was read before.
+/// Returns the reason for reading the log again, if it has changed.
 pub(crate) fn why_read_again(job: &Job) -> Option<String> {
     let file = changed_file(job)?;
     Some(format!(

@@ -1,4 +1,4 @@
-//! Whether results are still what was written, without the study that they come from.
+//! Checks stored results for damage, without their study.
 
 use std::{
     fs,
@@ -45,7 +45,7 @@ pub struct Damage {
     pub made_by: String,
 }
 
-/// Read everything below a folder of results, and name what is damaged.
+/// Reads everything below a folder of results, and lists damaged files.
 pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> Result<CheckedResults, StepError> {
     ensure!(root.is_dir(), "{} is no folder; give a folder of results", root.display());
     let mut check = Check { checked: CheckedResults::default(), printer };
@@ -82,7 +82,7 @@ impl Check<'_> {
         for entry in entries {
             let path = entry.path();
             let kind = entry.file_type().with_context(read)?;
-            // What a link leads to is somebody else's.
+            // Targets of links do not belong to the results.
             if kind.is_dir() {
                 self.folder(&path)?;
             } else if kind.is_file() && !is_temporary(&path) {
@@ -92,7 +92,7 @@ impl Check<'_> {
         Ok(())
     }
 
-    /// The files that a manifest names, and the manifest.
+    /// Checks a manifest and the files that it names.
     fn manifest(&mut self, folder: &Path) {
         let path = folder.join(MANIFEST);
         let manifest = match read_sealed_json::<Value>(&path) {
@@ -104,7 +104,7 @@ impl Check<'_> {
         self.note(folder, &path, None);
         let agents = manifest["agents"].as_array().into_iter().flatten();
         for holder in [&manifest].into_iter().chain(agents) {
-            // What is shown of a verdict follows from it, and has a list of its own.
+            // The files that show a verdict follow from it, and have their own list.
             let lists = ["files", "shown"].map(|list| holder[list].clone());
             let lists = lists.into_iter().filter_map(|list| serde_json::from_value(list).ok());
             for (name, written) in lists.flat_map(|list: Files| list) {
@@ -125,7 +125,7 @@ impl Check<'_> {
         }
     }
 
-    /// A file that tells by itself whether it is whole.
+    /// Checks a file that contains its own checksum.
     fn file(&mut self, folder: &Path, path: &Path) {
         let name = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
         let is_unit = name.starts_with("run-") && name.ends_with(".json");
@@ -145,7 +145,7 @@ impl Check<'_> {
         self.note(folder, path, read.err().map(|error| error.to_string()));
     }
 
-    /// Count a file, once.
+    /// Counts a file once, and records its damage.
     fn note(&mut self, folder: &Path, path: &Path, damage: Option<String>) {
         self.checked.files += 1;
         let Some(reason) = damage else { return };
@@ -158,7 +158,7 @@ impl Check<'_> {
         self.checked.damages.push(Damage { path: path.to_owned(), reason, made_by });
     }
 
-    /// Read the logs that the results were made from, as their manifests name them.
+    /// Reads the logs that the results were made from, which their manifests name.
     fn logs(&mut self, root: &Path) {
         let mut found: Vec<(DataConfig, PreprocessConfig)> = Vec::new();
         let mut pending = vec![root.to_owned()];
@@ -197,7 +197,7 @@ impl Check<'_> {
     }
 }
 
-/// Find the log of results below `root`: they lie beside their study, and paths start from there.
+/// Resolves the paths of the log. Results lie beside their study, and relative paths start from there.
 fn found_from(data: &mut DataConfig, root: &Path) -> Result<(), StepError> {
     for path in &mut data.path.0 {
         *path =
@@ -207,7 +207,8 @@ fn found_from(data: &mut DataConfig, root: &Path) -> Result<(), StepError> {
     Ok(())
 }
 
-/// The file of a manifest in `folder`; a page of verdicts lies beside it, and is called `../report.html`.
+/// Returns the path of a manifest entry. A report of verdicts lies beside `folder`, and its entry is
+/// `../report.html`.
 fn beside_or_in(folder: &Path, name: &str) -> PathBuf {
     match name.strip_prefix("../") {
         Some(name) if folder.file_name().is_some() => folder.with_file_name(name),
@@ -215,13 +216,13 @@ fn beside_or_in(folder: &Path, name: &str) -> PathBuf {
     }
 }
 
-/// A table, whose pages have checksums.
+/// Checks a table, whose pages have checksums.
 fn table(path: &Path) -> Result<(), StepError> {
     memory::check_table(path, None)?;
     read_parquet(path).map(drop).map_err(StepError::from)
 }
 
-/// A record that tells of a file beside it.
+/// Checks a record that holds the fingerprint of the file `name` beside it.
 fn beside(path: &Path, key: &str, name: &str) -> Result<(), StepError> {
     let record: Value = read_sealed_json(path)?;
     let found = fingerprint_file(&path.with_file_name(name))?;
@@ -229,19 +230,20 @@ fn beside(path: &Path, key: &str, name: &str) -> Result<(), StepError> {
     Ok(())
 }
 
-/// Files of networks are called as those of representations, and are no sealed ones.
+/// Whether `training.json` is sealed. Those of representations are. Networks in `model` use the same name
+/// unsealed.
 fn sealed(path: &Path) -> bool {
     path.parent().and_then(Path::file_name).is_none_or(|folder| folder != "model")
 }
 
-/// What a folder of results is called, and what makes it.
+/// The command that makes a folder of results.
 struct MadeBy {
     command: String,
     needs_manifest: bool,
 }
 
 impl MadeBy {
-    /// By the command of `step`.
+    /// Describes a folder that the command of `step` makes.
     fn of_step(step: StepKind, needs_manifest: bool) -> Self {
         Self { command: format!("calib {} STUDY", step.command()), needs_manifest }
     }
@@ -259,7 +261,7 @@ fn made_by(folder: &Path) -> Option<MadeBy> {
         }
         name => {
             let step = StepKind::of_folder(name)?;
-            // A log is kept in folders below it.
+            // Prepared logs lie in subfolders, so their folder needs no manifest.
             Some(MadeBy::of_step(step, step != StepKind::Prepare))
         }
     }

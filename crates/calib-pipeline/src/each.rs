@@ -1,4 +1,4 @@
-//! A step of each model and deployment of a study.
+//! Runs a step for each model and deployment of a study.
 
 use calib_base::{
     StepError, ensure,
@@ -7,30 +7,30 @@ use calib_base::{
 };
 use calib_study::{Job, StepKind};
 
-/// What a step came to for each model and deployment that it was taken for.
+/// The results of a step, one per model and deployment.
 #[derive(Debug)]
 pub struct Results<T> {
     parts: Vec<PartResult<T>>,
 }
 
-/// What a step came to for one model and deployment.
+/// The result of a step for one model and deployment.
 #[derive(Debug)]
 pub struct PartResult<T> {
     /// The model, if the study compares several.
     pub model: Option<String>,
-    /// The deployment, if the study has several and the step is taken for each.
+    /// The deployment, if the study has several and the step runs once per deployment.
     pub deployment: Option<String>,
-    /// What the step came to.
+    /// The result.
     pub result: T,
 }
 
 impl<T> Results<T> {
-    /// Each of them, in the order of the models and deployments.
+    /// Returns all results, in the order of the models and deployments.
     pub fn parts(&self) -> &[PartResult<T>] {
         &self.parts
     }
 
-    /// The only one, where the study has one model and one deployment.
+    /// Returns the only result, if the study has one model and one deployment.
     pub fn only(mut self) -> Option<T> {
         if self.parts.len() == 1 { self.parts.pop().map(|part| part.result) } else { None }
     }
@@ -43,14 +43,15 @@ impl<T> From<Vec<PartResult<T>>> for Results<T> {
 }
 
 impl<T: Told> Results<T> {
-    /// How the step ended: as the last of its parts that was not simply done.
+    /// Returns the outcome of the step: that of its last part that was not simply done.
     pub fn outcome(&self) -> Outcome {
         let ended = self.parts.iter().map(|part| part.result.outcome());
         ended.filter(|outcome| *outcome != Outcome::Done).last().unwrap_or(Outcome::Done)
     }
 }
 
-/// Take a step on each part of the study, or on the study if it has none; each result is told when it is there.
+/// Runs a step on each part of the study, or on the study if it has no parts. Reports each result when it is
+/// ready.
 pub(crate) fn each<T: Told>(
     step: StepKind,
     job: &Job,
@@ -66,7 +67,7 @@ pub(crate) fn each<T: Told>(
     each_of(&parts, printer, run)
 }
 
-/// Take a step of a longer chain on each part of a study, or of one of its models.
+/// Runs a step of a longer chain on each part of a study, or of one of its models.
 pub(crate) fn each_part<T: Told>(
     step: StepKind,
     job: &Job,
@@ -76,7 +77,7 @@ pub(crate) fn each_part<T: Told>(
     Ok(each_of(&job.parts(step.scope())?, printer, run)?.outcome())
 }
 
-/// Take a step of a longer chain, and tell what it came to.
+/// Runs a step of a longer chain, and reports its result.
 pub(crate) fn taken<T: Told>(
     job: &Job,
     printer: &Printer,

@@ -1,4 +1,4 @@
-//! What is in a log, and what preprocessing would keep of it.
+//! Inspection of a log, and of the data that preprocessing would keep.
 
 use calib_base::{Context as _, StepError, left_alone::text_left_alone, memory, output::Printer};
 use calib_data::{Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile};
@@ -23,10 +23,11 @@ pub struct Inspection {
 }
 
 impl Inspection {
-    /// Look at the log of `data`; at what it did, if it is that of a study with `[control]`. Nothing is written.
+    /// Inspects the log of `data`. For a study with `[control]` it also describes the actions and rewards.
+    /// Nothing is written.
     ///
     /// # Errors
-    /// If the log cannot be read, or does not fit into memory.
+    /// Returns an error if the log cannot be read, or does not fit into memory.
     pub fn of(
         data: &DataConfig,
         preprocess: &PreprocessConfig,
@@ -44,7 +45,7 @@ impl Inspection {
         Ok(Self { profile, control, contradictions: data.contradictions })
     }
 
-    /// Why a study of the log would be refused, if it would.
+    /// Returns the error with which a study of the log would be refused, if any.
     pub fn refusal(&self) -> Option<DataError> {
         let found = &self.profile.contradictions;
         let is_refused = found.count > 0 && self.contradictions.refuses();
@@ -55,16 +56,17 @@ impl Inspection {
         })
     }
 
-    /// Whether any channel and any transition is left to build from.
+    /// Whether at least one channel and one transition are left to build from.
     pub fn has_states(&self) -> bool {
         self.profile.train.transitions > 0 && self.profile.kept().next().is_some()
     }
 }
 
-/// What each of the named `deployments` holds out of a log; those that hold nothing out are left out.
+/// Returns the data that each of the named `deployments` holds out of a log. Deployments without held-out data
+/// are left out.
 ///
 /// # Errors
-/// If the log does not have what one of them holds out.
+/// Returns an error if the log lacks the data that one of them holds out.
 pub fn inspect_deployments(
     deployments: Vec<(String, DataConfig)>,
     preprocess: &PreprocessConfig,

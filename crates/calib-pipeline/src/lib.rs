@@ -1,8 +1,9 @@
-//! The steps from a plant's log to a verdict: what each makes, what it follows from, and in which order.
+//! The steps from a plant's log to a verdict, their inputs and results, and their order.
 //!
-//! A step takes a [`Job`], the study as it was resolved once, and a [`Printer`], which tells an [`Observer`] what is
-//! done. It makes what is missing, keeps it in the folder of results, and does nothing where nothing is missing: an interrupted
-//! step goes on when it is run again. Results are the same whoever runs it, on however many threads.
+//! A step takes a [`Job`], which is a study resolved once, and a [`Printer`], which reports progress to an
+//! [`Observer`]. It makes the missing results and stores them in the folder of results. It does nothing if nothing is
+//! missing, so an interrupted step resumes when it runs again. Results do not depend on the caller or on the number of
+//! threads.
 //!
 //! ```no_run
 //! use std::sync::Arc;
@@ -14,9 +15,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`run`] makes all of them in order: [`simulate`] (where the study describes its plant), [`pretrain`], [`represent`],
-//! [`build_model`], [`rollout`], [`sweep`], [`evaluate`]. [`check`] compares what is there with what was written, [`control`] is the whole way for agents that act,
-//! [`validity`] judges how well calib chooses over several studies.
+//! [`run`] takes all steps in order: [`simulate`] (if the study describes its plant), [`pretrain`], [`represent`],
+//! [`build_model`], [`rollout`], [`sweep`], [`evaluate`]. [`check`] compares stored results with their fingerprints.
+//! [`control`] takes all steps for agents that act. [`validity`] judges how well calib chooses over several studies.
 
 mod api;
 mod changed_log;

@@ -1,4 +1,4 @@
-//! What of a study is up to date, and what a run is going to do.
+//! The plan of a run: the steps of a study that are up to date, and those to do.
 
 use std::{collections::BTreeSet, path::Path};
 
@@ -49,8 +49,8 @@ pub(crate) enum State {
 }
 
 impl Plan {
-    /// What a run of these `models` of the study would do, whose agents are trained by an `arithmetic` that is not calib's own, if one is named. Nothing
-    /// is read but manifests, and the log if it was prepared.
+    /// Plans a run of these `models` of the study. `arithmetic` names the arithmetic that trains agents, if it is not
+    /// calib's own. Only manifests are read, and the log if it was prepared.
     pub(crate) fn of(
         job: &Job,
         models: &[&Job],
@@ -70,7 +70,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// A step of each part of a job, if its study needs it. What follows from what is to be done is to be done as well.
+    /// Adds a step for each part of a job, if its study needs it. A step is to do if one of its prerequisites is.
     fn add(
         &mut self,
         step: StepKind,
@@ -82,7 +82,7 @@ impl Plan {
             return Ok(());
         }
         let parts = match step.scope() {
-            // What is made before rollouts is the same for all deployments.
+            // Results before rollouts are the same for all deployments.
             scope @ (Scope::Study | Scope::Model) => job.before_deployment()?.parts(scope)?,
             scope => job.parts(scope)?,
         };
@@ -100,7 +100,7 @@ impl Plan {
         &self.steps
     }
 
-    /// Whether a step that this part of the study has, or shares with others, is to be done.
+    /// Whether a step is to do that this part of the study has, or shares with others.
     pub(crate) fn is_to_do(&self, step: StepKind, part: &Job) -> bool {
         self.steps
             .iter()
@@ -108,7 +108,7 @@ impl Plan {
             .is_some_and(|planned| planned.state == State::ToDo)
     }
 
-    /// Whether a step is to be done for any deployment of a model, or for the study.
+    /// Whether a step is to do for any deployment of a model, or for the study.
     pub(crate) fn has_to_do(&self, step: StepKind, model: &Job) -> bool {
         self.steps.iter().any(|planned| {
             planned.step == step
@@ -117,7 +117,7 @@ impl Plan {
         })
     }
 
-    /// Say what sweeps will take.
+    /// Adds the expected cost of sweeps.
     pub(crate) fn expect(&mut self, all: &[PartPlan]) {
         for PartPlan { model, deployment, expected } in all {
             let sweep = self.steps.iter_mut().find(|planned| {
@@ -131,11 +131,11 @@ impl Plan {
         }
     }
 
-    /// What is up to date, and what is to do, a line each.
+    /// Returns one line on the steps that are up to date, and one on those to do.
     pub(crate) fn lines(&self) -> Vec<String> {
         let told = |state: State, name: &str| {
             let own = self.steps.iter().filter(|planned| planned.state == state);
-            // In the order in which they run: each step of all models before the next one.
+            // In the order of execution: each step runs for all models before the next one.
             let steps: BTreeSet<StepKind> = own.map(|planned| planned.step).collect();
             let steps: Vec<String> =
                 steps.into_iter().map(|step| self.named(step, state)).collect();
@@ -147,7 +147,7 @@ impl Plan {
             .collect()
     }
 
-    /// "sweep", or "sweep (laplacian, week april)" where it is so of some of the models and deployments only.
+    /// Returns "sweep", or "sweep (laplacian, week april)" if this holds only for some of the models and deployments.
     fn named(&self, step: StepKind, state: State) -> String {
         let all = self.steps.iter().filter(|planned| planned.step == step);
         if all.clone().all(|planned| planned.state == state) {
@@ -166,21 +166,21 @@ impl PlannedStep {
         Self { step, model, deployment, state, expected: None }
     }
 
-    /// Whether it is taken for this part of the study, be it with others.
+    /// Whether the step covers this part of the study, alone or with others.
     fn is_of(&self, part: &Job) -> bool {
         let is_own = |own: Option<&str>, of_part: Option<&str>| own.is_none() || own == of_part;
         is_own(self.model.as_deref(), part.model())
             && is_own(self.deployment.as_deref(), part.deployment())
     }
 
-    /// The model and the deployment that it is of, if it is not of all.
+    /// Returns the model and the deployment of the step, if it does not cover all.
     fn whose(&self) -> String {
         let names = [self.model.as_deref(), self.deployment.as_deref()];
         names.into_iter().flatten().collect::<Vec<_>>().join(" ")
     }
 }
 
-/// Whether what a step made for a part of the study is what it would make now of what is there.
+/// Whether the stored results of a step for this part are what the step would make now.
 fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunContext) -> bool {
     let directory = &part.layout().directory(step);
     let study = match step {
@@ -201,18 +201,18 @@ fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunCo
             .filter(|found| found.model == model_content(part))
             .filter(|found| found.arithmetic.as_deref() == arithmetic)
             .map(|found| found.facts.study),
-        // Whether they are is found out when they are taken.
+        // These steps decide for themselves when they run.
         StepKind::Simulate | StepKind::Evaluate | StepKind::Control => None,
     };
     study.is_some_and(|study| part.study().differences(step, &study).is_empty())
 }
 
-/// What a step has left in its directory, if every file is still there.
+/// Returns the manifest of a step's directory, if all its files exist.
 fn whole<T: Facts>(directory: &Path) -> Option<Artefact<T>> {
     artefact::read::<Artefact<T>>(directory).filter(|found| found.has_files(directory))
 }
 
-/// What the model of a part is, if it has one.
+/// Returns the content fingerprint of a part's model, if it has one.
 fn model_content(part: &Job) -> Option<String> {
     model_files::content_of(part).ok().flatten()
 }

@@ -1,4 +1,4 @@
-//! Whether the disk has room for all that a run will write, before the first of it is made.
+//! Checks that the disk has room for all files of a run before it writes any.
 
 use calib_base::{
     StepError, disk_room,
@@ -12,10 +12,11 @@ use calib_sweep_steps::sweep::expected;
 
 use crate::{plan::Plan, run_progress::passes};
 
-/// Refuse a run whose models and sweeps the disk has no room for together. Each step looks again before it writes, when more is known.
+/// Refuses a run if the disk has no room for its models and sweeps together. Each step checks again before it writes,
+/// when more is known.
 ///
 /// # Errors
-/// If there is clearly less room, or the log cannot be read.
+/// Returns an error if there is clearly less room, or the log cannot be read.
 pub(crate) fn require_room<'a>(
     job: &Job,
     models: impl Iterator<Item = &'a Job>,
@@ -58,7 +59,8 @@ fn model_bytes(model: &Job, plan: &Plan, context: &RunContext) -> Result<u64, St
     Ok(representation.saturating_add(tables))
 }
 
-/// Bytes of the sweeps that were not begun; of the others it is known only once their runs are counted.
+/// Returns the bytes of the sweeps that have not begun. Those of the others are only known after their runs are
+/// counted.
 fn sweep_bytes(model: &Job, plan: &Plan) -> Result<u64, StepError> {
     let mut needed = 0_u64;
     for part in model.parts(Scope::Deployment)? {

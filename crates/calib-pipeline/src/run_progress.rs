@@ -1,4 +1,4 @@
-//! How far the whole run of a study is.
+//! Progress of the whole run of a study.
 
 use std::cell::Cell;
 
@@ -10,17 +10,17 @@ use calib_study::{Job, Scope, StepKind, Study};
 
 use crate::plan::Plan;
 
-/// The stages of a run, counted, and the sweeps that are still to come: almost all of the work.
+/// Counts the stages of a run, and the sweeps still to come, which are almost all of the work.
 pub(crate) struct RunProgress<'a> {
     talk: &'a Printer,
     stages: usize,
     begun: Cell<usize>,
-    /// Passes over streams of all sweeps that were not begun.
+    /// Passes over streams of all sweeps that have not begun.
     later: Cell<f64>,
 }
 
 impl<'a> RunProgress<'a> {
-    /// A run with so many `stages`, whose sweeps are those of `models`.
+    /// Starts the progress of a run with `stages` stages and the sweeps of `models`.
     pub(crate) fn new(
         talk: &'a Printer,
         stages: usize,
@@ -46,7 +46,7 @@ impl<'a> RunProgress<'a> {
         self.begun.set(self.begun.get() + stages);
     }
 
-    /// The sweep of a part begins, if it is not done.
+    /// Reports that the sweep of a part begins, if it is to do.
     pub(crate) fn sweep(&self, plan: &Plan, part: &Job) {
         if plan.is_to_do(StepKind::Sweep, part) {
             let own = passes(part.study());
@@ -61,7 +61,7 @@ impl<'a> RunProgress<'a> {
     }
 }
 
-/// Passes over streams that a sweep makes, as far as the study tells.
+/// Returns the number of passes over streams in a sweep, as far as the study determines it.
 pub(crate) fn passes(study: &Study) -> f64 {
     let online = if study.data.held_out.is_some() { study.sweep.online_runs } else { 0 };
     (study.members() * study.member_runs() + online + study.sweep.log_replay_runs) as f64

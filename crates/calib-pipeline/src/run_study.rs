@@ -1,4 +1,4 @@
-//! A study from its log to the verdict.
+//! Runs a study from its log to the verdict.
 
 use std::time::Duration;
 
@@ -38,25 +38,25 @@ use crate::{
     run_progress::RunProgress,
 };
 
-/// How far a study is taken.
+/// The last step of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RunUntil {
-    /// To the report, with rollouts and everything.
+    /// To the report, including rollouts.
     Report,
-    /// To the end of the sweep, with nothing but what a choice follows from.
+    /// To the end of the sweep, with only the steps that a choice needs.
     Choice,
 }
 
-/// Whether a study needs the step on the way to `extent`.
+/// Whether a study needs the step to reach `extent`.
 fn is_wanted(step: StepKind, study: &Study, extent: RunUntil) -> bool {
     study.needs(step) && (step != StepKind::Rollout || extent == RunUntil::Report)
 }
 
-/// Take one of the steps that each model takes.
+/// Runs one of the steps that each model has.
 fn take(step: StepKind, job: &Job, whole: &WholeRun<'_>) -> Result<Outcome, StepError> {
     let &WholeRun { plan, progress, tally, device, talk } = whole;
     match step {
-        // What is made before rollouts is the same for all deployments.
+        // Results before rollouts are the same for all deployments.
         StepKind::Represent => {
             taken(&job.before_deployment()?, talk, |job| represent::run(job, device, talk))
         }
@@ -78,18 +78,19 @@ fn take(step: StepKind, job: &Job, whole: &WholeRun<'_>) -> Result<Outcome, Step
     }
 }
 
-/// What every step of a run knows of the whole.
+/// The parts of a run that every step needs.
 struct WholeRun<'a> {
     plan: &'a Plan,
     progress: &'a RunProgress<'a>,
     tally: &'a DryRunTally,
-    /// Where networks and agents are trained, if not natively.
+    /// The device that trains networks and agents, if they are not trained natively.
     device: Option<Device>,
     talk: &'a RunContext,
 }
 
 impl WholeRun<'_> {
-    /// Begin a step under its `title`, and return what it talks to: one that is up to date is no stage, and hardly worth a word.
+    /// Begins a step under its `title`, and returns its context. A step that is up to date does not count as a stage,
+    /// and reports only details.
     fn begin(&self, step: StepKind, title: &str, job: &Job) -> RunContext {
         if !self.plan.has_to_do(step, job) {
             return self.talk.in_detail();
@@ -99,33 +100,33 @@ impl WholeRun<'_> {
     }
 }
 
-/// One of the models that a study compares, or its only one.
+/// One of the models that a study compares, or its only model.
 struct Model {
-    /// None for the only one.
+    /// The name. `None` for an only model.
     name: Option<String>,
     job: Job,
-    /// Why it is not gone on with, if it is not.
+    /// The reason why the model was dropped, if it was.
     left_out: Option<String>,
 }
 
-/// What every step of a study came to.
+/// The results of all steps of a study.
 #[derive(Debug)]
 pub struct StudyRun {
-    /// The verdicts; none in a dry run.
+    /// The verdicts. `None` in a dry run.
     pub evaluation: Option<Evaluation>,
-    /// Why models are missing from them, if any are: this calib cannot train them.
+    /// The reasons for models that are missing from them, because this build cannot train them.
     pub left_out: Vec<String>,
     outcome: Outcome,
 }
 
 impl StudyRun {
-    /// How it ended: a negative answer of one step is one of the whole.
+    /// Returns the outcome. A negative answer of one step is one of the whole run.
     pub fn outcome(&self) -> Outcome {
         self.outcome
     }
 }
 
-/// Run every step that a study needs, as far as it is not done.
+/// Runs every step that a study needs and that is not done.
 pub(crate) fn run(
     job: &Job,
     device: Option<Device>,
@@ -134,7 +135,7 @@ pub(crate) fn run(
     run_to(RunUntil::Report, job, device, context)
 }
 
-/// Run every step that a study needs on the way to `extent`, as far as it is not done.
+/// Runs every step that a study needs to reach `extent` and that is not done.
 pub(crate) fn run_to(
     extent: RunUntil,
     job: &Job,
@@ -143,10 +144,10 @@ pub(crate) fn run_to(
 ) -> Result<StudyRun, StepError> {
     let clock = Stopwatch::start();
     let mut models = models(job)?;
-    // Only the verdict is the result; the steps before it just report.
+    // Only the verdict is the result. Earlier steps report as remarks.
     let talk = &context.talking();
     let jobs: Vec<&Job> = models.iter().map(|model| &model.job).collect();
-    // What a device cannot do is found out before anything is made.
+    // Unsupported devices are found before anything is made.
     let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
     let on_devices = on_devices.collect::<Result<Vec<_>, StepError>>()?;
     let arithmetic = on_devices.iter().flatten().map(|device| device.class()).next();
@@ -211,7 +212,8 @@ pub(crate) fn run_to(
     Ok(StudyRun { evaluation, left_out, outcome: outcome.unwrap_or(Outcome::Done) })
 }
 
-/// Say what a run took, and beside it what was announced: after a long one to all, after others to those who ask for more.
+/// Reports the duration of a run next to its estimate. After a long run the estimate is always shown, otherwise only in
+/// verbose output.
 fn say_done(took: Duration, printer: &Printer) {
     let done = format!("done in {}", duration(took));
     let Some(Announced { whole, after }) = printer.announced() else { return printer.say(&done) };
@@ -224,15 +226,15 @@ fn say_done(took: Duration, printer: &Printer) {
     }
 }
 
-/// A run of which everybody wants to know whether it took what was announced.
+/// Duration from which a run's estimate is always shown.
 const LONG: Duration = Duration::from_mins(1);
 
-/// Whether agents are pre-trained, which is done once for all models.
+/// Whether agents are pre-trained, which happens once for all models.
 fn is_pretrained(models: &[Model]) -> bool {
     models[0].job.study().needs(StepKind::Pretrain)
 }
 
-/// How many stages a run has that goes to `extent`: the steps that are up to date are none.
+/// Returns the number of stages of a run to `extent`. Steps that are up to date do not count.
 fn stages(
     models: &[Model],
     plant: Option<&PlantOfStudy>,
@@ -253,7 +255,7 @@ fn stages(
     steps.count() + once.into_iter().filter(|wanted| *wanted).count()
 }
 
-/// Whether the log of a simulated plant is made, and not there already.
+/// Whether the log of a simulated plant has to be made.
 fn is_made(plant: &PlantOfStudy, job: &Job) -> bool {
     match plant.found {
         PlantLogState::NotSimulated => false,
@@ -262,12 +264,12 @@ fn is_made(plant: &PlantOfStudy, job: &Job) -> bool {
     }
 }
 
-/// The plan, for machines that asked for it.
+/// Prints the plan of a dry run as JSON, if that was requested.
 fn tell(plan: &Plan, job: &Job, printer: &Printer) -> Result<(), StepError> {
     if job.policy().is_dry() && printer.is_json() { printer.json(plan) } else { Ok(()) }
 }
 
-/// Evaluate the models that are not left out.
+/// Evaluates the models that were not dropped.
 fn judge(
     job: &Job,
     models: &[Model],
@@ -298,7 +300,7 @@ fn judge(
     }
 }
 
-/// The models of a study, all of them checked before the first step begins.
+/// Returns the models of a study. All are checked before the first step begins.
 fn models(job: &Job) -> Result<Vec<Model>, StepError> {
     let several = job.model().is_none();
     job.models()?
@@ -320,13 +322,13 @@ fn models(job: &Job) -> Result<Vec<Model>, StepError> {
 /// The log that the steps of a run read.
 enum StudyLog {
     Whole,
-    /// In a dry run, where the log is not simulated yet.
+    /// A substitute in a dry run, because the log is not simulated yet.
     StandIn(StandInLog),
-    /// The same, where nothing can stand in for it.
+    /// No log, because a dry run has no substitute for it.
     None,
 }
 
-/// Make the log, unless it is there.
+/// Makes the log, unless it exists.
 fn simulate(
     plant: PlantOfStudy,
     models: &[Model],
@@ -361,7 +363,7 @@ fn simulate(
     Ok(StudyLog::Whole)
 }
 
-/// What a dry run reads in place of a log that is not simulated yet.
+/// Returns the log that a dry run reads in place of one that is not simulated yet.
 fn stand_in(plant: &PlantOfStudy, job: &Job, talk: &RunContext) -> Result<StudyLog, StepError> {
     match StandInLog::of(&plant.options, job, talk) {
         Ok(log) => {
@@ -378,7 +380,7 @@ fn stand_in(plant: &PlantOfStudy, job: &Job, talk: &RunContext) -> Result<StudyL
     }
 }
 
-/// Whether a reason is the study's, whichever sample of its log is read.
+/// Whether an error comes from the study, whichever sample of its log is read.
 fn is_of_study(reason: &StepError) -> bool {
     match reason.root() {
         StepError::Study(_) => true,
@@ -395,14 +397,14 @@ fn is_of_study(reason: &StepError) -> bool {
     }
 }
 
-/// The steps that a dry run without a log cannot look into.
+/// Returns the steps that a dry run without a log cannot estimate.
 fn remaining(models: &[Model]) -> Vec<&'static str> {
     let studies: Vec<&Study> = models.iter().map(|model| model.job.study()).collect();
     report::steps(&studies).into_iter().map(StepKind::label).collect()
 }
 
 impl Model {
-    /// Take one step. What this calib cannot do for want of libtorch leaves the model out, and the others go on.
+    /// Runs one step. If this build lacks libtorch for it, the model is dropped and the others continue.
     fn take(
         &mut self,
         step: StepKind,
@@ -431,16 +433,16 @@ impl Model {
                 self.left_out = Some(told);
                 Ok(Outcome::Done)
             }
-            // In a dry run, steps lack what those before them did not write.
+            // In a dry run, a step may lack the results that earlier steps did not write.
             Err(reason)
                 if self.job.policy().is_dry()
                     && matches!(step, StepKind::Rollout | StepKind::Sweep)
                     && !reason.was_cancelled()
                     && !stays(&reason, talk) =>
             {
-                // What is missing of a log that stands in for another is no reason.
+                // The reason may only be a property of the substitute log, so it is not shown.
                 not_yet(step, talk.stands_in().is_none().then_some(&reason), talk);
-                // What another arithmetic takes is not known.
+                // The time of another arithmetic is not known.
                 if step == StepKind::Sweep && whole.device.is_none() {
                     let parts = self.job.parts(step.scope())?;
                     for part in &parts {
@@ -457,7 +459,7 @@ impl Model {
     }
 }
 
-/// Whether a reason stays when the steps before are taken: it is of the study or of its log, for which no other one stands in.
+/// Whether an error remains after the earlier steps have run: it comes from the study or its real log.
 fn stays(reason: &StepError, talk: &RunContext) -> bool {
     talk.stands_in().is_none() && matches!(reason.root(), StepError::Study(_) | StepError::Data(_))
 }

@@ -1,4 +1,4 @@
-//! What `--json` of each command prints, as JSON Schema.
+//! The JSON Schema of the output of each command with `--json`.
 
 use std::collections::BTreeMap;
 
@@ -26,27 +26,27 @@ use crate::{
     validity,
 };
 
-/// What one command may print: one of several documents.
+/// The documents that a command may print. Each output is one of them.
 pub struct JsonDocuments {
     generator: SchemaGenerator,
     documents: Vec<Schema>,
 }
 
 impl JsonDocuments {
-    /// Documents of this type.
+    /// Starts with documents of type `T`.
     pub fn of<T: JsonSchema>() -> Self {
         let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
         Self { generator, documents: Vec::new() }.or::<T>()
     }
 
-    /// Or of this one.
+    /// Adds documents of type `T`.
     #[must_use]
     pub fn or<T: JsonSchema>(mut self) -> Self {
         self.documents.push(self.generator.subschema_for::<T>());
         self
     }
 
-    /// The schema of what `command` prints.
+    /// Returns the schema of the output of `command`.
     pub fn schema(mut self, command: &str) -> Schema {
         json_schema!({
             "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -57,7 +57,7 @@ impl JsonDocuments {
     }
 }
 
-/// What the steps of the pipeline print, by command.
+/// Returns the schemas of the pipeline's steps, by command.
 pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
     let documents = [
         (StepKind::BuildModel.command(), JsonDocuments::of::<ModelManifest>().or::<BuildPlan>()),
@@ -86,7 +86,7 @@ pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
     documents.into_iter().map(|(command, documents)| (command, documents.schema(command))).collect()
 }
 
-/// What is judged: one study, or several deployments or models of it.
+/// Returns the documents of verdicts: on one study, or on several of its deployments or models.
 fn verdicts() -> JsonDocuments {
     JsonDocuments::of::<Summary>().or::<Summaries>()
 }

@@ -1,4 +1,4 @@
-//! A study that is run by the library is the study that the command line runs.
+//! Running a study through the library gives the same study as the command line.
 
 use std::{
     io,
@@ -22,19 +22,19 @@ const STUDY: &str = "\
 [sweep]\nsensors = [\"PIT300\"]\nsteps = 600\nonline_runs = 2\nmember_runs = 1\nlog_replay_runs = 2\n\
 [sweep.grid]\nlearning_rate = [1e-4, 1e-2]\n";
 
-/// The study of this text, in a file of `folder`.
+/// Resolves a study with this text, in a file of `folder`.
 fn resolved(folder: &Path, text: &str) -> Job {
     let file = folder.join("study.toml");
     std::fs::write(&file, text).expect("writable");
     Job::resolve(Request::new(&file)).expect("a study")
 }
 
-/// Keeps what it is told.
+/// An observer that keeps all messages.
 #[derive(Default)]
 struct Kept {
     results: Mutex<Vec<String>>,
     remarks: Mutex<Vec<String>>,
-    /// Asks to stop once this was said.
+    /// Text after which the observer asks to stop.
     until: Option<&'static str>,
     stop: Arc<Mutex<bool>>,
 }
@@ -82,7 +82,7 @@ fn a_study_is_run_stopped_and_gone_on_with() {
     let remarks = going_on.remarks.lock().expect("no panic").join("\n");
     assert!(remarks.contains("up to date: "), "the model is there: {remarks}");
     let results = going_on.results.lock().expect("no panic").join("\n");
-    // Something is said of the sensor, and where the report is.
+    // The results name the sensor and the path of the report.
     assert!(results.contains("PIT300") && results.contains("report: "), "{results}");
 }
 
@@ -97,9 +97,9 @@ fn what_steps_come_to_are_values() {
     assert_eq!(verdict.sensor, "PIT300");
     let swept = calib_pipeline::sweep(&job, None, &printer).expect("it is there");
     let swept = swept.only().and_then(StepResult::made).expect("of one model and deployment");
-    // Both of the grid, and the default.
+    // Two settings of the grid, and the default.
     assert_eq!((swept.ran(), swept.candidates().len()), (0, 3));
-    // The verdict counts the values of the sweep.
+    // The verdict numbers settings as the sweep does.
     assert!(swept.candidates()[verdict.chosen].agent.learning_rate > 0.0);
     let built = calib_pipeline::build_model(&job, &BuildOptions::default(), &printer);
     let built = built.expect("it is there").only().and_then(StepResult::made).expect("one model");
@@ -108,7 +108,7 @@ fn what_steps_come_to_are_values() {
     let rollouts = calib_pipeline::rollout(&job, &printer).expect("they are there");
     let rollouts = rollouts.only().and_then(StepResult::made).expect("of one model");
     assert_eq!((rollouts.sensors(), rollouts.members()), (&["PIT300".to_owned()][..], 5));
-    // As JSON a value is what was written.
+    // As JSON the value equals the written file.
     let Evaluation::Judged(judged) = &evaluation else { panic!("it has one model") };
     let place = judged.report().and_then(|page| page.parent()).expect("a report");
     let text = std::fs::read_to_string(place.join("evaluate/summary.json")).expect("written");

@@ -1,19 +1,20 @@
-//! Whether two processors compute the same numbers: a class is what this one makes of a few problems that are always the
-//! same. It is computed and not looked up, so that it need not be known what processors, systems and libraries differ in.
+//! Detects whether two processors compute the same numbers. The class of a processor is a fingerprint of its results
+//! for a few fixed problems. It is computed, so that nothing has to be known about differences in processors, systems
+//! and libraries.
 
 use calib_agent::{AgentConfig, CurveRule, OptimiserKind, Part, Precision, ValueFunction, train};
 use calib_base::StepError;
 use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 use calib_files::Fingerprinter;
 
-/// Arguments of each elementary function.
+/// Number of arguments per elementary function.
 const ARGUMENTS: usize = 2048;
-/// Columns and steps of what agents learn from.
+/// Columns and steps of the training data.
 const COLUMNS: usize = 20;
 const STEPS: usize = 160;
 
-/// Some digits that stand for the numbers that this processor, its system and its libraries compute. Where they are equal, so
-/// are results.
+/// Returns a short fingerprint of the numbers that this processor, its system and its libraries compute. Processors
+/// with the same fingerprint give the same results.
 pub(crate) fn class() -> Result<String, StepError> {
     let mut fingerprint = Fingerprinter::default();
     for bits in elementary().chain(trained()?) {
@@ -22,7 +23,7 @@ pub(crate) fn class() -> Result<String, StepError> {
     Ok(fingerprint.finish().short().to_owned())
 }
 
-/// What the functions of the system's library give that results are computed with.
+/// Returns the results of the system library's functions that calib uses.
 fn elementary() -> impl Iterator<Item = u64> {
     let arguments = (0..ARGUMENTS).map(|number| 0.003_7 * number as f64 - 3.7);
     arguments.flat_map(|x| {
@@ -32,7 +33,7 @@ fn elementary() -> impl Iterator<Item = u64> {
     })
 }
 
-/// The errors of agents of every kind.
+/// Returns the errors of agents of every kind.
 fn trained() -> Result<Vec<u64>, StepError> {
     let mut random = Seed::new(5).rng();
     let values = (0..STEPS * COLUMNS).map(|_| random.unit() as f32).collect();

@@ -1,4 +1,4 @@
-//! What is told of an attempt at a shard: where it runs, what it is doing, how it ended. Results do not depend on it.
+//! Records of attempts at a shard: where it runs, what it is doing, how it ended. Results do not depend on them.
 
 use std::{
     fs,
@@ -11,17 +11,17 @@ use std::{
 use calib_files::{file_name, host_name, read_sealed_json, write_sealed_json};
 use serde::{Deserialize, Serialize};
 
-/// An attempt, as the file tells of it.
+/// The record of an attempt.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Attempt {
-    /// Attempts before it.
+    /// Number of earlier attempts.
     pub(crate) before: usize,
     pub(crate) host: String,
     pub(crate) process: u32,
-    /// What it has begun and not finished: what it was at when it was killed.
+    /// Passes that have begun and not finished. After a kill they show what was running.
     pub(crate) doing: Vec<String>,
     pub(crate) made: Vec<MadePass>,
-    /// Units that failed, and why.
+    /// Failed passes with reasons.
     pub(crate) failed: Vec<String>,
     pub(crate) ended: AttemptEnd,
 }
@@ -37,7 +37,7 @@ pub(crate) struct MadePass {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum AttemptEnd {
-    /// It runs, or was killed without a word.
+    /// The attempt is running, or it was killed.
     NotYet,
     Done,
     /// It was asked to stop, and kept its state.
@@ -45,14 +45,14 @@ pub(crate) enum AttemptEnd {
     Failed(String),
 }
 
-/// The file of an attempt that this process makes.
+/// The record file of an attempt that this process makes.
 pub(crate) struct AttemptFile {
     path: PathBuf,
     attempt: Mutex<Attempt>,
 }
 
 impl AttemptFile {
-    /// Begin an attempt in `folder`, which holds those before.
+    /// Begins an attempt in `folder`, which holds the earlier attempts.
     pub(crate) fn begin(folder: &Path) -> Self {
         let host = host_name().to_owned();
         let process = process::id();
@@ -72,7 +72,7 @@ impl AttemptFile {
         file
     }
 
-    /// Whether there was no attempt before it.
+    /// Whether this is the first attempt.
     pub(crate) fn is_first(&self) -> bool {
         self.attempt.lock().unwrap_or_else(PoisonError::into_inner).before == 0
     }
@@ -101,7 +101,7 @@ impl AttemptFile {
         self.change(|attempt| attempt.ended = ended);
     }
 
-    /// Write what changed. A disk that has no room for it is no reason to lose what is being computed.
+    /// Writes a change to the record. Write errors are ignored, because a full disk must not stop the computation.
     fn change(&self, edit: impl FnOnce(&mut Attempt)) {
         let mut attempt = self.attempt.lock().unwrap_or_else(PoisonError::into_inner);
         edit(&mut attempt);
@@ -109,7 +109,7 @@ impl AttemptFile {
     }
 }
 
-/// The attempts that are told of in a folder, in their order.
+/// Returns the recorded attempts in a folder, in order.
 pub(crate) fn read(folder: &Path) -> Vec<Attempt> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();

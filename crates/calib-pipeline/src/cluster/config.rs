@@ -1,4 +1,4 @@
-//! `cluster.toml`: what a plan cannot know of the cluster that it is submitted to. Every key may be left out.
+//! `cluster.toml`: settings of the cluster that a plan is submitted to. Every key is optional.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -6,33 +6,34 @@ use calib_base::{Context as _, StepError, ensure};
 use calib_files::read_regular;
 use serde::{Deserialize, Serialize};
 
-/// What is asked of a batch system.
+/// The options for a batch system.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct ClusterConfig {
     /// Command that runs calib there.
     pub(crate) calib: String,
-    /// Lines of shell before it, such as `module load calib`.
+    /// Shell lines before it, such as `module load calib`.
     pub(crate) setup: Vec<String>,
-    /// Threads of a task.
+    /// Threads per task.
     pub(crate) threads: usize,
-    /// Minutes that a task may take; otherwise twice what the longest one is predicted to, ten at least.
+    /// Time limit of a task, in minutes. By default twice the predicted time of the longest task, and at
+    /// least ten.
     pub(crate) minutes: Option<u64>,
-    /// Megabytes of memory of a task; otherwise what it is predicted to take, and a half more.
+    /// Memory of a task, in megabytes. By default one and a half times the prediction.
     pub(crate) memory_mb: Option<u64>,
-    /// Seconds before the limit in which a task keeps its state.
+    /// Seconds before the time limit at which a task saves its state.
     pub(crate) grace_secs: u64,
-    /// Tasks that run at once, at most.
+    /// Largest number of tasks that run at once.
     pub(crate) at_once: Option<usize>,
-    /// How often a task that kept its state is put back.
+    /// How often a task that saved its state is queued again.
     pub(crate) requeues: usize,
-    /// Whether the study is evaluated where all is merged.
+    /// Whether the study is evaluated after the merge.
     pub(crate) evaluate: bool,
     /// More options of `sbatch`, such as `partition = "main"`, `account = "abc"`.
     pub(crate) slurm: BTreeMap<String, String>,
-    /// Of the image, where a system runs such.
+    /// The container image, for systems that run one.
     pub(crate) image: String,
-    /// Of a volume on which the plan lies, where a system mounts such.
+    /// The volume that holds the plan, for systems that mount one.
     pub(crate) volume: String,
 }
 
@@ -56,7 +57,7 @@ impl Default for ClusterConfig {
 }
 
 impl ClusterConfig {
-    /// The file at `path`, or nothing but defaults.
+    /// Reads the file at `path`, or returns the defaults if there is no path.
     pub(crate) fn read(path: Option<&Path>) -> Result<Self, StepError> {
         let Some(path) = path else { return Ok(Self::default()) };
         let text = String::from_utf8(read_regular(path)?)

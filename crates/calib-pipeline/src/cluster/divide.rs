@@ -1,21 +1,22 @@
-//! How work is divided into shards.
+//! Division of work into shards.
 
 use std::ops::Range;
 
-/// How large shards are to be.
+/// The requested size and number of shards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Division {
-    /// How long one is to take on one thread, in seconds.
+    /// Time of a shard on one thread, in seconds.
     pub(crate) secs: f64,
-    /// How many there may be, in all stages.
+    /// Largest number of shards, over all stages.
     pub(crate) most: usize,
-    /// How many there are to be, whatever they take.
+    /// Fixed number of shards, whatever their time.
     pub(crate) exactly: Option<usize>,
 }
 
 impl Division {
-    /// Into how many groups `sensors` sensors are cut, where `passes` passes take `secs` seconds in all. Sensors of a group
-    /// share a pass over a stream, which saves a little, so they are cut only where a pass is longer than a shard is to be.
+    /// Returns the number of groups to split `sensors` sensors into. `passes` passes take `secs` seconds in all.
+    /// Sensors of a group share a pass over a stream, which saves a little time. So they are only split if a pass takes
+    /// longer than a shard should.
     pub(crate) fn groups(&self, passes: usize, sensors: usize, secs: f64) -> usize {
         let wanted = match self.exactly {
             Some(shards) => shards.div_ceil(passes.max(1)),
@@ -24,7 +25,7 @@ impl Division {
         wanted.clamp(1, sensors.max(1))
     }
 
-    /// How many shards work of so many passes becomes, which take `secs` seconds of `total` of all stages.
+    /// Returns the number of shards for this many passes. They take `secs` of the `total` seconds of all stages.
     fn shards(&self, passes: usize, secs: f64, total: f64) -> usize {
         let share = secs / total.max(f64::MIN_POSITIVE);
         let most = ((self.most as f64 * share).floor() as usize).max(1);
@@ -35,8 +36,8 @@ impl Division {
         wanted.clamp(1, passes.max(1))
     }
 
-    /// Cut passes of these seconds into shards, each a range of them; passes that share states and tables lie beside each
-    /// other. No shard exceeds the mean by more than a pass.
+    /// Cuts passes with these times into shards, each a range of passes. Passes that share states and tables must be
+    /// adjacent. No shard exceeds the mean by more than one pass.
     pub(crate) fn cut(&self, secs: &[f64], total: f64) -> Vec<Range<usize>> {
         let sum: f64 = secs.iter().sum();
         let shards = self.shards(secs.len(), sum, total);
@@ -47,7 +48,7 @@ impl Division {
             let left = shards - number - 1;
             let target = sum * (number + 1) as f64 / shards as f64;
             let mut end = start;
-            // One at least for each shard that follows, and the nearer end of the two about the target.
+            // Keeps at least one pass for each later shard, and otherwise ends as near to the target as possible.
             while end < secs.len() - left
                 && (end == start || left == 0 || done + secs[end] / 2.0 <= target)
             {
@@ -61,7 +62,7 @@ impl Division {
     }
 }
 
-/// `count` things in `groups` runs of as equal a length as there is.
+/// Splits `count` items into `groups` ranges of nearly equal length.
 pub(crate) fn evenly(count: usize, groups: usize) -> impl Iterator<Item = Range<usize>> {
     (0..groups).map(move |group| count * group / groups..count * (group + 1) / groups)
 }
@@ -107,7 +108,7 @@ mod tests {
             }
             let mean = sum / ranges.len() as f64;
             let longest = secs.iter().copied().fold(0.0, f64::max);
-            // Unless there is hardly a pass a shard, where the last ones are kept for those that follow.
+            // Except if there is hardly one pass per shard: the last passes are then kept for the later shards.
             for range in &ranges {
                 let own: f64 = secs[range.clone()].iter().sum();
                 prop_assert!(own <= mean + 2.0 * longest + 1e-9, "{own} {mean} {longest}");

@@ -1,4 +1,4 @@
-//! What shards read: the model or the replayed log, what is held out, pre-trained agents, and results that were there before.
+//! Inputs of shards: the model or the replayed log, held-out data, pre-trained agents, and earlier results.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -31,13 +31,13 @@ use crate::cluster::{
     results::{self, Extent, Header, ShardResults, UnitsInOrder},
 };
 
-/// What log replay reads; a model has files of the same names.
+/// The files for log replay. A model has files of the same names.
 const LOG: [&str; 2] = ["states.npy", "rows.parquet"];
 const HELD_OUT: [&str; 2] = ["held_out.npy", "held_out.parquet"];
 const STARTS: &str = "starts.safetensors";
 const STORED: &str = "stored.units";
 
-/// The names of what [`write`] writes.
+/// Returns the names of the files that [`write`] writes.
 pub(crate) fn names(setting: &SweepContext, stored: &[UnitRuns]) -> Vec<String> {
     let held_out = setting.dataset.held_out.is_some().then_some(HELD_OUT);
     let starts = (!setting.starts.is_empty()).then_some(STARTS);
@@ -47,12 +47,12 @@ pub(crate) fn names(setting: &SweepContext, stored: &[UnitRuns]) -> Vec<String> 
     of_model(setting).into_keys().chain(own.map(str::to_owned)).collect()
 }
 
-/// The files of the model; none without one.
+/// Returns the files of the model. Empty without a model.
 pub(crate) fn of_model(setting: &SweepContext) -> Files {
     setting.model.as_ref().map_or_else(Files::new, |model| model.manifest.lasting_files())
 }
 
-/// Bytes of the log that is replayed where there is no model, before it is written.
+/// Returns the size in bytes of the replayed log before it is written, if there is no model.
 pub(crate) fn log_bytes(setting: &SweepContext) -> u64 {
     let train = &setting.dataset.train;
     // States are f32, and a row has its time and segment.
@@ -60,8 +60,8 @@ pub(crate) fn log_bytes(setting: &SweepContext) -> u64 {
     if setting.model.is_none() { of_log } else { 0 }
 }
 
-/// Write what the shards of a part read to `directory`: files of the model are given a second name where they lie on the same
-/// disk, and copied elsewhere. Returns their fingerprints.
+/// Writes the inputs of a part's shards to `directory`, and returns their fingerprints. Files of the model are
+/// hard-linked on the same disk, and copied otherwise.
 pub(crate) fn write(
     directory: &Path,
     job: &Job,
@@ -99,7 +99,7 @@ pub(crate) fn write(
     Ok(files)
 }
 
-/// Write states and their rows under these names.
+/// Writes states and their rows under these names.
 fn write_frames(
     directory: &Path,
     [states, rows]: [&str; 2],
@@ -109,12 +109,12 @@ fn write_frames(
     artefact::write_table(frames::rows_table(written), &directory.join(rows))
 }
 
-/// The runs that were there when the work was planned, if there were any.
+/// Returns the results that existed at planning time, if any.
 pub(crate) fn stored(directory: &Path) -> Option<UnitsInOrder> {
     ShardResults::read(&directory.join(STORED)).ok().map(|results| results.units)
 }
 
-/// Bytes of these files that a shard of one environment maps: of several members each has a table of its own.
+/// Returns how many bytes of these files a shard of one environment maps. Each ensemble member has its own table.
 pub(crate) fn mapped_bytes(
     directory: &Path,
     files: &Files,
@@ -129,17 +129,17 @@ pub(crate) fn mapped_bytes(
     bytes(directory, &others) + bytes(directory, &tables) / members.max(1) as u64
 }
 
-/// Bytes of these files of the directory, of those that are there.
+/// Returns the total size of these files in `directory`. Missing files count as zero.
 fn bytes(directory: &Path, names: &[&String]) -> u64 {
     let sizes =
         (names.iter()).map(|name| directory.join(name).metadata().map_or(0, |found| found.len()));
     sizes.sum()
 }
 
-/// What the key of a file of agents is; their content has its own fingerprint.
+/// The key of the agents' file. Its content has a fingerprint of its own.
 const AGENTS: &str = "agents to start from";
 
-/// What is kept of each sensor's agent beside its parameters.
+/// The data stored for each sensor's agent besides its parameters.
 type StartNames = BTreeMap<String, (Fingerprint, Option<FittedPredictor>)>;
 
 fn write_starts(directory: &Path, starts: &BTreeMap<String, Start>) -> Result<(), StepError> {
@@ -164,7 +164,7 @@ fn read_starts(directory: &Path) -> Result<BTreeMap<String, Start>, StepError> {
     Ok(starts)
 }
 
-/// What a shard has opened of a part.
+/// The opened inputs of a part, as a shard needs them.
 pub(crate) struct Inputs<'p> {
     part: &'p SweepPart,
     opened: BTreeSet<EnvironmentId>,
@@ -172,13 +172,13 @@ pub(crate) struct Inputs<'p> {
     model: Option<OpenedModel>,
     held_out: Option<Frames>,
     starts: BTreeMap<String, Start>,
-    /// Runs that were there when the work was planned.
+    /// Results that existed at planning time.
     pub(crate) stored: UnitsInOrder,
 }
 
 impl<'p> Inputs<'p> {
-    /// Open what the streams of these environments are made of, and no more; every file is compared with what was
-    /// planned before it is used.
+    /// Opens only the inputs of the streams of these environments. Every file is checked against its planned
+    /// fingerprint before use.
     pub(crate) fn open(
         directory: &Path,
         part: &'p SweepPart,
@@ -205,7 +205,8 @@ impl<'p> Inputs<'p> {
         Ok(Self { part, opened, states, model, held_out, starts, stored })
     }
 
-    /// All environments of the part, for each discount factor: those whose streams are wanted, opened, and what the others are.
+    /// Returns all environments of the part for each discount factor. Those of this shard are opened, and the others
+    /// only described.
     pub(crate) fn environments(&self) -> Result<Vec<OpenedEnvironments<'_>>, StepError> {
         self.part.streams.iter().map(|streams| self.environments_of(streams)).collect()
     }
@@ -233,12 +234,12 @@ impl<'p> Inputs<'p> {
             .collect()
     }
 
-    /// What agents start from, if that is fitted on the log.
+    /// Returns the baselines that agents start from, if any are fitted on the log.
     pub(crate) fn baselines(&self) -> Option<Baselines<'_>> {
         self.states.as_ref().filter(|_| has_baselines(self.part)).map(Baselines::new)
     }
 
-    /// The plan of the part's sweep.
+    /// Returns the plan of the part's sweep.
     pub(crate) fn plan<'a>(
         &'a self,
         environments: &'a [OpenedEnvironments<'a>],
@@ -276,14 +277,14 @@ fn member(id: &EnvironmentId) -> Option<usize> {
     }
 }
 
-/// Files that are compared with what was planned when they are asked for.
+/// Files that are checked against their planned fingerprints on access.
 struct CheckedFiles<'a> {
     directory: &'a Path,
     files: &'a Files,
 }
 
 impl CheckedFiles<'_> {
-    /// Whether there is such a file, which is then whole.
+    /// Whether the plan has this file. If so, the file is intact.
     fn has(&self, name: &str) -> Result<bool, StepError> {
         let Some(written) = self.files.get(name) else { return Ok(false) };
         let path = self.directory.join(name);
@@ -307,7 +308,7 @@ impl CheckedFiles<'_> {
         frames::open(&self.directory.join(rows), frames::map_states(&self.directory.join(states))?)
     }
 
-    /// The model with these members.
+    /// Opens the model with these members.
     fn model(
         &self,
         part: &SweepPart,
@@ -323,7 +324,7 @@ impl CheckedFiles<'_> {
             ModelFamily::None => false,
         });
         read.try_for_each(|name| self.require(name))?;
-        // A rollout reads tables and rows alone; distances were measured when the tables were made.
+        // A rollout only reads tables and rows. Distances were measured when the tables were made.
         kinds::open(self.directory, &part.study, states, states.states().clone(), Some(members))
     }
 }

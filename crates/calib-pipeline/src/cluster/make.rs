@@ -1,4 +1,4 @@
-//! Planning: what is left of a study's sweeps, cut into shards, with everything that they read.
+//! Planning: divides the remaining work of a study's sweeps into shards, and writes their inputs.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -36,39 +36,39 @@ use crate::cluster::{
     status::{Summary, summary},
 };
 
-/// Memory of a process that has nothing to do.
+/// Memory of an idle process.
 const BASE_BYTES: u64 = 150 << 20;
 
-/// A plan that was written: what is left of a study's sweeps, in shards.
+/// A written plan: the remaining work of a study's sweeps, in shards.
 #[derive(Debug)]
 pub struct ClusterPlan {
     pub(crate) directory: PathBuf,
     pub(crate) summary: Summary,
 }
 
-/// A plan as it would be written.
+/// A plan that a dry run would write.
 #[derive(Debug)]
 pub struct ClusterDryPlan(pub(crate) ClusterPlan);
 
 impl ClusterPlan {
-    /// Its folder.
+    /// Returns the folder of the plan.
     pub fn directory(&self) -> &Path {
         &self.directory
     }
 
-    /// How many shards it has.
+    /// Returns the number of shards.
     pub fn shards(&self) -> usize {
         self.summary.shards
     }
 
-    /// Predicted seconds on one thread, of all shards.
+    /// Returns the predicted time of all shards on one thread, in seconds.
     pub fn secs(&self) -> f64 {
         self.summary.secs
     }
 }
 
 impl ClusterDryPlan {
-    /// The plan.
+    /// Returns the plan.
     pub fn plan(&self) -> &ClusterPlan {
         &self.0
     }
@@ -93,7 +93,7 @@ pub(crate) fn plan(
     } else {
         claim = Some(DirectoryLock::new_named(directory)?);
     }
-    // Another calib may have planned meanwhile.
+    // Another process may have planned in the meantime.
     ensure!(!path.exists(), is_planned(directory));
     let maker = Maker::here()?;
     let division = Division {
@@ -103,7 +103,7 @@ pub(crate) fn plan(
     };
     let mut record = claim.as_mut().map(DirectoryLock::record);
     if let Some(record) = &mut record {
-        // What a planning that was killed has left is of nobody's plan.
+        // Inputs that a killed process left belong to no plan.
         remove_inputs(directory, record)?;
         record.note([PLAN])?;
     }
@@ -137,14 +137,14 @@ pub(crate) fn plan(
     }
     create_directory(&directory.join("shards"))?;
     match write_new_sealed_json(&path, &plan) {
-        // Where there are no locks.
+        // Reached on file systems without locks.
         Err(FileError::Occupied { .. }) => bail!(is_planned(directory)),
         written => written?,
     }
     Ok(StepResult::Made(planned))
 }
 
-/// Why nothing is planned there.
+/// Returns the message for a folder that already holds a plan.
 fn is_planned(directory: &Path) -> String {
     let place = directory.display();
     format!(
@@ -152,7 +152,7 @@ fn is_planned(directory: &Path) -> String {
     )
 }
 
-/// Remove the inputs of a plan that was not finished; what else lies beside them stays.
+/// Removes the inputs of an unfinished plan. Other files stay.
 fn remove_inputs(directory: &Path, record: &FolderRecord) -> Result<(), FileError> {
     remove_known(&directory.join(INPUTS), &mut |path: &Path| {
         let name = Path::new(INPUTS).join(path);
@@ -162,23 +162,23 @@ fn remove_inputs(directory: &Path, record: &FolderRecord) -> Result<(), FileErro
 
 struct Planning<'a> {
     directory: &'a Path,
-    /// What was written into it; none where nothing is.
+    /// The record of written files. `None` in a dry run.
     record: Option<&'a mut FolderRecord>,
     maker: &'a Maker,
     division: Division,
     measured: MeasuredPasses,
-    /// Keys of units that parts before make: those that are the same are made once.
+    /// Keys of units that earlier parts make. Equal units are made only once.
     seen: BTreeSet<String>,
 }
 
-/// A pass, and in which stage it is made.
+/// A pass and its stage.
 struct StagedPass {
     stage: usize,
     pass: PlannedPass,
 }
 
 impl Planning<'_> {
-    /// What is left of one part; nothing where nothing is, or can be trained.
+    /// Returns the remaining work of one part. `None` if nothing is left, or nothing can be trained.
     fn part(
         &mut self,
         number: usize,
@@ -249,7 +249,7 @@ impl Planning<'_> {
         Ok(Some((part, work)))
     }
 
-    /// Write what the shards of a part read; the files, and how much of them a shard maps.
+    /// Writes the inputs of a part's shards. Returns the files, and how many of their bytes a shard maps.
     fn inputs(
         &mut self,
         number: usize,
@@ -273,7 +273,8 @@ impl Planning<'_> {
         Ok((files, mapped))
     }
 
-    /// Whether a unit of a pass has no result, and no part before makes it. Values of later stages of a race are not known yet.
+    /// Whether a unit of a pass has no result and no earlier part makes it. The settings of later race stages are not
+    /// known yet.
     fn is_needed(&mut self, plan: &Plan<'_>, pass: &PassId, stored: &StoredUnits) -> bool {
         if plan.stage(pass) > 0 {
             return pass.units().any(|unit| !stored.whole().contains_key(&unit));
@@ -287,7 +288,7 @@ impl Planning<'_> {
         is_needed
     }
 
-    /// The shards of all stages, in each the longest first.
+    /// Returns the shards of all stages. In each stage the longest comes first.
     fn shards(&self, parts: &[PlannedPart], work: Vec<StagedPass>) -> Vec<Shard> {
         let total: f64 = work.iter().map(|work| work.pass.secs).sum();
         let mut stages: BTreeMap<usize, Vec<PlannedPass>> = BTreeMap::new();
@@ -295,9 +296,9 @@ impl Planning<'_> {
             stages.entry(stage).or_default().push(pass);
         }
         let mut shards = Vec::new();
-        // Numbers without gaps: a stage may have nothing left.
+        // Stages are renumbered without gaps, because a stage may have nothing left.
         for (stage, mut passes) in stages.into_values().enumerate() {
-            // Passes that read the same files lie beside each other.
+            // Puts passes that read the same files next to each other.
             passes.sort_by_key(|pass| (pass.part, pass.environment, pass.run, pass.group));
             let secs: Vec<f64> = passes.iter().map(|pass| pass.secs).collect();
             let mut own = Vec::new();
@@ -315,7 +316,7 @@ impl Planning<'_> {
     }
 }
 
-/// What the sensors of each discount factor are trained on.
+/// Returns the streams of each discount factor, on which its sensors are trained.
 fn part_streams(setting: &SweepContext) -> Vec<PartStreams> {
     let groups = setting.groups.iter().zip(&setting.environments.described);
     let streams = groups.map(|(group, environments)| PartStreams {
@@ -327,7 +328,7 @@ fn part_streams(setting: &SweepContext) -> Vec<PartStreams> {
     streams.collect()
 }
 
-/// Bytes that a shard takes on one thread.
+/// Returns the predicted memory of a shard on one thread, in bytes.
 fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
     let training = passes
         .iter()
@@ -340,7 +341,7 @@ fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
         })
         .max()
         .unwrap_or(0);
-    // Files are mapped: all of those that a part has, as they may be read from anywhere.
+    // Files are mapped. All files of a part count, because any of them may be read.
     let read: BTreeSet<usize> = passes.iter().map(|pass| pass.part).collect();
     let mapped = (read.iter())
         .filter_map(|part| Some(parts.get(*part)?.sweep.as_ref()?.mapped))

@@ -1,5 +1,5 @@
-//! Who makes a plan and its shards: results of different versions of calib, or of processors that compute other numbers,
-//! never stand beside each other.
+//! The maker of a plan or shard. Results of different calib versions, or of processors that compute other numbers, are
+//! never combined.
 
 use calib_base::{StepError, artefact::TOOL, bail};
 use calib_sweep::RESULT_VERSION;
@@ -7,17 +7,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::cluster::arithmetic;
 
-/// What a result depends on beside its inputs.
+/// The properties of a process that its results depend on, besides their inputs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Maker {
     /// The version of calib.
     pub(crate) tool: String,
-    /// The commit that it was built from, where whoever built it said so (`CALIB_COMMIT`).
+    /// The commit that it was built from, if the build set `CALIB_COMMIT`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) commit: Option<String>,
-    /// What units come to.
+    /// Version of the results.
     pub(crate) results: u32,
-    /// What the processor computes.
+    /// Class of the processor's arithmetic.
     pub(crate) arithmetic: String,
 }
 
@@ -31,7 +31,7 @@ impl Maker {
         })
     }
 
-    /// Refuse this process where the plan is another's.
+    /// Returns an error if this process differs from the maker of the plan.
     pub(crate) fn check(&self) -> Result<(), StepError> {
         match self.difference(&Self::here()?) {
             Some(difference) => {
@@ -41,7 +41,7 @@ impl Maker {
         }
     }
 
-    /// How another one differs, if it does.
+    /// Describes how another maker differs, if it does.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
         let own = self.program();
         let others = other.program();
@@ -57,7 +57,7 @@ impl Maker {
         })
     }
 
-    /// The program, with its commit if it has one.
+    /// Returns the name of the program, with its commit if known.
     fn program(&self) -> String {
         match &self.commit {
             Some(commit) => format!("{} (commit {commit}, results {})", self.tool, self.results),

@@ -1,4 +1,4 @@
-//! Bringing results together: all of them or none.
+//! Merging of all results, or none.
 
 use std::path::Path;
 
@@ -19,18 +19,18 @@ use crate::{
     each::{PartResult, Results},
 };
 
-/// Faults that are told one by one.
+/// Number of faults that are listed one by one.
 const TOLD: usize = 20;
 
 /// The sweeps of a plan, as one process would have written them.
 #[derive(Debug)]
 pub struct MergedSweeps {
-    /// That of each model and deployment.
+    /// The sweep of each model and deployment.
     pub sweeps: Results<SweepResult>,
 }
 
 impl MergedSweeps {
-    /// How merging ended: well only where every sweep did.
+    /// Returns the outcome of the merge. It is a success only if every sweep succeeded.
     pub fn outcome(&self) -> Outcome {
         match self.sweeps.outcome() {
             Outcome::Done => Outcome::Done,
@@ -39,7 +39,7 @@ impl MergedSweeps {
     }
 }
 
-/// Write the results of all shards as the sweep of one process would have written them; each is told when it is there.
+/// Writes the results of all shards as one process would have written them. Reports each finished sweep.
 pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<MergedSweeps, StepError> {
     let opened = OpenedPlan::of(directory)?;
     opened.plan.maker.check()?;
@@ -65,10 +65,10 @@ pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<MergedSwee
     Ok(MergedSweeps { sweeps: sweeps.into() })
 }
 
-/// The results of all shards.
+/// Returns the results of all shards.
 ///
 /// # Errors
-/// [`Incomplete`] if one is missing or not what it should be; what is wrong with each is told.
+/// Reports each missing or invalid shard, and returns [`Incomplete`] if there is any.
 fn collect(opened: &OpenedPlan, printer: &Printer) -> Result<SharedRuns, StepError> {
     let mut pool = SharedRuns::new();
     let mut faulty = Vec::new();

@@ -1,10 +1,10 @@
-//! Work that is divided between processes, which need have nothing in common but the plan: on one machine, on the nodes
-//! of a cluster, or on machines that share no disk.
+//! Work divided between processes that share only the plan: on one machine, on the nodes of a cluster, or on machines
+//! without a common disk.
 //!
-//! A plan is a folder. `plan.json` says what there is to do and in which shards, `inputs/` holds what they read, and each
-//! shard writes its results to one file of its own in `shards/`. A shard reads no log and claims nothing: whoever
-//! runs one twice gets the same bytes. Only [`merge`](merge::merge) brings results together, and it writes nothing
-//! unless every one is there and whole.
+//! A plan is a folder. `plan.json` lists the work and its shards. `inputs/` holds what the shards read. Each shard
+//! writes its results to its own file in `shards/`. A shard reads no log and locks nothing. Running it twice gives the
+//! same bytes. Only [`merge`](merge::merge) combines results, and it writes nothing unless every result is present and
+//! intact.
 
 mod arithmetic;
 mod attempt;

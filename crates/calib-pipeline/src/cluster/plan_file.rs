@@ -1,4 +1,4 @@
-//! `plan.json`: what there is to do, in which shards.
+//! `plan.json`: the work of a plan and its division into shards.
 
 use std::{
     collections::BTreeSet,
@@ -17,7 +17,7 @@ use crate::cluster::{maker::Maker, results::ShardResults};
 pub(crate) const PLAN: &str = "plan.json";
 pub(crate) const INPUTS: &str = "inputs";
 
-/// Version of a plan and of what lies beside it.
+/// Version of a plan and its other files.
 pub(crate) const FORMAT: u32 = 4;
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -29,7 +29,7 @@ pub(crate) struct PlanFile {
     pub(crate) shards: Vec<Shard>,
 }
 
-/// The study, as it was read once.
+/// The study as it was at planning time.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct PlannedStudy {
     pub(crate) study: PathBuf,
@@ -59,7 +59,7 @@ impl PlannedStudy {
         })
     }
 
-    /// The study as it was when the work was planned, whatever stands in its file now.
+    /// Returns the job of the study as it was at planning time, whatever its file says now.
     pub(crate) fn job(&self) -> Result<Job, StepError> {
         let request = Request {
             study: self.study.clone(),
@@ -74,63 +74,63 @@ impl PlannedStudy {
     }
 }
 
-/// A model and deployment.
+/// One model in one deployment.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct PlannedPart {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) model: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) deployment: Option<String>,
-    /// What shards make of it; none if nothing can be trained there, or nothing is left to.
+    /// The sweep that its shards make. `None` if nothing can be trained or nothing is left.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) sweep: Option<SweepPart>,
 }
 
 impl PlannedPart {
-    /// What it is called, where there are several.
+    /// Returns the name of the part, if there are several.
     pub(crate) fn name(&self) -> String {
         let names = [self.model.as_deref(), self.deployment.as_deref()];
         names.into_iter().flatten().collect::<Vec<_>>().join(" ")
     }
 }
 
-/// The sweep of a model and deployment.
+/// The sweep of one model in one deployment.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SweepPart {
     pub(crate) study: Study,
     pub(crate) candidates: Vec<Candidate>,
-    /// What its runs are known by.
+    /// The inputs that identify its runs.
     pub(crate) planned: PlannedSweep,
-    /// Name and column of each.
+    /// Name and column of each sensor.
     pub(crate) sensors: Vec<(String, usize)>,
-    /// Sensors that share passes.
+    /// Groups of sensors that share passes.
     pub(crate) groups: Vec<BTreeSet<String>>,
-    /// How long the longest streams are.
+    /// Length of the longest streams.
     pub(crate) span: Span,
-    /// What the sensors of each discount factor are trained on.
+    /// The streams of each discount factor.
     pub(crate) streams: Vec<PartStreams>,
-    /// Columns of the states.
+    /// Number of state columns.
     pub(crate) width: usize,
-    /// Bytes of the files that one shard maps at most.
+    /// Largest number of file bytes that one shard maps.
     pub(crate) mapped: u64,
-    /// The files that shards read, by their names in the part's folder of inputs.
+    /// The input files of shards, by name in the part's input folder.
     pub(crate) files: Files,
 }
 
-/// What the agents of the sensors of one discount factor are and are trained on.
+/// The agents and environments of the sensors with one discount factor.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct PartStreams {
     pub(crate) sensors: Vec<String>,
-    /// Those of the part, with this discount factor.
+    /// The settings of the part, with this discount factor.
     pub(crate) candidates: Vec<Candidate>,
     pub(crate) span: Span,
     pub(crate) environments: Vec<EnvironmentSpec>,
 }
 
-/// What one process does.
+/// The work of one process.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Shard {
-    /// It can begin when all shards of the stages before are whole.
+    /// The stage. The shard can begin when all shards of earlier stages are complete.
     pub(crate) stage: usize,
     /// Predicted seconds on one thread.
     pub(crate) secs: f64,
@@ -140,7 +140,7 @@ pub(crate) struct Shard {
 }
 
 impl Shard {
-    /// Units that it makes; in a race, at most.
+    /// Returns the number of units that it makes. In a race it is an upper bound.
     pub(crate) fn units(&self, plan: &PlanFile) -> usize {
         self.passes.iter().map(|pass| plan.sensors_of(pass)).sum()
     }
@@ -179,7 +179,7 @@ impl PlanFile {
         self.pass(planned).map_or(0, |pass| pass.sensors.len())
     }
 
-    /// What shards make of a part.
+    /// Returns the sweep of a part.
     pub(crate) fn sweep(&self, part: usize) -> Result<&SweepPart, StepError> {
         let part = self.parts.get(part).and_then(|part| part.sweep.as_ref());
         part.context("the plan names a part that it lacks")
@@ -190,19 +190,19 @@ pub(crate) fn is_plan(directory: &Path) -> bool {
     path_in(directory).is_file() && directory.join("shards").is_dir()
 }
 
-/// A plan that was opened, and where.
+/// An opened plan and its folder.
 pub(crate) struct OpenedPlan {
     pub(crate) directory: PathBuf,
     pub(crate) plan: PlanFile,
-    /// Of the plan: what results must name.
+    /// Fingerprint of the plan, which its results must name.
     pub(crate) fingerprint: Fingerprint,
 }
 
 impl OpenedPlan {
-    /// Open the plan in `directory`.
+    /// Opens the plan in `directory`.
     ///
     /// # Errors
-    /// If there is none, it is damaged, or of another format.
+    /// Returns an error if it is missing, damaged, or of another format.
     pub(crate) fn of(directory: &Path) -> Result<Self, StepError> {
         let path = path_in(directory);
         ensure!(
@@ -236,7 +236,7 @@ impl OpenedPlan {
         self.directory.join("shards").join(format!("{shard:04}.units"))
     }
 
-    /// Where a shard keeps the states of unfinished passes.
+    /// Returns the folder for the states of a shard's unfinished passes.
     pub(crate) fn states(&self, shard: usize) -> PathBuf {
         self.directory.join("shards").join(format!("{shard:04}.state"))
     }
@@ -249,10 +249,11 @@ impl OpenedPlan {
         inputs_in(&self.directory, part)
     }
 
-    /// A shard's results, checked: whole bytes, of this plan, shard and maker. None if there are none yet.
+    /// Reads and checks a shard's results: intact bytes, from this plan, shard and maker. `None` if there
+    /// are no results yet.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// Returns an error that says what is wrong with them.
     pub(crate) fn read(&self, shard: usize) -> Result<Option<ShardResults>, StepError> {
         let path = self.results(shard);
         let results = match ShardResults::read(&path) {
@@ -272,7 +273,7 @@ pub(crate) fn path_in(directory: &Path) -> PathBuf {
     directory.join(PLAN)
 }
 
-/// What the shards of a part read.
+/// Returns the input folder of a part.
 pub(crate) fn inputs_in(directory: &Path, part: usize) -> PathBuf {
     directory.join(INPUTS).join(part.to_string())
 }

@@ -1,4 +1,5 @@
-//! The results of a shard: one file of JSON lines, which is rewritten as a whole and ends with its fingerprint.
+//! The results of a shard in one file of JSON lines. The file is always rewritten as a whole, and ends with its
+//! fingerprint.
 
 use std::{
     collections::{BTreeMap, btree_map::Entry},
@@ -43,14 +44,15 @@ pub(crate) enum Extent {
 struct Trailer {
     extent: Extent,
     units: usize,
-    /// Of everything before the last line, and of what the last line says before it.
+    /// Fingerprint of all lines before the last, and of the other fields of the last line.
     fingerprint: Fingerprint,
 }
 
-/// Results in their order: models and deployments may have units of one name that were made from other inputs.
+/// Results in order of unit and key. Models and deployments may have units of the same name, made from other
+/// inputs.
 pub(crate) type UnitsInOrder = BTreeMap<(Unit, String), UnitRuns>;
 
-/// Put these runs beside those that are there.
+/// Adds runs to the existing ones.
 pub(crate) fn add(units: &mut UnitsInOrder, more: impl IntoIterator<Item = UnitRuns>) {
     for runs in more {
         match units.entry((runs.unit.clone(), runs.key.clone())) {
@@ -68,10 +70,10 @@ pub(crate) struct ShardResults {
 }
 
 impl ShardResults {
-    /// Write them in place of what was there.
+    /// Writes the results, and replaces an existing file.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(crate) fn write(&self, path: &Path) -> Result<(), FileError> {
         let invalid = |error: serde_json::Error| FileError::io("write", path, error.into());
         let mut text = serde_json::to_vec(&self.header).map_err(invalid)?;
@@ -87,10 +89,11 @@ impl ShardResults {
         write_atomically(path, |file| file.write_all(&text))
     }
 
-    /// Read what [`write`](Self::write) wrote.
+    /// Reads the file that [`write`](Self::write) wrote.
     ///
     /// # Errors
-    /// If it cannot be read, one byte of it differs from what was written, or it does not have the form of results.
+    /// Returns an error if the file cannot be read, if a byte differs from what was written, or if it does not have
+    /// the form of results.
     pub(crate) fn read(path: &Path) -> Result<Self, FileError> {
         let bytes = read_regular(path)?;
         let damaged = |reason| FileError::Damaged { path: path.to_owned(), reason };

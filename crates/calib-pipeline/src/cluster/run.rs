@@ -1,4 +1,4 @@
-//! One shard.
+//! Runs one shard.
 
 use std::{
     collections::BTreeSet,
@@ -29,20 +29,20 @@ use crate::cluster::{
     sink::ShardSink,
 };
 
-/// A shard that is done.
+/// A finished shard.
 #[derive(Clone, Copy, Debug)]
 pub struct ClusterShard {
-    /// Its number.
+    /// The number of the shard.
     pub number: usize,
-    /// Whether it was done already.
+    /// Whether it was already done.
     pub freshness: Freshness,
-    /// Training runs that were made just now.
+    /// Number of new training runs.
     pub made: usize,
-    /// How long that took.
+    /// Duration of this run.
     pub took: Duration,
 }
 
-/// Make what a shard lacks of its results.
+/// Makes the missing results of a shard.
 pub(crate) fn run(
     directory: &Path,
     number: usize,
@@ -69,7 +69,7 @@ struct ShardRun<'a> {
     printer: &'a Printer,
 }
 
-/// A pass of the shard that is ready, and what it was planned to take.
+/// A ready pass of the shard, with its predicted time.
 struct ShardPass<'p> {
     plan: &'p Plan<'p>,
     ready: ReadyPass<'p>,
@@ -89,14 +89,14 @@ impl ShardRun<'_> {
                 return Ok(ClusterShard { number, freshness, made: 0, took });
             }
             Ok(results) => results.map_or_else(UnitsInOrder::new, |results| results.units),
-            // No attempt has been here that could have written it.
+            // Without an earlier attempt, the file cannot be a shard's.
             Err(_) if self.attempt.is_first() => {
                 return Err(FileError::Foreign { path: opened.results(number) }.into());
             }
             Err(error) => {
                 let told = error.to_string();
                 self.printer.warn(&format!("{told}; shard {number} begins anew"));
-                // What is written next is not put beside it.
+                // The damaged file must not be merged with new results.
                 calib_files::remove_file(&opened.results(number))?;
                 UnitsInOrder::new()
             }
@@ -110,7 +110,7 @@ impl ShardRun<'_> {
         let parts: BTreeSet<usize> = self.shard.passes.iter().map(|pass| pass.part).collect();
         let failed: Result<usize, StepError> =
             parts.into_iter().map(|part| self.part(part, &before, &sink)).sum();
-        // However it ends, what was made stays.
+        // Finished work is saved, however the shard ends.
         let written = sink.flush().map_err(unfinished);
         let failed = failed?;
         written?;
@@ -127,7 +127,7 @@ impl ShardRun<'_> {
         Ok(ClusterShard { number, freshness: Freshness::Made, made, took })
     }
 
-    /// Refuse what would be killed half-way.
+    /// Refuses a shard that would run out of memory halfway.
     fn check_memory(&self) -> Result<(), StepError> {
         let needed = self.shard.memory;
         match memory::available() {
@@ -141,7 +141,7 @@ impl ShardRun<'_> {
         }
     }
 
-    /// Results of the stages before, by part; in a race they decide which values go on.
+    /// Returns the results of the earlier stages. In a race they decide which settings continue.
     fn before(&self) -> Result<UnitsInOrder, StepError> {
         let mut all = UnitsInOrder::new();
         for earlier in 0..self.shard.stage {
@@ -161,7 +161,7 @@ impl ShardRun<'_> {
         Ok(all)
     }
 
-    /// Make the passes of one part; how many failed.
+    /// Makes the passes of one part. Returns the number of failures.
     fn part(
         &self,
         part: usize,
@@ -219,7 +219,7 @@ impl ShardRun<'_> {
         Ok(failed)
     }
 
-    /// Make a pass. One that fails does not keep the others from being made, unless nothing can be written.
+    /// Makes a pass. A failure does not stop the other passes, unless the results cannot be written.
     fn task(
         &self,
         task: &ShardPass<'_>,
@@ -238,7 +238,8 @@ impl ShardRun<'_> {
         if !writable.load(Ordering::Relaxed) {
             return TaskEnd::LeftOut;
         }
-        // Hundreds of entries would take longer than a batch system waits.
+        // Stops before the attempt file is written: hundreds of entries would take longer than a
+        // batch system waits.
         if monitor.check().is_err() {
             return TaskEnd::Stopped;
         }
@@ -262,16 +263,16 @@ impl ShardRun<'_> {
     }
 }
 
-/// How a pass ended.
+/// The end of a pass.
 enum TaskEnd {
     Done,
     Stopped,
     Failed(String),
-    /// It was not begun.
+    /// The pass was not begun.
     LeftOut,
 }
 
-/// What a pass is called, for people.
+/// Returns the name of a pass for messages.
 fn name(part: &str, planned: &PlannedPass, pass: &PassId) -> String {
     let sensors: Vec<&str> = pass.sensors.iter().map(String::as_str).take(3).collect();
     let more = if pass.sensors.len() > 3 { ", ..." } else { "" };
@@ -279,7 +280,7 @@ fn name(part: &str, planned: &PlannedPass, pass: &PassId) -> String {
     format!("{}{more} in {}, run {}{of_part}", sensors.join(", "), planned.environment, planned.run)
 }
 
-/// A disk that refuses is no fault of the plan: another attempt may find room.
+/// Converts a failed write. The plan is not at fault, and another attempt may find room on the disk.
 fn unfinished(error: SweepError) -> StepError {
     StepError::Incomplete(StepError::from(error).to_string())
 }

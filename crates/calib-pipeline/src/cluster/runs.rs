@@ -13,7 +13,7 @@ use super::{
     status::Status,
 };
 
-/// The runs of one model and deployment.
+/// The runs of one model in one deployment.
 pub(crate) struct PartRuns {
     pub(crate) model: Option<String>,
     pub(crate) deployment: Option<String>,
@@ -27,11 +27,11 @@ impl PartRuns {
     }
 }
 
-/// How the plan in `directory` stands, and the runs of each part of which shards make something. Of a shard whose file is
-/// not what it should be there are none.
+/// Returns the status of the plan in `directory`, and the runs of each part that shards work on. A shard with an
+/// invalid file has no runs.
 ///
 /// # Errors
-/// If there is no plan, or it is damaged.
+/// Returns an error if the plan is missing or damaged.
 pub(crate) fn standing(directory: &Path) -> Result<(Status, Vec<PartRuns>), StepError> {
     let mut opened = OpenedPlan::of(directory)?;
     let status = Status::of(&opened);

@@ -1,6 +1,6 @@
-//! Numbers of shards as arrays of batch systems are told: `0,3-7,12`.
+//! Formats shard numbers for the arrays of batch systems: `0,3-7,12`.
 
-/// The numbers in order, runs of them as ranges.
+/// Formats numbers in ascending order, with consecutive ones as ranges.
 pub(crate) fn ranges(numbers: &[usize]) -> String {
     let mut numbers = numbers.to_vec();
     numbers.sort_unstable();

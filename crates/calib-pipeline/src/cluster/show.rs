@@ -1,4 +1,4 @@
-//! Plans, shards and what becomes of them, in lines and tables.
+//! Lines and tables for plans, shards and their results.
 
 use std::path::Path;
 
@@ -108,10 +108,10 @@ impl Told<()> for ClusterStatus {
 }
 
 impl Status {
-    /// Tell it, of the plan in `directory`.
+    /// Prints the result for the plan in `directory`.
     ///
     /// # Errors
-    /// If it cannot be passed on.
+    /// Returns an error if it cannot be printed.
     pub(crate) fn tell(&self, directory: &Path, printer: &Printer) -> Result<(), StepError> {
         let Self { shards, done, .. } = self;
         let in_state = |state| shards.iter().filter(move |shard| shard.state == state).count();
@@ -181,7 +181,7 @@ impl Told<()> for SubmittedPlan {
                 let place = directory.display().to_string();
                 printer.next(&[shell_words(["calib", "cluster", "status", &place])]);
             }
-            // Its driver told what it did.
+            // The driver has printed its own messages.
             Self::Ray { .. } => {}
             Self::Kubernetes { manifests } => {
                 for path in manifests {

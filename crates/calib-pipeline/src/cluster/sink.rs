@@ -1,4 +1,4 @@
-//! Where a shard puts its results.
+//! The sink for the results of a shard.
 
 use std::{
     path::PathBuf,
@@ -11,8 +11,8 @@ use calib_sweep::{SweepError, Unit, UnitRuns, UnitSink};
 
 use crate::cluster::results::{self, Extent, Header, ShardResults, UnitsInOrder};
 
-/// The file of a shard, which is rewritten as a whole: after each pass, or, where passes are so short that the shard would do
-/// nothing else, when a twentieth of the time goes into it.
+/// The results file of a shard. It is rewritten after each pass. If passes are very short, it is only rewritten once
+/// writing takes at most a twentieth of the time.
 pub(crate) struct ShardSink {
     path: PathBuf,
     states: PathBuf,
@@ -20,19 +20,20 @@ pub(crate) struct ShardSink {
     kept: Mutex<KeptResults>,
 }
 
-/// What there is, and what of it is on the disk.
+/// The results, and which of them are on the disk.
 struct KeptResults {
     units: UnitsInOrder,
     is_written: bool,
-    /// When the file was last written, and how long that took.
+    /// Time since the last write, and its duration.
     last: Option<(Stopwatch, Duration)>,
 }
 
-/// Of the time between two writes, this part at most goes into writing.
+/// At most one part in this many of the time between two writes goes into writing.
 const WRITING: u32 = 20;
 
 impl ShardSink {
-    /// The file at `path`, which holds `units` already; unfinished passes keep their state in `states`.
+    /// Creates the sink for the file at `path`, which already holds `units`. Unfinished passes keep their state in
+    /// `states`.
     pub(crate) fn new(path: PathBuf, states: PathBuf, header: Header, units: UnitsInOrder) -> Self {
         let kept = Mutex::new(KeptResults { units, is_written: true, last: None });
         Self { path, states, header, kept }
@@ -46,19 +47,19 @@ impl ShardSink {
         self.locked().units.len()
     }
 
-    /// Nothing more comes in this attempt.
+    /// Writes the results at the end of an attempt.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(crate) fn flush(&self) -> Result<(), SweepError> {
         let mut kept = self.locked();
         if kept.is_written { Ok(()) } else { self.write(&mut kept, Extent::Partial) }
     }
 
-    /// All results are there.
+    /// Marks the results as complete, and writes them.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(crate) fn complete(&self) -> Result<(), SweepError> {
         self.write(&mut self.locked(), Extent::Whole)
     }
@@ -67,7 +68,8 @@ impl ShardSink {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Write what there is, and what another attempt at the same shard has written meanwhile: it is the same as far as both have it.
+    /// Writes the results. Adds results that another attempt at the same shard has written since. Results that both
+    /// have are equal.
     fn write(&self, kept: &mut KeptResults, mut extent: Extent) -> Result<(), SweepError> {
         let clock = Stopwatch::start();
         let other = ShardResults::read(&self.path).ok().filter(|other| other.header == self.header);

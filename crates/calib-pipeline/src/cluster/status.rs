@@ -1,4 +1,4 @@
-//! What is done of a plan, what is not, and why.
+//! The status of a plan: which shards are done, which are not, and why.
 
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ pub(crate) struct Summary {
     pub(crate) memory: u64,
 }
 
-/// What a plan takes.
+/// Summarises the size of a plan.
 pub(crate) fn summary(plan: &PlanFile) -> Summary {
     let secs = || plan.shards.iter().map(|shard| shard.secs);
     Summary {
@@ -106,41 +106,41 @@ impl Status {
         Self { plan: summary(&opened.plan), done, shards }
     }
 
-    /// Whether some shards are begun or in a queue, and not done.
+    /// Whether a shard that is not done is running or in a queue.
     pub(crate) fn is_running(&self) -> bool {
         self.shards
             .iter()
             .any(|shard| shard.state != State::Done && (shard.is_running || shard.queue.is_some()))
     }
 
-    /// Whether every shard is.
+    /// Whether every shard is done.
     pub(crate) fn is_done(&self) -> bool {
         self.done == self.shards.len()
     }
 
-    /// Shards that are not.
+    /// Returns the numbers of the shards that are not done.
     pub(crate) fn missing(&self) -> Vec<usize> {
         let missing = self.shards.iter().filter(|shard| shard.state != State::Done);
         missing.map(|shard| shard.shard).collect()
     }
 }
 
-/// How a plan stands, and what was asked of that.
+/// The status of a plan, and which part of it was requested.
 #[derive(Debug)]
 pub struct ClusterStatus {
     pub(crate) directory: PathBuf,
     pub(crate) status: Status,
-    /// Only the numbers of shards that are not done.
+    /// If set, prints only the numbers of the shards that are not done.
     pub(crate) only_missing: Option<ArrayOf>,
 }
 
 impl ClusterStatus {
-    /// How many shards the plan has.
+    /// Returns the number of shards in the plan.
     pub fn shards(&self) -> usize {
         self.status.shards.len()
     }
 
-    /// The numbers of those that are not done.
+    /// Returns the numbers of the shards that are not done.
     pub fn missing(&self) -> Vec<usize> {
         self.status.missing()
     }
@@ -159,7 +159,7 @@ pub(crate) fn status(
     Ok(ClusterStatus { directory, status, only_missing: options.missing })
 }
 
-/// Shards whose results are not there, or not what they should be.
+/// Returns the shards whose results are missing or invalid.
 pub(crate) fn missing(opened: &OpenedPlan) -> Vec<usize> {
     (0..opened.plan.shards.len())
         .filter(|number| standing(opened, *number).state != State::Done)
@@ -194,14 +194,14 @@ fn standing(opened: &OpenedPlan, number: usize) -> ShardStatus {
             .iter()
             .any(|attempt| attempt.ended == AttemptEnd::NotYet && is_running(attempt)),
         predicted_secs: shard.secs,
-        // Of nothing the sum is -0.
+        // An empty sum is -0.
         secs: made.map(|made| made.secs).sum::<f64>() + 0.0,
         note,
         queue: None,
     }
 }
 
-/// What is to be known of the last attempt.
+/// Describes the last attempt.
 fn told(attempt: &Attempt) -> String {
     let place = format!("attempt {} on {}", attempt.before + 1, attempt.host);
     let doing = match attempt.doing.as_slice() {
@@ -226,13 +226,13 @@ fn told(attempt: &Attempt) -> String {
     }
 }
 
-/// Whether it runs on this machine, as far as that can be seen.
+/// Whether the attempt is running on this machine, as far as calib can see.
 fn is_running(attempt: &Attempt) -> bool {
     let process = Path::new("/proc").join(attempt.process.to_string());
     attempt.host == host_name() && process.exists()
 }
 
-/// Remove what nobody needs any more: states of shards that are done, and what killed processes left half-written.
+/// Removes files that are no longer needed: states of finished shards, and partial files of killed processes.
 fn clean(opened: &OpenedPlan) -> Result<(), StepError> {
     for number in 0..opened.plan.shards.len() {
         if standing(opened, number).state == State::Done {

@@ -1,4 +1,4 @@
-//! Handing a plan to a system that runs it.
+//! Submission of a plan to a system that runs it.
 
 use std::{
     io::Write as _,
@@ -25,50 +25,50 @@ use crate::cluster::{
     status::missing,
 };
 
-/// What a submission comes to: in a dry run nothing but scripts.
+/// The result of a submission: in a dry run only scripts.
 pub(crate) type SubmitResult = StepResult<SubmittedPlan, ClusterScripts>;
 
-/// A plan that was handed to a system.
+/// A submitted plan.
 #[derive(Debug)]
 pub enum SubmittedPlan {
-    /// Its jobs are in the queue of Slurm.
+    /// Jobs in the queue of Slurm.
     Slurm {
-        /// The plan.
+        /// The folder of the plan.
         directory: PathBuf,
-        /// How many shards were submitted.
+        /// Number of submitted shards.
         shards: usize,
-        /// The numbers of the arrays, one for each stage.
+        /// Job numbers of the arrays, one per stage.
         arrays: Vec<String>,
-        /// The number of the job that merges.
+        /// Job number of the merge.
         merge: String,
     },
-    /// The driver for Ray ended.
+    /// A finished driver for Ray.
     Ray {
         /// Whether every shard is done.
         is_done: bool,
     },
-    /// Manifests were written, which nobody applied.
+    /// Written manifests, which are not applied yet.
     Kubernetes {
-        /// In the order in which they are applied.
+        /// The manifests, in the order in which to apply them.
         manifests: Vec<PathBuf>,
     },
 }
 
-/// What would be handed to a system.
+/// The scripts that a submission would use.
 #[derive(Debug)]
 pub struct ClusterScripts {
-    /// What would be kept in the plan.
+    /// The scripts that would be stored in the plan.
     pub scripts: Vec<ClusterScript>,
-    /// What would be run then, if calib runs a program of its own.
+    /// The command that would then run, if calib runs a program itself.
     pub command: Option<String>,
 }
 
-/// A text that is kept in a plan.
+/// A script that is stored in a plan.
 #[derive(Debug)]
 pub struct ClusterScript {
-    /// Its file in the plan's folder.
+    /// Its file name in the plan's folder.
     pub name: String,
-    /// What is in it.
+    /// Its content.
     pub text: String,
 }
 
@@ -97,7 +97,7 @@ impl Submitter<'_> {
         self.options.submission == Submission::Shown
     }
 
-    /// The shards that are submitted, by stage; stages of which none is are left out.
+    /// Returns the shards to submit, by stage. Empty stages are left out.
     fn stages(&self) -> Vec<Vec<usize>> {
         let plan = &self.opened.plan;
         let missing = match self.options.shards {
@@ -143,11 +143,11 @@ impl Submitter<'_> {
         let mut submitted = SubmittedJobs::default();
         let (merge, arrays) = written.split_last().context("there is a script that merges")?;
         for script in arrays {
-            // A stage follows from all results of the one before; where some cannot be had, it cannot begin.
+            // A stage needs all results of the stage before. Without them it must not begin.
             let after = submitted.arrays.last().map(|job| format!("afterok:{job}"));
             submitted.arrays.push(sbatch(script, after.as_deref())?);
         }
-        // It runs also where something failed, and then says what, and writes nothing.
+        // The merge also runs after failures. It then reports them and writes nothing.
         let after = submitted.arrays.last().map(|job| format!("afterany:{job}"));
         submitted.merge = sbatch(merge, after.as_deref())?;
         write_json(&self.opened.directory.join(JOBS), &submitted)?;
@@ -160,7 +160,7 @@ impl Submitter<'_> {
         }))
     }
 
-    /// What judges the merged sweep.
+    /// Returns the command that judges the merged sweep.
     fn evaluate(&self) -> Result<String, StepError> {
         let command = self.opened.plan.asked.job()?.command(StepKind::Evaluate);
         let rest = command.strip_prefix("calib").unwrap_or(&command).to_owned();
@@ -212,7 +212,7 @@ impl Submitter<'_> {
         self.opened.directory.join(&script.name)
     }
 
-    /// Keep the scripts in the plan.
+    /// Stores the scripts in the plan.
     fn write(&self, scripts: &[ClusterScript]) -> Result<Vec<PathBuf>, StepError> {
         let names = scripts.iter().map(|script| script.name.clone());
         let jobs = (self.options.engine == Engine::Slurm).then(|| JOBS.to_owned());
@@ -227,7 +227,7 @@ impl Submitter<'_> {
     }
 }
 
-/// Submit a script, and return the number of its job.
+/// Submits a script, and returns the number of its job.
 fn sbatch(script: &Path, after: Option<&str>) -> Result<String, StepError> {
     let mut command = Command::new("sbatch");
     command.arg("--parsable");
@@ -243,6 +243,6 @@ fn sbatch(script: &Path, after: Option<&str>) -> Result<String, StepError> {
         String::from_utf8_lossy(&output.stderr).trim()
     );
     let told = String::from_utf8_lossy(&output.stdout);
-    // The number, and the cluster's name where there are several.
+    // The job number comes first, followed by the cluster's name if there are several.
     Ok(told.trim().split(';').next().unwrap_or_default().to_owned())
 }

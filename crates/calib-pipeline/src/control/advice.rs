@@ -1,4 +1,4 @@
-//! What a verdict about agents that act tells to do, in words: the same for studies and for Python.
+//! Advice on a verdict about agents that act, in words. Studies and Python share it.
 
 mod beside;
 mod reasons;
@@ -12,28 +12,28 @@ pub(super) use beside::beyond_whole_episodes;
 use beside::{beside_random_actions, recorded_episodes};
 pub use reasons::Reason;
 
-/// What a user calls what decides about a verdict.
+/// The user's names for the settings of a verdict.
 #[derive(Clone, Copy, Debug)]
 pub struct Vocabulary {
-    /// How long agents learn.
+    /// The length of training.
     pub steps: &'static str,
-    /// How often each setting is run.
+    /// The number of runs per setting.
     pub runs: &'static str,
-    /// How many ensemble members there are.
+    /// The number of ensemble members.
     pub members: &'static str,
-    /// Largest share of the steps that the log may leave uncovered.
+    /// The largest share of steps that the log may leave uncovered.
     pub most_uncovered: &'static str,
-    /// Fewest terminals of the log.
+    /// The smallest number of terminals in the log.
     pub fewest_terminals: &'static str,
-    /// What the default is.
+    /// A statement of what the default is.
     pub default: &'static str,
-    /// That no default is compared.
+    /// A statement that no default is compared.
     pub no_default: &'static str,
-    /// That the default failed.
+    /// A statement that the default failed.
     pub default_failed: &'static str,
-    /// What to do about a default that failed.
+    /// The remedy for a default that failed.
     pub mend_default: &'static str,
-    /// How to compare more settings.
+    /// The remedy for too few settings.
     pub add_settings: &'static str,
 }
 
@@ -51,7 +51,7 @@ pub(super) const STUDY: Vocabulary = Vocabulary {
     add_settings: "Add values to [control.grid], such as step_size = [0.003, 0.03, 0.3].",
 };
 
-/// The keys of a study whose agents are those of a program.
+/// The keys of a study whose agents belong to a program.
 pub(super) const PROGRAM: Vocabulary = Vocabulary {
     default: "the default is the agent of [agent.parameters], not what runs on the plant",
     add_settings: "Add values to [sweep.grid].",
@@ -72,34 +72,35 @@ pub const PYTHON: Vocabulary = Vocabulary {
     add_settings: "Add values to the grid.",
 };
 
-/// Reasons on the first screen.
+/// Number of reasons on the first screen.
 const MOST_REASONS: usize = 3;
 
-/// Fewest different numbers of a field of which one at the end says that better ones may lie beyond it. Of two each is at an end.
+/// Smallest number of different values of a field for which an end of the grid is reported. With two values each is at
+/// an end.
 const FEWEST_NUMBERS: usize = 3;
 
-/// Fields whose numbers end at 1.
+/// Fields whose values are at most 1.
 const AT_MOST_ONE: [&str; 3] = ["epsilon", "lambda", "gamma"];
 
-/// A verdict, and what everything in it is called.
+/// A verdict with the names of everything in it.
 #[derive(Clone, Copy, Debug)]
 pub struct Advice<'a> {
     /// The verdict.
     pub verdict: &'a ReturnVerdict,
-    /// What distinguishes each setting.
+    /// The name of each setting.
     pub settings: &'a [String],
-    /// The swept fields that decide something in each setting, with their values.
+    /// The fields that have an effect in each setting, with their values.
     pub fields: &'a [Vec<(String, String)>],
-    /// Actions by number.
+    /// The names of the actions, by number.
     pub actions: &'a [String],
-    /// Columns of the states.
+    /// The state columns.
     pub columns: &'a [String],
-    /// What the user calls the rest.
+    /// The other names that the user knows.
     pub vocabulary: Vocabulary,
 }
 
 impl Advice<'_> {
-    /// What to do, as the card of a report.
+    /// Returns the decision, as the card of a report shows it.
     pub fn decision(&self) -> Decision {
         let Self { verdict, settings, vocabulary, .. } = self;
         let chosen = &settings[verdict.chosen];
@@ -163,31 +164,32 @@ impl Advice<'_> {
         Decision { support, badge: badge.to_owned(), headline, plain }
     }
 
-    /// Whether the choice diverged, and so every other setting: what diverged ranks last.
+    /// Whether the choice diverged. Diverged settings rank last, so every other setting diverged too.
     fn has_diverged(&self) -> bool {
         self.verdict.doubts.iter().any(|doubt| matches!(doubt, Doubt::Diverged))
     }
 
-    /// Whether nothing speaks against the choice but that it may be no better than the default.
+    /// Whether the only doubt is that the choice may be no better than the default.
     fn doubts_only_the_default(&self) -> bool {
         let mut doubts = self.verdict.doubts.iter();
         doubts.all(|doubt| matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart))
     }
 
-    /// Whether the models show no difference between the settings, or cannot rank the choice. Otherwise they rank better than they
-    /// promise: docs/control.md has how choices fare that are not to be deployed.
+    /// Whether the models show no difference between the settings, or cannot rank the choice. Otherwise their ranking
+    /// is more reliable than the returns that they predict. docs/control.md shows how choices do that are not
+    /// recommended.
     fn is_arbitrary(&self) -> bool {
         let mut doubts = self.verdict.doubts.iter();
         doubts.any(|doubt| matches!(doubt, Doubt::NotToldApart | Doubt::Diverged))
     }
 
-    /// How far the kinds of models agree on the order of the settings, if that is too little to name one.
+    /// Returns the agreement of the kinds of models on the order of the settings, if it is too low to prefer a setting.
     fn disagreement(&self) -> Option<f64> {
         let agreement = self.verdict.kinds_agreement().filter(|_| !self.all_tie());
         agreement.filter(|agreement| *agreement < KINDS_AGREE)
     }
 
-    /// The first screen: what to do, what the choice gets, and the strongest reasons against it.
+    /// Returns the first screen: the decision, the return of the choice, and the strongest reasons against it.
     pub fn summary(&self) -> Vec<String> {
         let reasons = self.reasons().into_iter().take(MOST_REASONS);
         [self.decision().headline, self.choice_return()]
@@ -196,14 +198,15 @@ impl Advice<'_> {
             .collect()
     }
 
-    /// What to do, what the choice gets, and everything that this rests on.
+    /// Returns the decision, the return of the choice, and all evidence.
     pub fn why(&self) -> Vec<String> {
         let Decision { headline, plain, .. } = self.decision();
         let reasons: Vec<String> = self.reasons().iter().map(Reason::whole).collect();
         [vec![headline, self.choice_return(), plain], reasons, self.findings()].concat()
     }
 
-    /// What the choice gets: beside the default, where that is another setting, and else beside what was recorded.
+    /// Returns a sentence on the return of the choice. It is compared with the default if that is another setting, and
+    /// otherwise with the recorded returns.
     fn choice_return(&self) -> String {
         let Self { verdict, settings, .. } = self;
         let chosen = &settings[verdict.chosen];
@@ -234,7 +237,7 @@ impl Advice<'_> {
         }
     }
 
-    /// What the decision rests on.
+    /// Returns the evidence for the decision.
     pub fn findings(&self) -> Vec<String> {
         let verdict = self.verdict;
         let mut lines = Vec::new();
@@ -272,7 +275,7 @@ impl Advice<'_> {
         lines
     }
 
-    /// By how many ranks the choice is ahead of the default, where that is another setting.
+    /// Returns a sentence on the lead of the choice over the default in ranks, if the default is another setting.
     fn ranks_over_default(&self) -> Option<String> {
         let verdict = self.verdict;
         let ranks = verdict
@@ -283,7 +286,7 @@ impl Advice<'_> {
         Some(format!("Ahead of the default by {by} in mean rank, over blocks of the log{around}."))
     }
 
-    /// What the choice gets more than a random setting, where there are several.
+    /// Returns a sentence on the lead of the choice over a random setting, if there are several settings.
     fn over_random(&self) -> Option<String> {
         let over = &self.verdict.over_random;
         let told = if over.mean.is_finite() {
@@ -294,7 +297,7 @@ impl Advice<'_> {
         (self.settings.len() > 1).then_some(told)
     }
 
-    /// That intervals over few blocks of the log say little.
+    /// Returns a note that intervals over few blocks of the log are weak, if there are few.
     fn few_blocks(&self) -> Option<String> {
         let members = self.vocabulary.members;
         let told = match self.verdict.members.len() {
@@ -305,7 +308,7 @@ impl Advice<'_> {
         Some(format!("{told}: use {FEWEST_BLOCKS} ensemble members or more ({members})."))
     }
 
-    /// Whether all settings get the same in every ensemble member, so that no kind of model has an order of them.
+    /// Whether all settings get the same return in every ensemble member, so that no kind of model ranks them.
     fn all_tie(&self) -> bool {
         let mut members = self.verdict.kinds.iter().flat_map(|own| &own.members).peekable();
         members.peek().is_some()
@@ -313,7 +316,7 @@ impl Advice<'_> {
                 .all(|returns| returns.windows(2).all(|pair| pair[0].total_cmp(&pair[1]).is_eq()))
     }
 
-    /// Which numbers of the choice are the largest or smallest of the grid, where settings differ in what they get.
+    /// Returns a note on values of the choice at an end of the grid, if the settings differ in their returns.
     fn at_ends(&self) -> Option<String> {
         if self.is_arbitrary() {
             return None;
@@ -326,7 +329,8 @@ impl Advice<'_> {
         (!ends.is_empty()).then_some(told)
     }
 
-    /// Which end of the grid `value` is in `field`, if it is one. A number of 0, such as a temperature, has nothing below it.
+    /// Returns which end of the grid `value` is in `field`, if it is one. Nothing lies below 0, such as a temperature
+    /// of 0.
     fn at_end(&self, field: &str, value: &str) -> Option<String> {
         let own = finite(value)?;
         let all = self.fields.iter().flatten().filter(|(other, _)| other == field);
@@ -347,7 +351,7 @@ impl Advice<'_> {
         Some(format!("{field}={value} ({end})"))
     }
 
-    /// What each kind of model alone would choose, where there are several.
+    /// Returns sentences on the setting that each kind of model alone would choose, if there are several kinds.
     fn kinds(&self) -> Vec<String> {
         let verdict = self.verdict;
         if verdict.kinds.len() < 2 {
@@ -378,7 +382,7 @@ impl Advice<'_> {
     }
 }
 
-/// The finite number that a value is, if it is one.
+/// Parses a finite number.
 fn finite(value: &str) -> Option<f64> {
     value.parse().ok().filter(|number: &f64| number.is_finite())
 }
@@ -394,7 +398,7 @@ fn more_than(other: &str, over: Option<&Difference>) -> String {
     format!(" The chosen setting gets {} than {other}{interval}.", amount(over.mean))
 }
 
-/// What the rank is called that a rule goes by.
+/// Returns the name of the rank that a rule uses.
 pub(super) fn rank_name(rule: RankRule) -> &'static str {
     match rule {
         RankRule::MeanRank => "mean rank",
@@ -417,7 +421,7 @@ fn interval_of_amounts(interval: Interval) -> String {
     format!(" (95 % over blocks of the log: {low} to {high})")
 }
 
-/// "2.5 more" or "2.5 less".
+/// Formats a difference, such as "2.5 more" or "2.5 less".
 fn amount(difference: f64) -> String {
     let side = if difference < 0.0 { "less" } else { "more" };
     format!("{} {side}", significant(difference.abs()))

@@ -38,7 +38,7 @@ pub enum ActingAgent {
 }
 
 impl ActingAgent {
-    /// Whether a swept field decides anything.
+    /// Whether a swept field has an effect.
     pub(super) fn uses(&self, field: &str) -> bool {
         match self {
             Self::Own(agent) => agent.algorithm.uses(field),
@@ -46,7 +46,7 @@ impl ActingAgent {
         }
     }
 
-    /// What the user calls what decides about a verdict on such agents.
+    /// Returns the user's names for a verdict on such agents.
     pub(super) fn vocabulary(&self) -> Vocabulary {
         match self {
             Self::Own(_) => STUDY,
@@ -65,7 +65,7 @@ pub(super) struct SettingFailure {
 }
 
 impl SettingFailure {
-    /// What happened, and what to do.
+    /// Returns the warning about the failure, with the remedy.
     pub(super) fn warning(&self) -> String {
         format!(
             "the program failed with {}, which is therefore last in every ranking; run the same command again to see why, mend the \
@@ -75,15 +75,15 @@ impl SettingFailure {
     }
 }
 
-/// The agents of a study, in the order in which verdicts count them.
+/// The agents of a study, in the order of the verdict.
 pub(super) enum ComparedAgents {
-    /// calib's own: `[control.agent]` and `[control.grid]`.
+    /// calib's own agents: `[control.agent]` and `[control.grid]`.
     Own(Vec<AgentConfig>),
-    /// Those of a program: `[agent.parameters]` and `[sweep.grid]`.
+    /// Agents of a program: `[agent.parameters]` and `[sweep.grid]`.
     Program { command: ProgramCommand, candidates: Vec<Candidate> },
 }
 
-/// What a verdict about agents of a program follows from.
+/// The inputs of a verdict that identify the agents of a program.
 #[derive(Serialize)]
 pub(super) struct ProgramIdentity<'a> {
     program: &'a Fingerprint,
@@ -92,13 +92,13 @@ pub(super) struct ProgramIdentity<'a> {
 }
 
 impl ComparedAgents {
-    /// Those of a study.
+    /// Returns the agents of a study.
     ///
     /// # Errors
-    /// If the grid cannot be what it is, or a file of the program cannot be read.
+    /// Returns an error if the grid is invalid, or a file of the program cannot be read.
     pub(super) fn of_study(job: &Job, config: &ControlConfig) -> Result<Self, StepError> {
         let study = job.study();
-        // With predicted sensors the program is one that predicts, and calib's own agents act.
+        // With predicted sensors the program makes predictions, and calib's own agents act.
         let command =
             if study.is_of_acting_agents() { ProgramCommand::of_study(job)? } else { None };
         let Some(command) = command else {
@@ -108,7 +108,7 @@ impl ComparedAgents {
         Ok(Self::Program { command, candidates: candidates(&study.sweep, &study.agent, seed)? })
     }
 
-    /// calib's own agents; none if they are those of a program.
+    /// Returns calib's own agents. Empty for agents of a program.
     pub(super) fn own(&self) -> &[AgentConfig] {
         match self {
             Self::Own(agents) => agents,
@@ -116,7 +116,7 @@ impl ComparedAgents {
         }
     }
 
-    /// Those of a program, if they are, ready to act in states of these `names`.
+    /// Returns the agents of the program, if there is one, with the `names` of their states.
     pub(super) fn of_program<'a>(&'a self, names: &'a Names) -> Option<ProgramAgents<'a>> {
         match self {
             Self::Own(_) => None,
@@ -133,7 +133,7 @@ impl ComparedAgents {
         }
     }
 
-    /// What distinguishes each: field and value.
+    /// Returns the swept fields of each agent with their values.
     pub(super) fn fields(&self, config: &ControlConfig) -> Vec<Vec<(String, String)>> {
         match self {
             Self::Own(agents) => {
@@ -152,7 +152,7 @@ impl ComparedAgents {
         }
     }
 
-    /// The setting that needs no decision, if it is among them.
+    /// Returns the default setting, if it is among the agents.
     pub(super) fn default(&self, config: &ControlConfig) -> Option<usize> {
         match self {
             Self::Own(agents) => agents.iter().position(|agent| *agent == config.agent),
@@ -162,7 +162,7 @@ impl ComparedAgents {
         }
     }
 
-    /// Each as files have it.
+    /// Returns each agent as files store it.
     pub(super) fn stored(&self) -> Vec<ActingAgent> {
         match self {
             Self::Own(agents) => agents.iter().copied().map(ActingAgent::Own).collect(),
@@ -173,7 +173,8 @@ impl ComparedAgents {
         }
     }
 
-    /// What results follow from beside the study's `[control]`: nothing for calib's own agents.
+    /// Returns the inputs of results besides `[control]` in the study. `None` for calib's own
+    /// agents.
     pub(super) fn program_identity(&self) -> Option<ProgramIdentity<'_>> {
         match self {
             Self::Own(_) => None,
@@ -186,14 +187,15 @@ impl ComparedAgents {
     }
 }
 
-/// Agents of a program that act. One process for each thread trains one agent after the other.
+/// Agents of a program that act. Each thread has one process, which trains one agent after the
+/// other.
 pub(super) struct ProgramAgents<'a> {
     command: &'a ProgramCommand,
     candidates: &'a [Candidate],
     names: &'a Names,
     /// Processes that wait for the next agent.
     idle: Mutex<Vec<Process<'a>>>,
-    /// Why settings failed, by their numbers. They are not tried again.
+    /// The failure of each failed setting, by its number. Failed settings are not tried again.
     failures: Mutex<BTreeMap<usize, String>>,
 }
 
@@ -203,7 +205,8 @@ impl<'a> ProgramAgents<'a> {
         Self { command, candidates, names, idle, failures: Mutex::default() }
     }
 
-    /// The settings that failed. Why is not among it: it may differ from one run to the next.
+    /// Returns the settings that failed. The reasons are left out, because they may differ between
+    /// runs.
     pub(super) fn failures(&self) -> Vec<SettingFailure> {
         let failures = locked(&self.failures);
         let failed = failures.keys().map(|&candidate| SettingFailure {
@@ -213,14 +216,14 @@ impl<'a> ProgramAgents<'a> {
         failed.collect()
     }
 
-    /// Why settings failed, each in the run in which it did first.
+    /// Returns the reasons why settings failed, each from its first failed run.
     pub(super) fn reasons(&self) -> Vec<String> {
         locked(&self.failures).values().cloned().collect()
     }
 
-    /// Go on without a setting that failed, as long as there are others.
+    /// Records a failed setting, and continues as long as others are left.
     fn go_on_without(&self, candidate: usize, reason: &str) -> Result<AgentRun, ControlError> {
-        // What is no longer the program that began does not tell of the setting.
+        // If the program was changed meanwhile, the failure says nothing about the setting.
         self.command.check_unchanged().map_err(failed)?;
         let mut failures = locked(&self.failures);
         failures.entry(candidate).or_insert_with(|| reason.to_owned());
@@ -232,7 +235,7 @@ impl<'a> ProgramAgents<'a> {
         ))
     }
 
-    /// An agent in a process of its own that has begun.
+    /// Starts a process, and begins an agent in it.
     fn started<'m>(
         &self,
         actor: impl FnOnce(Process<'a>) -> ProgramActor<'m, 'a>,
@@ -243,7 +246,7 @@ impl<'a> ProgramAgents<'a> {
         Ok(actor)
     }
 
-    /// The run of one agent, in a process that waits for the next one afterwards.
+    /// Trains one agent in a process. The process then waits for the next agent.
     fn run_in_process(
         &self,
         candidate: usize,
@@ -275,7 +278,8 @@ impl<'a> ProgramAgents<'a> {
         };
         let idle = locked(&self.idle).pop();
         let mut actor = match idle.map(new_actor) {
-            // One that fails as soon as it is asked again may have failed at the agent before.
+            // If an agent fails as soon as it begins, the previous agent may have broken the
+            // process. It gets a new process.
             Some(mut actor) => match actor.begin(&begin) {
                 Err(ProgramStopped::CannotAnswer(_)) => self.started(new_actor, &begin)?,
                 began => began.map(|()| actor)?,
@@ -290,10 +294,10 @@ impl<'a> ProgramAgents<'a> {
         Ok(run)
     }
 
-    /// No agent is left to train: the processes end.
+    /// Ends the processes after the last agent.
     ///
     /// # Errors
-    /// If one ends badly, or the program was changed meanwhile.
+    /// Returns an error if a process fails at its end, or the program was changed meanwhile.
     pub(super) fn finish(self) -> Result<(), StepError> {
         for process in self.idle.into_inner().unwrap_or_else(PoisonError::into_inner) {
             process.finish().map_err(failed)?;
@@ -320,7 +324,7 @@ impl ActingAgents for ProgramAgents<'_> {
         }
         match self.run_in_process(candidate, environment, span, seed, monitor) {
             Ok(run) => {
-                // The run is kept under the program's fingerprint.
+                // The run is stored under the program's fingerprint.
                 self.command.check_unchanged().map_err(failed)?;
                 Ok(run)
             }
@@ -336,12 +340,12 @@ impl ActingAgents for ProgramAgents<'_> {
     }
 }
 
-/// What a mutex holds, also after a thread panicked with it.
+/// Locks a mutex, even if a thread panicked while holding it.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The run of an agent that could not take a step.
+/// Returns the run of an agent that could not take a step.
 fn could_not_act() -> AgentRun {
     AgentRun { diverged: true, ..AgentRun::default() }
 }
@@ -355,7 +359,7 @@ fn failed(stopped: ProgramStopped) -> ControlError {
     }
 }
 
-/// A run begins: what the agent acts in, and what agent it is.
+/// The message that begins a run: the environment and the agent.
 #[derive(Serialize)]
 struct BeginActing<'a> {
     columns: usize,
@@ -369,33 +373,33 @@ struct BeginActing<'a> {
     parameters: &'a BTreeMap<String, Value>,
 }
 
-/// The state that an agent is in, and what led to it.
+/// The message with the state of an agent and the last step.
 #[derive(Serialize)]
 struct StateMessage {
     state: Vec<f32>,
-    /// Of the step that led here; none in the first state of an episode.
+    /// Reward of the last step. `None` in the first state of an episode.
     #[serde(skip_serializing_if = "Option::is_none")]
     reward: Option<f64>,
-    /// Whether the episode ends here, and how.
+    /// How the episode ends here, if it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     ends: Option<EpisodeEnd>,
 }
 
-/// How an episode ends.
+/// The end of an episode.
 #[derive(Clone, Copy, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum EpisodeEnd {
-    /// Nothing follows.
+    /// A terminal: nothing follows.
     Terminal,
-    /// It was cut at the timeout: what would have followed has a value.
+    /// A cut at the timeout: the states that would have followed have a value.
     Timeout,
 }
 
-/// The number of an action; null if the agent has diverged.
+/// The answer of an agent: the number of an action, or null if the agent has diverged.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ActionAnswer {
-    /// Null has to be said: an answer without the key is a slip.
+    /// Null has to be explicit. An answer without the key is a mistake.
     #[serde(deserialize_with = "Option::deserialize")]
     action: Option<usize>,
 }
@@ -412,12 +416,12 @@ impl Answer for ActionAnswer {
 struct ProgramActor<'a, 'p> {
     process: Process<'p>,
     command: &'p ProgramCommand,
-    /// For messages.
+    /// The name of the setting, for messages.
     setting: String,
     actions: usize,
-    /// What it has not been told yet, because the episode may end there.
+    /// The message that is held back, because the episode may end there.
     message: Option<StateMessage>,
-    /// Why it cannot go on.
+    /// The reason why the agent stopped.
     stopped: Option<ProgramStopped>,
     monitor: &'a dyn Monitor,
 }
@@ -429,7 +433,7 @@ impl ProgramActor<'_, '_> {
         self.process.ask::<Ready>(message, &asked, self.monitor).map(|_| ())
     }
 
-    /// Tell the last state of an episode.
+    /// Sends the last state of an episode.
     fn end(&mut self, message: StateMessage, ends: EpisodeEnd) {
         let message = StateMessage { ends: Some(ends), ..message };
         let asked = format!("the end of an episode with {}", self.setting);

@@ -1,26 +1,27 @@
-//! Numbers of agents beside the returns of a log: both are in units of return.
+//! Warnings about agent values that do not fit the returns of a log. Both are in units of return.
 
 use calib_base::output::{count, significant};
 use calib_control::{
     AgentConfig, ControlConfig, Decisions, ProposedSettings, is_beyond_returns, is_random,
 };
 
-/// A number of an agent, in units of return, and what the returns of the log are by the agent's discount.
+/// A value of an agent in units of return, next to the recorded returns with the agent's discount.
 #[derive(Clone, Copy)]
 struct BesideReturns {
     value: f64,
     gamma: f64,
-    /// Of the recorded returns.
+    /// Spread of the recorded returns.
     spread: f64,
 }
 
 impl BesideReturns {
-    /// How many spreads the number is.
+    /// Returns the value in spreads.
     fn spreads(&self) -> f64 {
         self.value.abs() / self.spread
     }
 
-    /// That of the agent which is nearest to the returns; none without an agent, or where some agent's returns are all alike.
+    /// Returns the value of the agent that fits the returns best. `None` without agents, or if the returns of some
+    /// agent have no spread.
     fn nearest<'a>(
         agents: impl Iterator<Item = &'a AgentConfig>,
         spread: impl Fn(f64) -> Option<f64>,
@@ -44,8 +45,8 @@ impl BesideReturns {
     }
 }
 
-/// What is said of temperatures and initial weights that are too large, in all settings, for the returns of the log: both are in
-/// units of return. Each setting has the returns of its own discount.
+/// Returns warnings about temperatures and initial weights that are too large for the returns of the log in all
+/// settings. Each setting is compared with the returns of its own discount.
 pub(super) fn beyond_returns(
     config: &ControlConfig,
     candidates: &[AgentConfig],
@@ -87,7 +88,7 @@ pub(super) fn beyond_returns(
     random.into_iter().chain(beyond).collect()
 }
 
-/// The key of the study that gives agents this field.
+/// Returns the key of the study that sets this field of agents.
 fn swept_key(field: &str, is_swept: bool) -> String {
     format!("control.{}.{field}", if is_swept { "grid" } else { "agent" })
 }

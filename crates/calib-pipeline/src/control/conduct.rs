@@ -1,4 +1,4 @@
-//! What the chosen agent does once it has learned: its last steps, and which actions it takes where.
+//! The behaviour of the chosen agent after learning: its last steps, and its actions by state.
 
 use calib_control::Trajectory;
 use schemars::JsonSchema;
@@ -9,9 +9,9 @@ use super::{
     log::Names,
 };
 
-/// Steps that are told one by one.
+/// Number of steps that are stored one by one.
 const TOLD: usize = 200;
-/// Columns of the states that are told.
+/// Number of state columns that are stored.
 const COLUMNS: usize = 4;
 
 /// What the chosen agent did at the end of its first run in the neighbours of the first ensemble member.
@@ -50,7 +50,7 @@ pub(super) struct ColumnConduct {
     pub(super) taken: Vec<Vec<f64>>,
 }
 
-/// Tell of a trajectory. `of_reward` are the columns that the reward is made of, `acts` those of the actions.
+/// Describes a trajectory. `of_reward` are the columns that the reward depends on, `acts` the action columns.
 pub(super) fn conduct(
     trajectory: &Trajectory,
     names: &Names,
@@ -91,7 +91,7 @@ pub(super) fn conduct(
     }
 }
 
-/// Which action is taken in each part of a column.
+/// Returns the share of each action in each part of a column.
 fn taken(values: &[f64], chosen: &[usize], actions: usize, map: &ColumnMap) -> ColumnConduct {
     let parts = map.upper.len();
     let mut counts = vec![vec![0_usize; parts]; actions];
@@ -126,7 +126,7 @@ mod tests {
             states: vec![0; 3],
             covered: Vec::new(),
         };
-        // A value beyond the record belongs to the last part.
+        // A value beyond the recorded range belongs to the last part.
         let told = taken(&[0.5, 0.7, 1.0, 3.5], &[0, 1, 1, 1], 2, &map);
         assert_eq!(told.steps, [3, 0, 1]);
         assert_eq!(told.taken, [vec![1.0 / 3.0, 0.0, 0.0], vec![2.0 / 3.0, 0.0, 1.0]]);

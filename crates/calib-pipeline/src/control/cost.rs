@@ -1,4 +1,4 @@
-//! What the pieces of a sweep of agents that act take on this machine: some of each are made and timed.
+//! Estimates the time of a sweep of agents that act on this machine, by timing some of each piece of work.
 
 use std::time::Duration;
 
@@ -12,71 +12,72 @@ use calib_core::{Monitor, Seed, Silent, States};
 
 use super::log;
 
-/// How long one kind of step is timed, at least.
+/// Shortest timing of one kind of step.
 const TIMED: Duration = Duration::from_millis(30);
-/// Steps of the first timing; each one after it has twice as many.
+/// Steps of the first timing. Each later timing doubles them.
 const FIRST_STEPS: usize = 16;
-/// Steps of the last one, however short they are.
+/// Steps of the last timing, however short they are.
 const LAST_STEPS: usize = 1 << 20;
-/// A model of a part of the log that took so long to build is large enough.
+/// A model of a part of the log is large enough if it takes this long to build.
 const ENOUGH: Duration = Duration::from_millis(100);
 /// Transitions of the first such model, and of the largest.
 const FEW_TRANSITIONS: usize = 500;
 const MANY_TRANSITIONS: usize = 8_000;
-/// Settings whose agents are timed; of others it is assumed that they take as long as these in the mean.
+/// Number of settings whose agents are timed. The others are assumed to take the mean of these.
 const TIMED_AGENTS: usize = 10;
-/// In which order parts of a grid are timed, so that some of them from all over it are before the time is over.
+/// The order in which parts of a grid are timed, so that the first few are spread over the whole grid.
 const SPREAD_OUT: [usize; TIMED_AGENTS] = [0, 9, 4, 7, 2, 5, 8, 1, 6, 3];
-/// How long agents are timed in all. The first is, however long that takes.
+/// Time limit for timing all agents. The first agent is always timed.
 const ALL_AGENTS: Duration = Duration::from_millis(1_200);
 /// A step size with which no agent diverges while it is timed.
 const SMALL_STEP_SIZE: f64 = 1e-4;
-/// Products of weights and transitions of a batch that a timed step of a network has at most: some tens of milliseconds.
+/// Largest product of weights and batch transitions in a timed step of a network: some tens of milliseconds.
 const MOST_WORK: usize = 50_000_000;
-/// Updates of the network that is timed: every check is made, and the rest tells what an update takes.
+/// Updates of the timed network. Every check is made, and the rest shows the time of an update.
 const UPDATES: usize = 3 * NetworkConfig::CHECKS;
-/// Passes through a network of an update, in each of which it computes about as much: one forward, and two back.
+/// Passes through a network per update, with about equal work each: one forward and two backward.
 const PASSES: f64 = 3.0;
 
-/// Seconds in which a thread keeps a run in a file of its own. It mostly waits until the file is on the disk: 0.3 to 9 ms on the disk
-/// of a virtual machine, where this was measured. A dry run writes nothing, and so it cannot measure it.
+/// Seconds that a thread takes to store a run in its own file. It mostly waits for the disk: 0.3 to 9 ms on the disk of
+/// a virtual machine, where this was measured. A dry run writes nothing, so it cannot measure this.
 pub(super) const KEEPING_SECS: f64 = 0.005;
 
-/// What the pieces take, in seconds.
+/// The time of each piece of work, in seconds.
 #[derive(Debug)]
 pub(super) struct MeasuredCosts {
-    /// Building the model, on all threads; 0 if it is there.
+    /// Building the model on all threads. 0 if it exists.
     pub(super) building: f64,
     /// A step in the model of neighbours.
     pub(super) neighbors_step: f64,
-    /// Of each kind of models, in the order of the study.
+    /// The cost of each kind of model, in the order of the study.
     pub(super) kinds: Vec<KindCost>,
-    /// Of the agent of each setting.
+    /// The cost of each setting's agent.
     pub(super) agents: Vec<AgentCost>,
 }
 
-/// What a kind of models takes.
+/// The cost of a kind of model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KindCost {
-    /// What it needs beside the model of neighbours: increments on all threads, or the network of one member on one.
+    /// Preparation beyond the model of neighbours: increments on all threads, or the network of one member on one
+    /// thread.
     pub(super) making: f64,
     /// A step, without the agent.
     pub(super) step: f64,
 }
 
-/// What an agent takes, on one thread.
+/// The cost of an agent on one thread.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AgentCost {
-    /// Making one that has seen nothing.
+    /// Creating a new agent.
     pub(super) beginning: f64,
     /// A step, without the model.
     pub(super) step: f64,
-    /// Its evaluation by the log alone, for each transition of the log.
+    /// Its evaluation from the log alone, per transition of the log.
     pub(super) evaluated_transition: f64,
 }
 
 impl AgentCost {
-    /// The mean of some.
+    /// Returns the mean of several costs.
     fn mean(costs: &[Self]) -> Self {
         let count = costs.len().max(1) as f64;
         let mean = |field: fn(&Self) -> f64| costs.iter().map(field).sum::<f64>() / count;
@@ -89,10 +90,10 @@ impl AgentCost {
 }
 
 impl MeasuredCosts {
-    /// Time some of each piece of the work on `log`, in its model where that was `kept`.
+    /// Times some of each piece of the work on `log`. Steps are timed in the model that was `kept`, if there is one.
     ///
     /// # Errors
-    /// If a part of the log cannot be what the whole is to be, or the monitor interrupts.
+    /// Returns an error if a part of the log is not a valid log, or the monitor interrupts.
     pub(super) fn measure(
         config: &ControlConfig,
         agents: &[AgentConfig],
@@ -128,12 +129,12 @@ impl MeasuredCosts {
     }
 }
 
-/// Transitions of the smallest part of a log of which the models of a study can be made.
+/// Returns the transitions of the smallest part of a log that the models of a study can be built from.
 fn least_transitions(config: &ControlConfig) -> usize {
     FEW_TRANSITIONS.max(config.model.members.saturating_mul(4))
 }
 
-/// Seconds of a step that `actor` takes in `walk`, by more and more steps until they take a while.
+/// Returns the seconds per step of `actor` in `walk`. It doubles the steps until they take long enough to time.
 fn step_secs<W: ModelEnvironment>(actor: &mut impl Actor, walk: &mut W, timeout: usize) -> f64 {
     let mut steps = FIRST_STEPS;
     loop {
@@ -152,14 +153,14 @@ fn step_secs<W: ModelEnvironment>(actor: &mut impl Actor, walk: &mut W, timeout:
 /// A model of a part of the log.
 struct PartModel {
     model: ActionModel,
-    /// What building the model of the whole log takes by that.
+    /// Extrapolated time to build the model of the whole log.
     building: f64,
-    /// How the time to search a log grows with its transitions.
+    /// Exponent with which the time to search a log grows with its transitions.
     power: f64,
 }
 
 impl PartModel {
-    /// Build models of larger and larger parts, until one is of the whole or takes a while.
+    /// Builds models of growing parts, until one covers the whole log or takes long enough.
     fn build(
         config: &ControlConfig,
         log: &Decisions,
@@ -190,7 +191,7 @@ impl PartModel {
         }
     }
 
-    /// What increments of the whole log take.
+    /// Returns the cost of increments for the whole log.
     fn increments(
         &self,
         config: &ControlConfig,
@@ -204,32 +205,32 @@ impl PartModel {
         let mut random = FixedPolicy::Random(log.levels());
         let step = step_secs(&mut random, &mut model.walk(0), config.timeout);
         let grown = grown(self.model.log().len(), log.len());
-        // A step looks at all transitions with its action.
+        // A step searches all transitions with its action.
         Ok(KindCost { making: making * grown.powf(self.power), step: step * grown })
     }
 }
 
-/// How much larger the whole is than a part.
+/// Returns the ratio of the whole to a part.
 fn grown(part: usize, whole: usize) -> f64 {
     whole as f64 / part.max(1) as f64
 }
 
-/// By which power of the number of transitions the time grows, from the first of these to the second: between that of a search in a
-/// tree and that of a search through everything.
+/// Returns the exponent with which time grows between two numbers of transitions. It is limited to the range from a
+/// tree search to a search through everything.
 fn power(transitions: [usize; 2], secs: [f64; 2]) -> f64 {
     let [less, more] = secs.map(|secs| secs.max(1e-9));
     let larger = grown(transitions[0], transitions[1]);
     if larger > 1.0 { ((more / less).ln() / larger.ln()).clamp(1.0, 2.0) } else { 1.0 }
 }
 
-/// As little of a log as tells what a network and an evaluation without a model take.
+/// The smallest part of a log that suffices to time a network and an evaluation without a model.
 struct FewDecisions {
     log: Decisions,
     starts: States,
 }
 
 impl FewDecisions {
-    /// What the network of one member of the whole log takes.
+    /// Returns the cost of the network of one member for the whole log.
     fn network(
         &self,
         config: &ControlConfig,
@@ -249,24 +250,25 @@ impl FewDecisions {
     }
 }
 
-/// Updates of a network, and its checks as so many more: each passes forward through the block that the member leaves out.
+/// Returns the updates of a network, with its checks as equivalent updates. A check is a forward pass over the block
+/// that the member leaves out.
 fn updates(config: &NetworkConfig, transitions: usize) -> f64 {
     let checked = NetworkConfig::CHECKS * transitions / config.members.max(1);
     config.updates as f64 + checked as f64 / config.batch as f64 / PASSES
 }
 
-/// What agents are timed by.
+/// The inputs for timing agents.
 struct AgentTiming<'a> {
-    /// What they act in.
+    /// The model that they act in.
     model: &'a ActionModel,
-    /// What a step in it takes without them.
+    /// Seconds of a step in it without agents.
     neighbors_step: f64,
     few: &'a FewDecisions,
     timeout: usize,
 }
 
 impl AgentTiming<'_> {
-    /// What each of these agents takes: those that differ in nothing that takes time are timed once.
+    /// Returns the cost of each agent. Agents that differ only in fields without an effect on time are timed once.
     fn all(
         &self,
         agents: &[AgentConfig],
@@ -306,7 +308,7 @@ impl AgentTiming<'_> {
         let mut actor = Agent::seeded(config, walk.columns(), walk.actions(), Seed::new(0));
         let beginning = clock.elapsed().as_secs_f64();
         if config.algorithm == Algorithm::DeepQLearning {
-            // Until there are enough transitions for a batch, a step costs next to nothing.
+            // Steps cost almost nothing until there are enough transitions for a batch.
             let filling = RunLength { steps: config.batch, timeout: self.timeout };
             run_agent(&mut actor, &mut walk, filling, Seed::new(1));
         }
@@ -320,7 +322,7 @@ impl AgentTiming<'_> {
     }
 }
 
-/// The agent that takes as long as this one, whatever both learn.
+/// Returns an agent that takes the same time, whatever it learns.
 fn timed_like(agent: &AgentConfig) -> AgentConfig {
     let AgentConfig { temperature, epsilon, target_steps, .. } = AgentConfig::default();
     AgentConfig {
@@ -334,14 +336,14 @@ fn timed_like(agent: &AgentConfig) -> AgentConfig {
     }
 }
 
-/// An agent, as far as some of its steps can be timed.
+/// A version of an agent that is fast enough to time.
 struct TimeableAgent {
     config: AgentConfig,
-    /// How much longer a step of the whole one takes.
+    /// Factor from its time per step to that of the real agent.
     times: f64,
 }
 
-/// The same agent with smaller batches, where a step would take longer than anybody waits for.
+/// Returns the agent with smaller batches, if a step would otherwise take too long.
 fn timeable(agent: AgentConfig, columns: usize, actions: usize) -> TimeableAgent {
     if agent.algorithm != Algorithm::DeepQLearning {
         return TimeableAgent { config: agent, times: 1.0 };
@@ -363,7 +365,7 @@ mod tests {
         assert_eq!(power([100, 200], [1.0, 2.0]), 1.0);
         assert!((power([100, 200], [1.0, 3.0]) - 3.0_f64.log2()).abs() < 1e-12);
         assert_eq!(power([100, 200], [1.0, 9.0]), 2.0);
-        // What is too short to be timed.
+        // Times that are too short to measure.
         assert_eq!(power([100, 200], [0.0, 0.0]), 1.0);
         assert_eq!(power([100, 100], [1.0, 2.0]), 1.0);
     }

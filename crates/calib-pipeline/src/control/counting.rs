@@ -1,4 +1,4 @@
-//! Columns of the states that count on evenly, such as the number of a row or of an episode: no state of them comes again.
+//! State columns that count up evenly, such as a row or episode number. Their states never recur.
 
 use calib_base::{StepError, output::Printer};
 use calib_core::Monitor;
@@ -6,15 +6,15 @@ use calib_data::{
     ChannelProfile, DataConfig, FEW_VALUES, PreprocessConfig, Surveyed, counts_on_evenly, entry_of,
 };
 
-/// Columns that are read at once.
+/// Number of columns that are read at once.
 const AT_ONCE: usize = 8;
-/// A column that counts on has about so many values as there are steps in its range; the slack is for missing rows.
+/// A counting column has about as many values as there are steps in its range. The factor allows for missing rows.
 const SLACK: f64 = 2.0;
 
-/// Survey a log, without a column of row numbers that has no name of its own, and warn of other columns that count on evenly.
+/// Surveys a log without unnamed columns of row numbers. Warns about other columns that count up evenly.
 ///
 /// # Errors
-/// As [`calib_data::survey`] and [`Surveyed::recorded`].
+/// Fails as [`calib_data::survey`] and [`Surveyed::recorded`] do.
 pub(super) fn survey(
     mut data: DataConfig,
     preprocess: &PreprocessConfig,
@@ -33,31 +33,31 @@ pub(super) fn survey(
     }
     for name in &numbers {
         printer.warn(&numbers_told(name));
-        // It is a name here, and not a pattern.
+        // The entry is a name, and must not be read as a pattern.
         data.exclude.push(entry_of(name, |_| false));
     }
     Ok(calib_data::survey(&data, preprocess, monitor)?)
 }
 
-/// Whether this is what becomes of the numbers of rows that pandas writes: a first column of CSV without a heading, here or in pandas, or the index
-/// in Parquet.
+/// Whether this is a name for pandas row numbers: the first CSV column without a heading, here or in pandas, or the
+/// index in Parquet.
 fn is_without_name(name: &str) -> bool {
     let index = name.strip_prefix("__index_level_").and_then(|rest| rest.strip_suffix("__"));
     let number = index.or_else(|| name.strip_prefix("Unnamed: "));
     name == "column 1" || number.is_some_and(|number| number.parse::<u32>().is_ok())
 }
 
-/// What is said of a column of row numbers.
+/// Returns the warning about a column of row numbers.
 fn numbers_told(name: &str) -> String {
     format!(
         "{name} has no name of its own and numbers the rows, so it is left out: to keep it as a sensor, give the column a name in the log"
     )
 }
 
-/// The kept channels that count on evenly.
+/// Returns the kept channels that count up evenly.
 ///
 /// # Errors
-/// As [`Surveyed::recorded`].
+/// Fails as [`Surveyed::recorded`] does.
 fn counting_columns(surveyed: &Surveyed, monitor: &dyn Monitor) -> Result<Vec<String>, StepError> {
     let profile = surveyed.profile();
     let candidates = profile.kept().filter(|channel| may_count(channel, profile.rows));
@@ -72,7 +72,7 @@ fn counting_columns(surveyed: &Surveyed, monitor: &dyn Monitor) -> Result<Vec<St
     Ok(counting)
 }
 
-/// Whether the values of a channel may lie on an even grid with hardly a point left out, which most sensors do not.
+/// Whether the values of a channel may fill an even grid almost completely. Those of most sensors do not.
 fn may_count(channel: &ChannelProfile, rows: u64) -> bool {
     let Some(values) = &channel.values else { return false };
     let Some(step) = values.smallest_change.filter(|step| *step > 0.0) else { return false };
@@ -81,7 +81,7 @@ fn may_count(channel: &ChannelProfile, rows: u64) -> bool {
     points > f64::from(FEW_VALUES) && points <= SLACK * there
 }
 
-/// What is said of a column that counts on evenly.
+/// Returns the warning about a column that counts up evenly.
 fn counting_told(name: &str) -> String {
     format!(
         "{name} counts on evenly, as the number of a row or an episode does, and agents see it as a sensor: add {name:?} to data.exclude, unless \

@@ -1,4 +1,5 @@
-//! What a log of decisions did, and where it says what an action does.
+//! Description of a log of decisions: its actions and rewards, and the states in which it shows the effect of an
+//! action.
 
 use calib_base::StepError;
 use calib_control::{ActionModel, CoverageMap, Distance, Spread};
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::log::Names;
 
-/// Parts of a column in the map of coverage.
+/// Number of parts of a column in the map of coverage.
 const PARTS: usize = 5;
 
 /// A log of decisions, as told.
@@ -63,7 +64,7 @@ pub(super) struct ColumnMap {
     pub(super) covered: Vec<Vec<f64>>,
 }
 
-/// Describe the log of `model`.
+/// Describes the log of `model`.
 pub(super) fn described(
     model: &ActionModel,
     distance: Distance,

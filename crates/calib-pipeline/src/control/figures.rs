@@ -13,16 +13,16 @@ use super::{
     show,
 };
 
-/// Columns whose map is drawn.
+/// Number of columns whose map is drawn.
 pub(super) const MAPS: usize = 8;
-/// Candidates whose curves are drawn, beside the default.
+/// Number of settings whose curves are drawn, besides the default.
 const CURVES: usize = 5;
 
 const MARKERS: [Marker; 5] =
     [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
 const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
 
-/// All figures with the names of their files.
+/// Returns all figures with their file names.
 pub(super) fn all(evaluation: &ControlEvaluation) -> Vec<(&'static str, OverviewFigure)> {
     const SENSITIVITIES: &[&str] = &[
         "sensitivity-1",
@@ -74,13 +74,13 @@ fn series(number: usize, label: &str, points: Vec<Point>) -> Series {
     }
 }
 
-/// A point for each entry of `values`, from `first` on.
+/// Returns one point per entry of `values`, starting at `first`.
 fn points(first: f64, values: &[f64]) -> Vec<Point> {
     let numbered = values.iter().enumerate();
     numbered.map(|(place, &y)| Point { x: first + place as f64, y, interval: None }).collect()
 }
 
-/// A way to make one number of many.
+/// A function that reduces many numbers to one.
 type Pooled = fn(&[f64]) -> f64;
 
 fn mean(values: &[f64]) -> f64 {
@@ -91,7 +91,7 @@ fn highest(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The return in the model of these candidates together, with its interval over members; nothing of no candidate.
+/// Returns the pooled return of these settings in the model, with its interval over members. `None` without settings.
 fn pooled_return(
     evaluation: &ControlEvaluation,
     candidates: &[usize],
@@ -111,8 +111,8 @@ fn pooled_return(
     Some(Estimate { value: mean, interval: jackknife(mean, &returns) })
 }
 
-/// Return in the model against one swept field: the mean, and the best, of the candidates that have a value, with intervals over members.
-/// Candidates with which the program failed have no return.
+/// Draws the return in the model against one swept field: the mean and the best of the settings with each value, with
+/// intervals over members. Settings with which the program failed have no return.
 fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     let value = |candidate: usize| evaluation.fields[candidate][field].1.as_str();
     let mut values: Vec<&str> = Vec::new();
@@ -190,7 +190,7 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     }
 }
 
-/// How the best candidates and the default learnt; nothing where no run had ten episodes.
+/// Draws the learning curves of the best settings and the default. `None` if no run had ten episodes.
 fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
     let order = show::best(evaluation, CURVES);
     let with: Vec<usize> =
@@ -245,7 +245,7 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
     })
 }
 
-/// Where along a column the log says what each action does.
+/// Draws where along a column the log shows the effect of each action.
 fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
     by_parts(&SharesByPart {
         title: format!("Where along {} actions are known", map.column),
@@ -262,7 +262,7 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
     })
 }
 
-/// Which actions the chosen agent takes along a column.
+/// Draws the actions that the chosen agent takes along a column.
 fn taken(evaluation: &ControlEvaluation, column: &ColumnConduct, steps: usize) -> OverviewFigure {
     let visited: Vec<Vec<f64>> = column
         .taken
@@ -287,7 +287,7 @@ fn taken(evaluation: &ControlEvaluation, column: &ColumnConduct, steps: usize) -
     })
 }
 
-/// A share for each action in each part of a column.
+/// The share of each action in each part of a column.
 struct SharesByPart<'a> {
     title: String,
     caption: String,
@@ -333,7 +333,7 @@ fn by_parts(shown: &SharesByPart<'_>) -> OverviewFigure {
             description: format!("{title}: {axis} of each action."),
             title: title.clone(),
             x: Axis { label: (*column).to_owned(), scale: Scale::names(names) },
-            // Markers at 100 % are whole.
+            // Leaves room for whole markers at 100 %.
             left: Axis { label: (*axis).to_owned(), scale: Scale::linear(0.0, 103.0) },
             right: None,
             series: drawn.collect(),
@@ -342,7 +342,7 @@ fn by_parts(shown: &SharesByPart<'_>) -> OverviewFigure {
     }
 }
 
-/// The last steps of the chosen agent: a column of the states, and what a column of the actions was set to.
+/// Draws the last steps of the chosen agent: a state column, and the values that an action column was set to.
 fn last_steps(conduct: &AgentConduct, state: &ColumnConduct, set: &SetValues) -> OverviewFigure {
     let first = 1.0 + (conduct.steps - state.values.len()) as f64;
     let line = |values: &[f64], side: Side, number: usize, label: &str| {
@@ -350,10 +350,10 @@ fn last_steps(conduct: &AgentConduct, state: &ColumnConduct, set: &SetValues) ->
         for (step, &y) in values.iter().enumerate() {
             let x = first + step as f64;
             if conduct.begins.contains(&step) {
-                // An episode does not follow from the one before.
+                // A missing point separates episodes.
                 drawn.push(Point { x, y: f64::NAN, interval: None });
             } else if side == Side::Right && step > 0 {
-                // What was set holds until it is set anew.
+                // A set value holds until the next one.
                 drawn.push(Point { x, y: values[step - 1], interval: None });
             }
             drawn.push(Point { x, y, interval: None });

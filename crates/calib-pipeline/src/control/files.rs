@@ -1,4 +1,4 @@
-//! `control/`: the verdict about agents that act, and the runs that it rests on.
+//! `control/`: the verdict about agents that act, and its runs.
 
 use std::path::Path;
 
@@ -35,13 +35,13 @@ pub(super) const RUNS: &str = "runs.parquet";
 pub(super) struct ControlManifest {
     format: u32,
     tool: String,
-    /// Fingerprint of what it follows from.
+    /// Fingerprint of the inputs.
     key: String,
     study: Study,
-    /// Of the log.
+    /// Fingerprint of the log.
     log: Fingerprint,
     files: Files,
-    /// The report and its figures, which follow from the others.
+    /// The report and its figures, which follow from the other files.
     shown: Files,
 }
 
@@ -92,10 +92,11 @@ pub struct ControlEvaluation {
 }
 
 impl ControlEvaluation {
-    /// What `calib control` found for a study whose agents are calib's own.
+    /// Reads the results of `calib control` for a study with calib's own agents.
     ///
     /// # Errors
-    /// If it was not run, or for another study; if its results were damaged, or the agents are those of a program.
+    /// Returns an error if it was not run, or for another study. Also fails if its results were damaged, or the agents
+    /// belong to a program.
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
         let directory = job.layout().control();
         let command = job.command(StepKind::Control);
@@ -114,17 +115,17 @@ impl ControlEvaluation {
         Ok(read_sealed_json(&directory.join(VERDICT))?)
     }
 
-    /// Which setting is the best in the models, by how much, and what stands against deploying it.
+    /// Returns the verdict: the best setting in the models, its lead, and the doubts about deploying it.
     pub fn verdict(&self) -> &ReturnVerdict {
         &self.verdict
     }
 
-    /// The agent of every setting, in the order in which the verdict counts them.
+    /// Returns the agent of every setting, in the order of the verdict.
     pub fn agents(&self) -> &[ActingAgent] {
         &self.candidates
     }
 
-    /// Say what to do, in words.
+    /// Builds the advice, and passes it to `words`.
     pub(super) fn advise<T>(&self, words: impl FnOnce(Advice<'_>) -> T) -> T {
         let settings: Vec<String> =
             (0..self.candidates.len()).map(|candidate| name(self, candidate)).collect();
@@ -158,7 +159,7 @@ impl ControlEvaluation {
         self.failures.iter().any(|failure| failure.candidate == candidate)
     }
 
-    /// Why the log does not support the choice, and what is missing from it.
+    /// Returns the reasons why the log does not support the choice, and the settings that are missing.
     pub(super) fn warnings(&self) -> Vec<String> {
         let reasons = self.advise(|advice| advice.reasons());
         let mut warnings: Vec<String> = reasons.iter().map(Reason::whole).collect();
@@ -166,7 +167,7 @@ impl ControlEvaluation {
         warnings
     }
 
-    /// That a program failed with some settings.
+    /// Returns warnings about settings with which a program failed.
     pub(super) fn failed_settings(&self) -> Vec<String> {
         self.failures.iter().map(SettingFailure::warning).collect()
     }
@@ -199,7 +200,7 @@ impl<'a> From<&'a ControlEvaluation> for ControlSummary<'a> {
     }
 }
 
-/// What a verdict follows from.
+/// Returns the fingerprint of a verdict's inputs.
 pub(super) fn key(
     study: &Study,
     log: &Fingerprint,
@@ -212,14 +213,15 @@ pub(super) fn key(
         .map(|_| study.representation.candidates());
     let model = (&study.control, represented);
     let own = (ControlManifest::FORMAT, TOOL, log, model, study.seed, resamples);
-    // Of calib's own agents all is in the study.
+    // The study describes calib's own agents completely.
     match program {
         None => artefact::key(&own),
         Some(program) => artefact::key(&(own, program)),
     }
 }
 
-/// The verdict that is there, if it follows from the same and is whole, and whether what shows it is.
+/// Returns the stored verdict, if it has the same inputs and is intact. The flag says whether the report files are
+/// intact.
 pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bool)> {
     let manifest: ControlManifest = artefact::read(directory)?;
     if manifest.key != key || !artefact::are_whole(directory, &manifest.files) {
@@ -232,8 +234,8 @@ pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bo
     Some((evaluation, artefact::are_whole(directory, &manifest.shown)))
 }
 
-/// Note the study and the files of its log as they are now beside a verdict that follows from them just as well, such as where another
-/// `data.shape` reads the same log.
+/// Updates the stored study and log files of a verdict that also follows from the current ones. This happens for
+/// example if another `data.shape` reads the same log.
 pub(super) fn note_study(
     directory: &Path,
     study: &Study,
@@ -251,7 +253,7 @@ pub(super) fn note_study(
     artefact::or_read_only(written, directory, printer)
 }
 
-/// Note the files of the log that a verdict follows from, by which `calib status` sees that they have changed.
+/// Records the log files of a verdict, by which `calib status` detects changes.
 pub(super) fn note_sources(
     directory: &Path,
     sources: &Sources,
@@ -263,28 +265,28 @@ pub(super) fn note_sources(
     let claim = DirectoryLock::try_new(directory, Below::Ours);
     let written = claim.and_then(|claim| match claim {
         Some(_claim) => sources.note_in(directory),
-        // Another command writes there, and notes what it has read.
+        // Another command is writing there, and records the files that it read.
         None => Ok(()),
     });
     artefact::or_read_only(written, directory, printer)
 }
 
-/// How the verdict that is there stands to the study as it is now.
+/// The state of the stored verdict, compared with the current study.
 pub(crate) enum VerdictStanding {
-    /// There is none, or it is not whole.
+    /// There is no verdict, or it is damaged.
     Missing,
-    /// It is that of the study.
+    /// The verdict is up to date.
     Current,
-    /// It is of another study or log: what differs, and what to run.
+    /// It belongs to another study or log. The text says what differs, and what to run.
     Stale(String),
 }
 
 impl VerdictStanding {
-    /// Compare the verdict of a job with its study, and the files of the log with what they were. The log is not read: whether it says the
-    /// same is found by `calib control`.
+    /// Compares the verdict of a job with its study, and the log files with their recorded state. The log is not read.
+    /// `calib control` finds out whether its content is the same.
     ///
     /// # Errors
-    /// If a file of the study's program cannot be read, or the settings cannot be what they are.
+    /// Returns an error if a file of the study's program cannot be read, or the settings are invalid.
     pub(crate) fn of(job: &Job) -> Result<Self, StepError> {
         let Some(config) = &job.study().control else { return Ok(Self::Missing) };
         let directory = &job.layout().control();
@@ -305,7 +307,7 @@ impl VerdictStanding {
         let other = match agents {
             _ if manifest.tool != TOOL => manifest.tool.as_str(),
             ComparedAgents::Program { .. } => "another program",
-            // Such as one that was built from other sources.
+            // For example one that was built from other sources.
             ComparedAgents::Own(_) => "another calib",
         };
         Ok(Self::Stale(format!(
@@ -316,8 +318,8 @@ impl VerdictStanding {
     }
 }
 
-/// That the log is not the one of the verdict in `directory`, by the size and the time of its files, and what to run. None of verdicts of
-/// earlier versions, which do not tell, and where the log is not at hand.
+/// Returns a message if the log files of the verdict in `directory` changed in size or time. `None` for verdicts of
+/// earlier versions, which have no record, and if the log is not available.
 fn log_change(job: &Job, directory: &Path) -> Option<String> {
     let noted = Sources::noted_in(directory)?;
     let now = data_of(job).and_then(|data| Sources::of(&data)).ok()?;
@@ -330,7 +332,7 @@ fn log_change(job: &Job, directory: &Path) -> Option<String> {
     })
 }
 
-/// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.
+/// Writes the verdict, the runs, and the files that `show` writes. Damaged files of `show` are written again.
 pub(super) fn write(
     directory: &Path,
     study: &Study,
@@ -357,7 +359,8 @@ pub(super) fn write(
     claim.complete(&manifest)
 }
 
-/// One row a run: every estimate of every candidate, so that other rules of choice can be tried on them.
+/// Returns a table with one row per run and all estimates of each setting, so that other selection rules can be tried
+/// on it.
 fn table(runs: &[Run], evaluation: &ControlEvaluation) -> Table {
     let counts = |value: fn(&Run) -> u64| -> Vec<i64> {
         runs.iter().map(|run| i64::try_from(value(run)).unwrap_or(i64::MAX)).collect()

@@ -53,7 +53,7 @@ impl RewardSummary {
         })
     }
 
-    /// "reward: mean 1.20, from 0 to 3.00 a step; recorded episodes: mean return 36.0".
+    /// Returns a line such as "reward: mean 1.20, from 0 to 3.00 a step; recorded episodes: mean return 36.0".
     fn line(&self) -> String {
         let Self { mean, least, largest, mean_return, beyond_whole_episodes } = self;
         format!(
@@ -67,7 +67,8 @@ impl RewardSummary {
     }
 }
 
-/// What the log of a study with `[control]` did and got, in which states, and where it says what an action does; nothing of another study.
+/// Describes the actions and rewards in the log of a study with `[control]`, and where it shows the effect of an
+/// action. `None` for other studies.
 pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<InspectedActions>, StepError> {
     let Some(config) = &job.study().control else { return Ok(None) };
     let log = log::read(job, config, printer)?;
@@ -97,10 +98,10 @@ pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<InspectedAc
 }
 
 impl InspectedActions {
-    /// Show it to people.
+    /// Prints it for people.
     ///
     /// # Errors
-    /// If nothing can be printed.
+    /// Returns an error if it cannot be printed.
     pub fn show(&self, printer: &Printer) -> Result<(), StepError> {
         let Self { log, reward } = self;
         let columns = counted(log.columns.len(), "column");

@@ -25,42 +25,42 @@ use super::{
 pub(crate) struct ActionLog {
     pub(crate) decisions: Decisions,
     pub(crate) names: Names,
-    /// Of everything that the model is made of.
+    /// Fingerprint of all inputs of the model.
     pub(super) fingerprint: Fingerprint,
     /// Time of every row of the decisions, in microseconds.
     pub(super) times: Vec<i64>,
     /// Time from one decision to the next.
     pub(crate) period: Period,
-    /// Which actions count as missing, because their values stand out; in sentences.
+    /// Sentences on outlying action values that count as missing.
     pub(crate) outlying: Vec<String>,
-    /// What of the log is left out; in sentences.
+    /// Sentences on the parts of the log that are left out.
     left_out: Vec<String>,
 }
 
-/// What things are called, and their units.
+/// Names and units.
 pub(crate) struct Names {
-    /// What the actions are called.
+    /// Names of the actions.
     pub(crate) actions: Vec<String>,
-    /// What was set, where actions are continuous.
+    /// The recorded values of continuous actions.
     pub(super) settings: Vec<SettingTold>,
-    /// Columns of the states.
+    /// State columns.
     pub(crate) columns: Vec<String>,
     pub(super) bounds: Vec<Bounds>,
-    /// What each action sets, `[levels][action columns]`.
+    /// The values that each action sets, `[levels][action columns]`.
     pub(super) levels: Vec<Vec<f64>>,
-    /// Least and largest value that was set of each column of the actions.
+    /// Smallest and largest recorded value of each action column.
     pub(super) ranges: Vec<[f64; 2]>,
 }
 
 impl Names {
-    /// A value of a column of the states in the unit of the log.
+    /// Converts a value of a state column to the unit of the log.
     pub(super) fn physical(&self, column: usize, value: f64) -> f64 {
         let Bounds { offset, scale } = self.bounds[column];
         value * scale + offset
     }
 }
 
-/// Read the training range of the study's log with its actions, rewards and terminals.
+/// Reads the training range of the study's log with its actions, rewards and terminals.
 pub(crate) fn read(
     job: &Job,
     config: &ControlConfig,
@@ -68,7 +68,7 @@ pub(crate) fn read(
 ) -> Result<ActionLog, StepError> {
     let study = job.study();
     let mut data = DataConfig { held_out: None, ..data_of(job)? };
-    // They are names here, and not patterns.
+    // The entries are names, and must not be read as patterns.
     data.exclude.extend(config.beside_the_state().iter().map(|name| entry_of(name, |_| false)));
     ensure!(
         !matches!(data.resample, Some(Resample::Mean | Resample::Linear)),
@@ -133,13 +133,13 @@ pub(crate) fn read(
     Ok(ActionLog { decisions, names, fingerprint, times, period, outlying, left_out })
 }
 
-/// Time from one decision to the next, where no terminal comes before.
+/// Returns the time from one decision to the next, if no terminal comes before.
 fn decision_period(config: &ControlConfig, period: Period) -> Period {
     let micros = period.as_micros().saturating_mul(config.every as i64);
     Period::from_micros(micros).unwrap_or(period)
 }
 
-/// A mistake about a probability, with its time.
+/// Adds the time to an error about a probability.
 fn of_probability(
     config: &ControlConfig,
     frames: &Frames,
@@ -156,7 +156,7 @@ fn of_probability(
     }
 }
 
-/// The actions that agents choose among, and for continuous ones what was set.
+/// Returns the actions that agents choose from, and the recorded values of continuous ones.
 fn levels_of(
     acted: &[Vec<f64>],
     config: &ControlConfig,
@@ -168,7 +168,7 @@ fn levels_of(
     Ok((levels, Some(settings)))
 }
 
-/// Say which columns hold text, such as the mode of a controller in the place of what it did.
+/// Warns about columns that hold text, such as the mode of a controller instead of its output.
 fn tell_texts(config: &ControlConfig, texts: &[TextFound], printer: &Printer) {
     for TextFound { column, example, rows } in texts {
         printer.warn(&format!(
@@ -180,8 +180,8 @@ fn tell_texts(config: &ControlConfig, texts: &[TextFound], printer: &Printer) {
     }
 }
 
-/// Take values of continuous actions that stand out for missing ones, and say which: levels that reach as far would be actions that nobody took.
-/// The columns of actions are the first of `recorded`.
+/// Marks outlying values of continuous actions as missing, and reports them. Levels up to such values would be actions
+/// that were never taken. The action columns are the first of `recorded`.
 fn without_outlying(
     config: &ControlConfig,
     frames: &Frames,
@@ -199,7 +199,7 @@ fn without_outlying(
     told.collect()
 }
 
-/// What is said of values of a column that stand out, the first of them at the time `at`.
+/// Returns the warning about outlying values of a column. The first is at time `at`.
 fn outlying_told(name: &str, found: &OutlyingActions, at: &str) -> String {
     let OutlyingActions { rows, range: [least, largest], others: [low, high] } = found;
     let [low, high] = [*low, *high].map(significant);
@@ -209,7 +209,7 @@ fn outlying_told(name: &str, found: &OutlyingActions, at: &str) -> String {
             format!("{least} in {} rows, first at {at}, stands", count(many))
         }
         many if significant(*least) == significant(*largest) => {
-            // Three digits do not tell them apart.
+            // The values look the same with three digits.
             format!("{} from {least} to {largest}, first at {at}, stand", counted(many, "value"))
         }
         many => format!(
@@ -232,7 +232,7 @@ fn outlying_told(name: &str, found: &OutlyingActions, at: &str) -> String {
     )
 }
 
-/// Least and largest of what was set; zeros of nothing.
+/// Returns the smallest and the largest value, or zeros if all are missing.
 fn range(values: &[f64]) -> [f64; 2] {
     let there = || values.iter().copied().filter(|value| !value.is_nan());
     let low = there().reduce(f64::min);
@@ -240,7 +240,7 @@ fn range(values: &[f64]) -> [f64; 2] {
     [low.unwrap_or(0.0), high.unwrap_or(0.0)]
 }
 
-/// A mistake about a column, with the key that names it.
+/// Adds the key that names the column to an error about it.
 fn named(config: &ControlConfig, error: DataError) -> StepError {
     match &error {
         DataError::NoSuchColumn { name, .. } | DataError::NoNumbers { name, .. } => {
@@ -251,7 +251,7 @@ fn named(config: &ControlConfig, error: DataError) -> StepError {
     }
 }
 
-/// Refuse states that memory cannot hold.
+/// Refuses states that do not fit into memory.
 fn require_memory(surveyed: &Surveyed) -> Result<(), NoRoom> {
     memory::require(
         surveyed.state_bytes().saturating_add(surveyed.working_bytes()),
@@ -277,7 +277,7 @@ fn fingerprint(
     }
     for ((action, reward), ending) in levels.of_rows.iter().zip(rewards).zip(endings) {
         let action = action.map_or(u32::MAX, u32::from);
-        // Every NaN is the same missing reward.
+        // Every NaN counts as the same missing reward.
         let reward = if reward.is_nan() { f32::NAN } else { *reward };
         all.add(&action.to_le_bytes()).add(&reward.to_bits().to_le_bytes());
         all.add(&[u8::from(*ending == Ending::Terminal)]);
@@ -285,19 +285,19 @@ fn fingerprint(
     all.finish()
 }
 
-/// The fingerprint of what has one, and of these numbers.
+/// Combines a fingerprint with further numbers.
 fn with_numbers(log: &Fingerprint, what: &[u8], numbers: impl Iterator<Item = f64>) -> Fingerprint {
     let mut all = Fingerprinter::default();
     all.add(what).add(log.to_string().as_bytes());
     for number in numbers {
-        // Every NaN is the same missing one.
+        // Every NaN counts as the same missing number.
         let number = if number.is_nan() { f64::NAN } else { number };
         all.add(&number.to_le_bytes());
     }
     all.finish()
 }
 
-/// What was set of every continuous action.
+/// Summarises the recorded values of every continuous action.
 fn settings_told(
     config: &ControlConfig,
     acted: &[Vec<f64>],
@@ -320,14 +320,14 @@ fn settings_told(
 }
 
 impl ActionLog {
-    /// Warn of what of the log is left out.
+    /// Warns about the parts of the log that are left out.
     pub(super) fn tell_left_out(&self, printer: &Printer) {
         for told in &self.left_out {
             printer.warn(told);
         }
     }
 
-    /// What a representation is trained on: the states, along the episodes.
+    /// Returns the training data of a representation: the states, along the episodes.
     pub(super) fn material(&self) -> Material<'_> {
         let states = self.decisions.states();
         let segments = self.decisions.transitions().segments();
@@ -335,7 +335,7 @@ impl ActionLog {
     }
 }
 
-/// The rows in which episodes begin.
+/// Returns the rows in which episodes begin.
 pub(super) fn start_rows(log: &Decisions, start: StartRows) -> Vec<u32> {
     match start {
         StartRows::Episodes => log.starts().into_iter().map(|RowIndex(row)| row).collect(),
@@ -343,7 +343,7 @@ pub(super) fn start_rows(log: &Decisions, start: StartRows) -> Vec<u32> {
     }
 }
 
-/// Refuse a model that memory cannot hold.
+/// Refuses a model that does not fit into memory.
 pub(super) fn require_model(log: &Decisions, config: &ControlConfig) -> Result<(), StepError> {
     let starts = start_rows(log, config.start).len();
     Ok(memory::require(
@@ -358,7 +358,7 @@ pub(super) fn require_model(log: &Decisions, config: &ControlConfig) -> Result<(
     )?)
 }
 
-/// The states in which episodes begin, and what `metric` makes of them.
+/// Returns the states in which episodes begin, with their representation by `metric`.
 pub(super) fn starts(
     log: &Decisions,
     metric: &States,

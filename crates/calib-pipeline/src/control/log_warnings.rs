@@ -1,4 +1,4 @@
-//! What is said of a log of decisions that costs transitions, or may mean something else than it says.
+//! Warnings about a log of decisions that loses transitions, or whose values may mean something else.
 
 use calib_base::output::{Printer, count, counted, percent, span};
 use calib_control::{
@@ -8,11 +8,11 @@ use calib_control::{
 use calib_core::{Frames, Period};
 use calib_data::{Profile, Resample, format_time};
 
-/// One decision in so many may count as the action of a terminal's row without a word. Our choice: a lag of two rows does so to one decision
-/// of each episode.
+/// Up to one decision in this many may count as the action of a terminal's row without a warning. Our choice: with a
+/// lag of two rows this affects one decision per episode.
 const LAGGED_TO_ONE: usize = 20;
 
-/// Say where actions are missing, what is odd about the column of terminals, and whether a lag is longer than many episodes.
+/// Warns about missing actions, an odd column of terminals, and a lag that is longer than many episodes.
 pub(super) fn tell_columns(
     config: &ControlConfig,
     resample: Option<Resample>,
@@ -36,8 +36,8 @@ pub(super) fn tell_columns(
     }
 }
 
-/// What of a log is left out, in sentences: rows that have the time of another one or none, and steps over gaps. `calib inspect` tells of
-/// them in its own words.
+/// Returns sentences on the parts of a log that are left out: rows with a repeated or missing time, and steps over
+/// gaps. `calib inspect` reports these in its own words.
 pub(super) fn left_out(
     profile: &Profile,
     resample: Option<Resample>,
@@ -63,7 +63,7 @@ pub(super) fn left_out(
     told
 }
 
-/// What is said of `rows` rows that have the time of another one, the first of which is `first`.
+/// Returns the message about `rows` rows with the time of another row. `first` is the first such time.
 fn repeated_times(rows: usize, first: &str) -> String {
     format!(
         "{} the time of another row and {} left out, the first at {first}: of each time the first row counts. If several machines or episodes \
@@ -73,7 +73,7 @@ fn repeated_times(rows: usize, first: &str) -> String {
     )
 }
 
-/// What is said of gaps that cost many steps, the first of them after the time `first`.
+/// Returns the message about gaps that cost many steps. The first comes after the time `first`.
 fn many_gaps(
     gaps: &UnendedGaps,
     first: &str,
@@ -93,7 +93,7 @@ fn many_gaps(
     )
 }
 
-/// What is said of `rows` rows without an action, the first of them at the time `first`.
+/// Returns the warning about `rows` rows without an action. The first is at the time `first`.
 fn missing_actions(rows: usize, first: &str, resample: Option<Resample>) -> String {
     let remedy = if resample.is_some() {
         "raise data.max_age_secs to the longest time that an action holds"
@@ -106,7 +106,7 @@ fn missing_actions(rows: usize, first: &str, resample: Option<Resample>) -> Stri
     )
 }
 
-/// What is odd about the column `name` of terminals, whose first empty cell is at the time `first_empty`.
+/// Returns warnings about the column `name` of terminals. Its first empty cell is at the time `first_empty`.
 fn odd_terminals(name: &str, cells: &TerminalCells, first_empty: Option<&str>) -> Vec<String> {
     let TerminalCells { rows, terminals, empty, .. } = *cells;
     let mut odd = Vec::new();
@@ -129,7 +129,7 @@ fn odd_terminals(name: &str, cells: &TerminalCells, first_empty: Option<&str>) -
     odd
 }
 
-/// What is said of a lag that many decisions do not have; nothing where they are few.
+/// Returns the warning about a lag if many decisions have none. `None` if they are few.
 fn long_lag(lag: usize, lagged: LaggedDecisions) -> Option<String> {
     let LaggedDecisions { count: beyond, decisions } = lagged;
     (beyond * LAGGED_TO_ONE >= decisions && beyond > 0).then(|| {
@@ -179,7 +179,7 @@ pub(super) fn tell_missing_rewards(
     }
 }
 
-/// What is said of terminals that are in rows without a reward; nothing where there are none.
+/// Returns the part of the message on terminals in rows without a reward. Empty if there are none.
 fn lost_terminals(lost: usize, terminals: usize) -> String {
     let are = match lost {
         0 => return String::new(),
@@ -193,12 +193,12 @@ fn lost_terminals(lost: usize, terminals: usize) -> String {
     )
 }
 
-/// "3 rows have".
+/// Formats a number of rows with its verb, such as "3 rows have".
 fn rows_have(rows: usize) -> String {
     format!("{} {}", counted(rows, "row"), if rows == 1 { "has" } else { "have" })
 }
 
-/// Say how often agents decide, where that is not in every row, and whether the plant was operated like that.
+/// Reports how often agents decide, if not in every row, and whether the plant was operated like that.
 pub(super) fn tell_decisions(
     config: &ControlConfig,
     frames: &Frames,

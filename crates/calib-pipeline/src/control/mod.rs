@@ -1,4 +1,5 @@
-//! Agents that act: from a log of decisions to a verdict, and logs of tasks whose truth is known.
+//! Agents that act: from a log of decisions to a verdict. Also writes logs of tasks whose true
+//! values are known.
 
 mod advice;
 mod agents;

@@ -1,4 +1,4 @@
-//! `control-model/`: the model with actions, made once and mapped afterwards.
+//! `control-model/`: the model with actions, which is built once and then memory-mapped.
 
 use std::{path::Path, sync::Arc};
 
@@ -28,39 +28,39 @@ const TIMES: &str = "times.npy";
 /// Rows in which episodes begin, `u32 [starts, 1]`.
 const START_ROWS: &str = "start-rows.npy";
 
-/// A column of the states.
+/// A state column.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControlColumn {
-    /// Its name.
+    /// The name.
     pub name: String,
     /// The map to the unit of the log.
     pub bounds: Bounds,
 }
 
-/// What the numbers of a model with actions mean.
+/// The meaning of the numbers in a model with actions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControlNames {
-    /// Columns of the states.
+    /// State columns.
     pub columns: Vec<ControlColumn>,
-    /// Columns of the actions.
+    /// Action columns.
     pub action_columns: Vec<String>,
-    /// What each action sets, `[levels][action columns]`.
+    /// The values that each action sets, `[levels][action columns]`.
     pub levels: Vec<Vec<f64>>,
-    /// What each action is called.
+    /// Names of the actions.
     pub actions: Vec<String>,
-    /// Least and largest value that was set of each column of the actions.
+    /// Smallest and largest recorded value of each action column.
     pub ranges: Vec<[f64; 2]>,
     /// Whether the log has a column of terminals.
     pub has_terminals: bool,
-    /// Time from one row to the next, which is from one decision to the next.
+    /// Time from one row to the next, which is the time between decisions.
     pub period: Period,
     /// Steps after which the study cuts an episode.
     pub timeout: usize,
-    /// Root of its draws.
+    /// Root of the study's random seeds.
     pub seed: u64,
-    /// What it refuses.
+    /// Largest share of uncovered steps that the study accepts.
     pub most_uncovered: f64,
-    /// Likewise.
+    /// Smallest number of terminals that the study accepts.
     pub fewest_terminals: usize,
 }
 
@@ -69,10 +69,10 @@ pub struct ControlNames {
 struct ControlModelManifest {
     format: u32,
     tool: String,
-    /// Fingerprint of what it follows from.
+    /// Fingerprint of the inputs.
     key: String,
     study: Study,
-    /// Of the log.
+    /// Fingerprint of the log.
     log: Fingerprint,
     record: ActionModelRecord,
     names: ControlNames,
@@ -87,40 +87,41 @@ impl Manifest for ControlModelManifest {
     }
 }
 
-/// A model with actions that was opened from a folder, and what its numbers mean.
+/// A model with actions that was opened from a folder, with the meaning of its numbers.
 pub struct ControlModel {
     /// The model.
     pub model: Arc<ActionModel>,
-    /// What its numbers mean.
+    /// The meaning of its numbers.
     pub names: ControlNames,
     /// Time of every row, in microseconds since 1970.
     pub times: Vec<i64>,
     /// Rows in which episodes begin.
     pub start_rows: Vec<u32>,
-    /// Share of the recorded states by which the radius of coverage was taken.
+    /// Share of the recorded states that determined the radius of coverage.
     pub coverage: f64,
     /// Rows from one decision to the next.
     every: usize,
 }
 
 impl ControlModel {
-    /// Map the model in a folder.
+    /// Maps the model in a folder.
     ///
     /// # Errors
-    /// If there is none, or it was damaged.
+    /// Returns an error if there is none, or it was damaged.
     pub fn in_directory(directory: &Path) -> Result<Self, StepError> {
         opened(directory, "calib control STUDY")
     }
 
-    /// Map the model of a study.
+    /// Maps the model of a study.
     ///
     /// # Errors
-    /// As [`in_directory`](Self::in_directory).
+    /// Fails as [`in_directory`](Self::in_directory) does.
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
         opened(&job.layout().control_model(), &job.command(StepKind::Control))
     }
 
-    /// Why agents have nothing to choose in it, if its log has one action: an earlier calib may have built it.
+    /// Returns the reason why agents have nothing to choose in it, if its log has only one action. An earlier
+    /// calib may have built it.
     pub fn only_action(&self) -> Option<String> {
         rare::only_action(&self.names.actions, self.every)
     }
@@ -147,20 +148,20 @@ fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
     })
 }
 
-/// Fingerprint of what the model follows from: not what agents do in it.
+/// Returns the fingerprint of the model's inputs. The behaviour of agents in it is not an input.
 fn key(job: &Job, config: &ControlConfig, log: &ActionLog) -> Result<String, StepError> {
     let represented = match config.model.distance {
         Distance::Euclidean => None,
         Distance::Laplacian => Some((job.study().representation.candidates(), job.study().seed)),
     };
-    // What is done where the log does not cover a step is no matter of the tables.
+    // The rule for uncovered steps does not affect the tables.
     let model = calib_control::ActionModelConfig { pessimism: Pessimism::Nearest, ..config.model };
     let format = ControlModelManifest::FORMAT;
     let names = control_names(job.study(), config, log);
     artefact::key(&(format, TOOL, &log.fingerprint, model, config.start, represented, names))
 }
 
-/// The metric of the model: the states, or their representation.
+/// Returns the coordinates in which the model measures distance: the states, or their representation.
 fn metric(
     job: &Job,
     config: &ControlConfig,
@@ -173,15 +174,15 @@ fn metric(
     }
 }
 
-/// What a step does where the log does not cover it, by the study.
+/// Returns the study's rule for steps that the log does not cover.
 pub(super) fn rules(config: &ControlConfig, log: &ActionLog) -> Result<Rules, StepError> {
-    // Agents that live for less than an episode have no longer ones.
+    // An agent with fewer steps than the timeout has no longer episodes.
     let recorded = log.decisions.recorded_return(config.timeout.min(config.steps))?;
     let worst_return = config.worst_return.or(recorded.worst).unwrap_or(recorded.mean);
     Ok(Rules { pessimism: config.model.pessimism, worst_return })
 }
 
-/// The model of a study: what is there, or made now; where nothing may be written it stays in memory.
+/// Opens the model of a study, or builds it. If nothing may be written, it stays in memory.
 pub(super) fn open_or_build(
     job: &Job,
     config: &ControlConfig,
@@ -204,7 +205,7 @@ pub(super) fn open_or_build(
     let claim = if job.policy().share.is_none() {
         Some(DirectoryLock::new(directory, Below::Ours))
     } else {
-        // Another share that writes the same need not be waited for.
+        // Another share that writes the same files need not be waited for.
         DirectoryLock::try_new(directory, Below::Ours).transpose()
     };
     if let Some(claim) = claim {
@@ -214,7 +215,7 @@ pub(super) fn open_or_build(
     Ok(model)
 }
 
-/// The model of a study that is there, if it follows from the same and is not to be made again.
+/// Opens the stored model of a study, if it has the same inputs and is not to be rebuilt.
 pub(super) fn open_kept(
     job: &Job,
     config: &ControlConfig,
@@ -227,7 +228,7 @@ pub(super) fn open_kept(
     kept(&job.layout().control_model(), &key, rules(config, log)?, log)
 }
 
-/// Make the model again if it is there and damaged.
+/// Builds the model again if it exists and is damaged.
 pub(super) fn mend(
     job: &Job,
     config: &ControlConfig,
@@ -243,7 +244,8 @@ pub(super) fn mend(
     Ok(())
 }
 
-/// The model that is there, if it follows from the same and is whole: its tables, with the log that was read.
+/// Opens the stored model, if it has the same inputs and is intact. It combines the stored tables with the log
+/// that was read.
 fn kept(
     directory: &Path,
     key: &str,
@@ -307,7 +309,7 @@ fn control_names(study: &Study, config: &ControlConfig, log: &ActionLog) -> Cont
     }
 }
 
-/// Make the model with actions of a study, if it is not there.
+/// Builds the model with actions of a study, if it is missing.
 pub(crate) fn build(job: &Job, printer: &Printer) -> Result<ActionModel, StepError> {
     job.refuse_deployment()?;
     let Some(config) = &job.study().control else { return Err(super::run::no_section(job)) };

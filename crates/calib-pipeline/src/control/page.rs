@@ -19,12 +19,12 @@ use super::{advice::rank_name, figures, files::ControlEvaluation, show};
 
 const PAGE: &str = "report.html";
 
-/// Where the page is.
+/// Returns the path of the page.
 pub(super) fn path(directory: &Path) -> PathBuf {
     directory.join(PAGE)
 }
 
-/// Write the page, and each figure as SVG and PNG; the names of the files.
+/// Writes the page, and each figure as SVG and PNG. Returns the file names.
 pub(super) fn write(
     directory: &Path,
     job: &Job,
@@ -58,7 +58,7 @@ pub(super) fn write(
     Ok(names)
 }
 
-/// The representations that were tried, where neighbours are near in one.
+/// Returns the table of tested representations, if neighbours are measured in one.
 fn represented(job: &Job, evaluation: &ControlEvaluation) -> Vec<Table> {
     let manifest = (evaluation.log.distance == Distance::Laplacian)
         .then(|| decisions::manifest(job))
@@ -70,7 +70,7 @@ fn texts<const N: usize>(texts: [&str; N]) -> Vec<String> {
     texts.map(str::to_owned).to_vec()
 }
 
-/// Every candidate, in the order of the rule.
+/// Returns the table of all settings, in the order of the rule.
 fn candidates(evaluation: &ControlEvaluation) -> Table {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
     let mut columns =
@@ -145,7 +145,7 @@ fn actions(evaluation: &ControlEvaluation) -> Table {
     }
 }
 
-/// The numbers of the maps, a table a column.
+/// Returns the numbers of the maps, one table per column.
 fn maps(evaluation: &ControlEvaluation) -> Vec<Table> {
     evaluation.log.map.iter().take(figures::MAPS).map(|map| {
         Table {

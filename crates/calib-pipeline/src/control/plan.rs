@@ -1,4 +1,4 @@
-//! What a sweep of agents that act will take, before it does.
+//! Estimates time, memory and disk space of a sweep of agents that act.
 
 use calib_base::{
     StepError, disk_room, memory,
@@ -23,10 +23,10 @@ use super::{
     work_left::{Extent, WorkLeft, runs_of_kind},
 };
 
-/// Bytes of a run in its file, and of what it has of each column.
+/// Bytes of a run's file, and of its part for each column.
 const RUN_BYTES: usize = 1_000;
 const COLUMN_BYTES: usize = 50;
-/// A file takes whole blocks of so many bytes on most disks.
+/// Size of a disk block. Files take whole blocks on most disks.
 const BLOCK_BYTES: usize = 4_096;
 
 /// What `calib control` would do: the result of a dry run.
@@ -84,10 +84,10 @@ struct ControlTime {
     secs: f64,
 }
 
-/// What the sweep of a study will take, some of which is timed; `units` are the runs that are there.
+/// Estimates the sweep of a study, and times some of it. `units` are the existing runs.
 ///
 /// # Errors
-/// If there are too many runs, the model that is there cannot be read, or the observer asks to stop.
+/// Returns an error if there are too many runs, the stored model cannot be read, or the observer asks to stop.
 pub(super) fn planned(
     job: &Job,
     config: &ControlConfig,
@@ -179,7 +179,7 @@ impl ControlTime {
                 .iter()
                 .map(|agent| Pieces { count: 1, secs: by_the_log(agent, steps, log) });
             other_secs += side_by_side(&evaluated.collect::<Vec<_>>(), threads);
-            // Which one is chosen is not known.
+            // The choice is not known yet, so its setting may be any.
             let once_more = costs
                 .agents
                 .iter()
@@ -190,7 +190,7 @@ impl ControlTime {
         Self { representation_secs, models_secs, runs_secs, other_secs, secs }
     }
 
-    /// "models 2.0 s, runs 8.0 s".
+    /// Returns the parts of the time, such as "models 2.0 s, runs 8.0 s".
     fn parts(self) -> String {
         let Self { representation_secs, models_secs, runs_secs, other_secs, .. } = self;
         let representation = if representation_secs > 0.0 {
@@ -209,27 +209,27 @@ impl ControlTime {
     }
 }
 
-/// How long making a representation takes.
+/// Returns the time to train a representation, in seconds.
 fn representing(cost: &RepresentationCost, threads: usize) -> f64 {
     let trainings = cost.trainings.iter().map(|&secs| Pieces { count: 1, secs });
     side_by_side(&trainings.collect::<Vec<_>>(), threads) + cost.scoring
 }
 
-/// What the evaluation of an agent by the log alone takes: it learns from the log, and its policy is evaluated.
+/// Returns the time to evaluate an agent from the log alone: it learns from the log, and its policy is evaluated.
 fn by_the_log(agent: &AgentCost, steps: f64, log: &Decisions) -> f64 {
     let learning = agent.beginning + steps * agent.step;
     learning + log.len() as f64 * agent.evaluated_transition
 }
 
-/// Pieces of work that take as long.
+/// Pieces of work that take equally long.
 #[derive(Clone, Copy)]
 struct Pieces {
     count: usize,
-    /// Of each, on one thread.
+    /// Seconds of each on one thread.
     secs: f64,
 }
 
-/// How long pieces of work take that threads take up one after the other.
+/// Returns the time of pieces of work that threads take up one after the other.
 fn side_by_side(pieces: &[Pieces], threads: usize) -> f64 {
     let there = || pieces.iter().filter(|pieces| pieces.count > 0);
     let all: usize = there().map(|pieces| pieces.count).sum();
@@ -252,7 +252,8 @@ impl ControlMemory {
         let columns = decisions.states().columns();
         let transitions = decisions.len();
         let tables = tables_bytes(config, decisions);
-        // The scaled states of all sources and their numbers; or examples for each network that is trained at a time.
+        // Increments keep the scaled states of all sources and their numbers. Networks keep examples for each one
+        // trained at the same time.
         let set = decisions.settings().map_or(0, calib_control::Settings::columns);
         let increments = transitions * (4 * (columns + set) + 4);
         let example = 4 * (2 * columns + decisions.levels() + 2);
@@ -269,7 +270,7 @@ impl ControlMemory {
         }
         let log = log_bytes(decisions);
         let all_threads = thread.saturating_mul(threads as u64);
-        // The representation is gone when runs begin; the tables are made from it.
+        // The representation is freed before runs begin. The tables are made from it.
         let representation = represented.map_or(0, |cost| cost.memory);
         let beside_tables = representation.max(other_models.saturating_add(all_threads));
         let total = log.saturating_add(tables).saturating_add(beside_tables);
@@ -300,31 +301,31 @@ impl ControlMemory {
     }
 }
 
-/// Bytes of a log of decisions: states, times, and what belongs to a transition.
+/// Returns the bytes of a log of decisions: states, times, and the data of each transition.
 fn log_bytes(log: &Decisions) -> u64 {
     let set = log.settings().map_or(0, calib_control::Settings::columns);
     (log.states().rows() * (4 * (log.states().columns() + set) + 8) + 24 * log.len()) as u64
 }
 
-/// Bytes of the tables of a model.
+/// Returns the bytes of a model's tables.
 fn tables_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
     ActionModel::bytes(log, log::start_rows(log, config.start).len(), &config.model)
 }
 
-/// Bytes that the folder of results grows by, beside the report.
+/// Returns the bytes that the folder of results grows by, without the report.
 fn disk(config: &ControlConfig, log: &Decisions, is_model_kept: bool, runs: usize) -> u64 {
     let run = (RUN_BYTES + COLUMN_BYTES * log.states().columns()).next_multiple_of(BLOCK_BYTES);
-    // The lists of one action are there only while they are searched.
+    // The lists of one action exist only while they are searched.
     let levels = log.levels() as u64;
     let tables = tables_bytes(config, log) / (levels + 1) * levels;
     let model = if is_model_kept { 0 } else { tables.saturating_add(log_bytes(log)) };
     model.saturating_add((runs as u64).saturating_mul(run as u64))
 }
 
-/// Refuse a sweep of so many settings if the disk has no room for its model and its runs.
+/// Refuses a sweep of this many settings if the disk has no room for its model and runs.
 ///
 /// # Errors
-/// If there is clearly less room, or there are more runs than numbers.
+/// Returns an error if there is clearly less room, or there are too many runs to number.
 pub(super) fn require_room(
     job: &Job,
     config: &ControlConfig,
@@ -344,10 +345,10 @@ pub(super) fn require_room(
 }
 
 impl ControlPlan {
-    /// The plan of a sweep whose verdict is there.
+    /// Returns the plan of a sweep that already has a verdict.
     ///
     /// # Errors
-    /// If there are more runs than numbers.
+    /// Returns an error if there are too many runs to number.
     pub(super) fn of_nothing(
         config: &ControlConfig,
         settings: usize,
@@ -366,7 +367,7 @@ impl ControlPlan {
         })
     }
 
-    /// Say what will be done, and what it takes.
+    /// Prints the plan and its estimates.
     pub(super) fn announce(&self, job: &Job, printer: &Printer) {
         let Self { runs, left, threads, disk, .. } = *self;
         let threads = counted(threads, "thread");
@@ -427,7 +428,7 @@ mod tests {
         Decisions::new(states, &segments, columns, 2).expect("a log")
     }
 
-    /// Neighbours, and networks, in two members each.
+    /// Returns work for neighbours and networks, in two members each.
     fn work(extent: Extent, of_settings: [usize; 2], members: usize) -> WorkLeft {
         let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network].map(|kind| KindLeft {
             kind,
@@ -450,11 +451,11 @@ mod tests {
         let all = time(&work(Extent::All, [2, 2], 2));
         // The model, and two networks.
         assert_eq!(all.models_secs, 5.0 + 2.0 * 7.0);
-        // Two runs of each setting, in steps of 2 and 4 seconds, and of 3 and 5.
+        // Two runs of each setting: steps of 2 and 4 seconds in one model, of 3 and 5 in the other.
         let kept = 8.0 * KEEPING_SECS;
         assert!((all.runs_secs - 10.0 * 2.0 * (2.0 + 4.0 + 3.0 + 5.0) - kept).abs() < 1e-9);
-        // 32 walks of random actions, and 16 of each of two constant ones, in two members of both kinds; both agents by the log; one of
-        // them again.
+        // 32 walks of random actions and 16 of each of two constant ones, in two members of both kinds. Then both
+        // agents from the log, and one of them again.
         let [constant, by_the_log, again] =
             [10.0 * 128.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];
         assert_eq!(all.other_secs, constant + by_the_log + again);
@@ -489,10 +490,10 @@ mod tests {
     fn a_model_that_is_there_takes_no_disk() {
         let config = ControlConfig::default();
         let log = decisions();
-        // A block for each run.
+        // One block per run.
         let runs = 3 * 4_096;
         assert_eq!(disk(&config, &log, true, 3), runs);
-        // 100 transitions and the start, two actions, three neighbours, five members, eight bytes; and the log.
+        // 100 transitions and the start, two actions, three neighbours, five members, eight bytes. Then the log.
         let tables = 101 * 2 * 3 * 5 * 8;
         assert_eq!(disk(&config, &log, false, 3), runs + tables + 101 * 12 + 24 * 100);
     }

@@ -1,4 +1,4 @@
-//! How settings stand by the runs that are there, before a sweep is finished.
+//! Ranks settings by the available runs, before a sweep is finished.
 
 use std::collections::BTreeMap;
 
@@ -44,10 +44,10 @@ pub(crate) struct ControlRanked {
     pub(crate) mean_return: Option<f64>,
 }
 
-/// How the settings of a study stand, whose verdict stands like this; none if there is no run.
+/// Ranks the settings of a study with this verdict. `None` if there are no runs.
 ///
 /// # Errors
-/// If the settings cannot be what they are.
+/// Returns an error if the settings are invalid.
 pub(crate) fn ranking(
     job: &Job,
     verdict: &VerdictStanding,
@@ -63,8 +63,8 @@ pub(crate) fn ranking(
         mean_rank: selection.mean_ranks[candidate],
         mean_return: Some(selection.mean_errors[candidate]).filter(|mean| mean.is_finite()),
     };
-    // The runs of a finished sweep are one table, and their ranks stand in the verdict. Runs that are left beside it are in it: those of the
-    // other settings where some failed, or those of a share that ended after it.
+    // A finished sweep has its runs in one table and its ranks in the verdict. Files beside it add nothing: they hold
+    // runs of settings that did not fail, or of a share that ended later.
     let is_current = matches!(verdict, VerdictStanding::Current);
     let found = read_sealed_json::<ControlEvaluation>(&job.layout().control().join(VERDICT)).ok();
     if let Some(found) = found.filter(|_| is_current) {
@@ -104,7 +104,7 @@ pub(crate) fn ranking(
     }))
 }
 
-/// Mean returns of the members in which every setting has as many runs, `[members][settings]`.
+/// Returns the mean returns of the members, `[members][settings]`. Only runs that every setting has count.
 fn complete(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
     let mut by_run: BTreeMap<(ActionModelKind, usize, usize), Vec<Option<f64>>> = BTreeMap::new();
     for run in runs.iter().filter(|run| run.candidate < candidates) {

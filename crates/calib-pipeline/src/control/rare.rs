@@ -1,4 +1,4 @@
-//! Actions of which a log says little.
+//! Warnings about actions that are rare in a log.
 
 use calib_base::{
     StepError, bail,
@@ -8,10 +8,10 @@ use calib_control::{ControlConfig, LEAST_LEVELS};
 
 use super::log::ActionLog;
 
-/// Actions that are named in a warning.
+/// Number of actions that a warning names.
 const NAMED: usize = 3;
 
-/// Refuse a log with one action, and warn of actions that were hardly ever taken.
+/// Refuses a log with a single action, and warns about rare actions.
 pub(super) fn check_actions(
     log: &ActionLog,
     config: &ControlConfig,
@@ -26,12 +26,13 @@ pub(super) fn check_actions(
     Ok(())
 }
 
-/// What is said of actions that were taken in a few steps only, or in none; levels are such actions too. Nothing where there are none.
+/// Returns the warning about actions that were taken in few or no steps, including levels. `None` if there are none.
 pub(crate) fn hardly_taken(log: &ActionLog, config: &ControlConfig) -> Option<String> {
     told(&log.names.actions, &log.decisions.counts(), config)
 }
 
-/// That a log has only one of these `actions` in every row, or every `every`-th one, if so: models then know of no other, and agents have no choice.
+/// Returns the message for a log with a single action in all rows, or in every `every`-th row. Models then know no
+/// other action, and agents have no choice.
 pub(super) fn only_action(actions: &[String], every: usize) -> Option<String> {
     let [action] = actions else { return None };
     let rows = match every {
@@ -44,7 +45,7 @@ pub(super) fn only_action(actions: &[String], every: usize) -> Option<String> {
     ))
 }
 
-/// The same of actions with these names, each of which was taken in so many steps.
+/// Returns the warning for actions with these names and numbers of steps.
 fn told(names: &[String], counts: &[usize], config: &ControlConfig) -> Option<String> {
     let hardly = calib_control::hardly_taken(counts);
     let counted = match hardly.len() {
@@ -67,10 +68,10 @@ fn told(names: &[String], counts: &[usize], config: &ControlConfig) -> Option<St
     ))
 }
 
-/// How a study with such actions has fewer of them.
+/// Returns the advice on how to have fewer such actions.
 fn fewer_actions(config: &ControlConfig) -> &'static str {
     match (config.levels, config.actions.len()) {
-        // Levels have no probability but a density.
+        // Levels have a probability density, and no probabilities.
         (None, _) if config.probability.is_some() => {
             "merge such actions with others in the log, or use a longer log"
         }

@@ -33,7 +33,7 @@ use super::{
     units::{self, RunCounts, RunFiles, RunOrigin},
 };
 
-/// From the log of decisions to the verdict.
+/// Runs `calib control`: from the log of decisions to the verdict.
 pub(crate) fn run(
     job: &Job,
     printer: &Printer,
@@ -105,7 +105,7 @@ pub(crate) fn run(
         page::write(&directory, job, &evaluation)
     })?;
     files::note_sources(&directory, &sources, printer)?;
-    // Settings that failed are tried again by the next command, beside what there is of the others.
+    // The next command tries failed settings again, and reuses the runs of the others.
     if !evaluation.lacks_settings() {
         units.remove()?;
     }
@@ -115,8 +115,8 @@ pub(crate) fn run(
     Ok(StepResult::Made(evaluation))
 }
 
-/// Make the runs of a share, for the command without one to judge. It tries settings again with which a program failed here, so that
-/// these are warnings.
+/// Makes the runs of a share, which a later command without a share judges. That command tries failed settings again,
+/// so failures here are only warnings.
 fn run_share(
     job: &Job,
     config: &ControlConfig,
@@ -136,7 +136,8 @@ fn run_share(
     if let Some(program) = program {
         printer.say_all(&program.reasons());
         failures = program.failures();
-        // As in the command without a share: whoever ends badly may have answered wrongly before. Runs of other shares are kept.
+        // As without a share: a process that fails at its end may have given wrong answers before. Runs of other shares
+        // are kept.
         if let Err(reason) = program.finish() {
             units.forget(&runs)?;
             return Err(reason);
@@ -155,7 +156,7 @@ fn run_share(
     Ok(())
 }
 
-/// A study that knows of no actions.
+/// Returns the error for a study without actions.
 pub(super) fn no_section(job: &Job) -> StepError {
     StepError::message(format!(
         "{} has no [control] section; say there which columns are actions: [control] actions = [\"COLUMN\"]",
@@ -163,7 +164,7 @@ pub(super) fn no_section(job: &Job) -> StepError {
     ))
 }
 
-/// What there is and what will be done.
+/// Prints the size of the log and of the sweep.
 fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer: &Printer) {
     let decisions = &log.decisions;
     let episodes = decisions.starts().len();
@@ -185,8 +186,8 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
     ));
 }
 
-/// Whether agents that learn side by side fit into memory, and a word where most of their time would go into pairs of columns, or
-/// their numbers do not fit the returns of the log.
+/// Checks that agents that learn in parallel fit into memory. Warns if pairs of columns would take most of the time, or
+/// if values of agents do not fit the returns of the log.
 fn fits(
     config: &ControlConfig,
     candidates: &[AgentConfig],
@@ -224,10 +225,10 @@ fn fits(
     Ok(())
 }
 
-/// Steps of the chosen agent that are counted at most.
+/// Largest number of counted steps of the chosen agent.
 const MOST_TOLD_STEPS: usize = 5_000;
 
-/// What was judged, and by which runs.
+/// The judged settings, with their runs.
 struct JudgedSettings {
     /// Fingerprint of the log.
     log: Fingerprint,
@@ -235,7 +236,7 @@ struct JudgedSettings {
     runs: Vec<Run>,
 }
 
-/// Build the model, let every candidate act in it, and judge.
+/// Builds the model, trains the agent of every setting in it, and judges the settings.
 fn judged(
     job: &Job,
     config: &ControlConfig,
@@ -259,7 +260,7 @@ fn judged(
     let default = agents.default(config);
     let question = Question {
         log: decisions,
-        // Agents that live for less than an episode have no longer ones.
+        // An agent with fewer steps than the timeout has no longer episodes.
         timeout: config.timeout.min(config.steps),
         candidates: agents.count(),
         default: default.filter(|&default| !acting.has_failed(default)),
@@ -275,7 +276,7 @@ fn judged(
     let failures = program.as_ref().map_or_else(Vec::new, ProgramAgents::failures);
     let described = described(&model, config.model.distance, &names)?;
     let span = RunLength { steps: config.steps, timeout: config.timeout };
-    // An agent that has learned, as far as it will.
+    // The last quarter of a run, in which the agent has learned what it will.
     let kept = config.steps.div_ceil(4).min(MOST_TOLD_STEPS);
     let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
     let of_reward: Vec<String> = config.reward.columns().cloned().collect();
@@ -284,11 +285,11 @@ fn judged(
     if let Some(program) = program
         && let Err(reason) = program.finish()
     {
-        // Whoever ends badly may have answered wrongly before.
+        // A process that fails at its end may have given wrong answers before.
         units.remove()?;
         return Err(reason);
     }
-    // All three ask for the probabilities of an agent's actions, which a program does not tell.
+    // All three need the probabilities of an agent's actions, which a program does not report.
     let OffPolicyValues { fitted_q, importance, doubly_robust } =
         off_policy_values(decisions, &observed, own, config.steps, config.timeout, &progress)?;
     let evaluation = ControlEvaluation {
@@ -307,7 +308,7 @@ fn judged(
     Ok(JudgedSettings { log: fingerprint, evaluation, runs })
 }
 
-/// How much the log has to support a choice.
+/// Returns the requirements on the log for a supported choice.
 fn support(config: &ControlConfig) -> Support {
     Support {
         most_uncovered: config.most_uncovered,
@@ -315,14 +316,14 @@ fn support(config: &ControlConfig) -> Support {
     }
 }
 
-/// What came of the settings, and of actions that need no agent.
+/// The results of the settings, and of actions without an agent.
 struct SweptSettings {
     runs: Vec<Run>,
     constants: Vec<ConstantReturns>,
 }
 
 impl SweptSettings {
-    /// Add what comes of these runs in one kind of model.
+    /// Adds the results of these runs in one kind of model.
     fn add<M: Ensemble>(
         &mut self,
         model: &M,
@@ -338,7 +339,7 @@ impl SweptSettings {
     }
 }
 
-/// What all kinds of models have in common.
+/// The inputs that all kinds of models share.
 struct SweepInputs<'a> {
     actions: usize,
     agents: &'a dyn ActingAgents,
@@ -348,7 +349,8 @@ struct SweepInputs<'a> {
     monitor: &'a dyn Monitor,
 }
 
-/// Every candidate, and every constant action, in every member of every kind of model; of a share, its runs alone.
+/// Runs every setting and every constant action in every member of every kind of model. A share makes only its own
+/// runs.
 fn swept(
     config: &ControlConfig,
     model: &ActionModel,
@@ -372,7 +374,7 @@ fn swept(
     for &kind in &config.models {
         let mut ids = runs_here(kind, model.members(), config.runs, agents.count(), units);
         if !units.are_all() {
-            // A share needs no models in which it has no run left. Networks take the longest.
+            // A share skips models in which it has no run left. Networks take the longest.
             let (kept, left) = units.split(ids);
             swept.runs.extend(kept);
             if left.is_empty() {
@@ -408,7 +410,7 @@ fn swept(
             }
         }
     }
-    // All runs of a setting that failed are the same: which of them were made before depends on the threads.
+    // All runs of a failed setting count as failed. Otherwise the result would depend on the order of the threads.
     for run in &mut swept.runs {
         if agents.has_failed(run.candidate) {
             *run = run.clone().failed();
@@ -417,13 +419,13 @@ fn swept(
     Ok(swept)
 }
 
-/// The ensemble members that these runs are in, ascending.
+/// Returns the ensemble members of these runs, in ascending order.
 pub(super) fn members_of(ids: &[RunId]) -> Vec<usize> {
     let members: BTreeSet<usize> = ids.iter().map(|id| id.member).collect();
     members.into_iter().collect()
 }
 
-/// Whose networks a share trains.
+/// Returns a line on the networks that a share trains.
 fn share_of_networks(members: &[usize]) -> String {
     let names: Vec<String> = members.iter().map(usize::to_string).collect();
     let noun = if members.len() == 1 {
@@ -434,7 +436,7 @@ fn share_of_networks(members: &[usize]) -> String {
     format!("training {noun} {}, in which this share has runs", listed(&names))
 }
 
-/// The mean curve of each candidate over the runs that have one.
+/// Returns the mean learning curve of each setting over the runs that have one.
 fn learning(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
     (0..candidates)
         .map(|candidate: usize| -> Vec<f64> {

@@ -13,10 +13,10 @@ use super::{
     files::{ControlEvaluation, ControlSummary},
 };
 
-/// Candidates that are shown.
+/// Number of settings that are shown.
 const SHOWN: usize = 8;
 
-/// What stands for the return of a setting with which the program failed.
+/// Shown in place of the return if the program failed with a setting.
 pub(crate) const FAILED: &str = "failed";
 
 impl Told for ControlEvaluation {
@@ -51,7 +51,7 @@ impl Told for ControlEvaluation {
     }
 }
 
-/// "2,000 transitions in 50 episodes, 1 of which ends in a terminal".
+/// Formats the size of a log, such as "2,000 transitions in 50 episodes, 1 of which ends in a terminal".
 pub(crate) fn held(transitions: usize, episodes: usize, terminals: usize) -> String {
     let verb = if terminals == 1 { "ends" } else { "end" };
     format!(
@@ -62,12 +62,12 @@ pub(crate) fn held(transitions: usize, episodes: usize, terminals: usize) -> Str
     )
 }
 
-/// What the log holds.
+/// Returns a line on the contents of the log.
 pub(super) fn line(log: &ActionLogSummary) -> String {
     held(log.transitions, log.episodes, log.terminals)
 }
 
-/// What the log did, and where it says what an action does.
+/// Returns a table of the actions in the log, and where it shows their effect.
 pub(super) fn actions(log: &ActionLogSummary) -> String {
     let rows: Vec<_> = log
         .actions
@@ -87,7 +87,7 @@ pub(super) fn actions(log: &ActionLogSummary) -> String {
     if log.settings.is_empty() { levels } else { format!("{}\n{levels}", settings(log)) }
 }
 
-/// The ranges of continuous actions.
+/// Returns a table of the ranges of continuous actions.
 fn settings(log: &ActionLogSummary) -> String {
     let rows: Vec<_> = log
         .settings
@@ -100,10 +100,11 @@ fn settings(log: &ActionLogSummary) -> String {
     table(&["set", "least", "5 %", "median", "95 %", "largest"], &rows)
 }
 
-/// Columns of which it is said in which states an action was taken.
+/// Number of columns in the table of states.
 const COLUMNS: usize = 6;
 
-/// In which states each action was taken: the middle of each column, and where nine of ten of its values lie.
+/// Returns a table of the states in which each action was taken: the median of each column, and the range of
+/// nine tenths of its values.
 pub(super) fn states(log: &ActionLogSummary) -> String {
     let rows: Vec<_> = log
         .actions
@@ -125,7 +126,7 @@ pub(super) fn states(log: &ActionLogSummary) -> String {
     table(&header, &rows)
 }
 
-/// The best candidates by the rule, in its order, and the default.
+/// Returns the best settings in the order of the rule, and the default.
 pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
     let mut order: Vec<usize> = (0..evaluation.candidates.len()).collect();
@@ -145,7 +146,7 @@ pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
     order
 }
 
-/// The best candidates by the rule, and what is compared with them.
+/// Returns a table of the best settings, with comparisons.
 fn candidates(evaluation: &ControlEvaluation) -> String {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
     let order = best(evaluation, SHOWN);
@@ -194,7 +195,7 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     table(&header, &rows)
 }
 
-/// "chosen" or "default"; nothing of other candidates.
+/// Returns "chosen" or "default", or an empty text for other settings.
 pub(super) fn role(evaluation: &ControlEvaluation, candidate: usize) -> &'static str {
     let verdict = &evaluation.verdict;
     if candidate == verdict.chosen {
@@ -206,7 +207,7 @@ pub(super) fn role(evaluation: &ControlEvaluation, candidate: usize) -> &'static
     }
 }
 
-/// The rank that the rule goes by.
+/// Returns the rank that the rule uses.
 pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
     let selection = &evaluation.verdict.selection;
     match evaluation.verdict.rule {
@@ -215,13 +216,14 @@ pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
     }
 }
 
-/// A value by importance sampling, and on how many episodes it rests.
+/// Formats a value by importance sampling, and the number of episodes that it rests on.
 fn importance(estimate: Importance) -> [String; 2] {
     let value = estimate.value.map_or_else(|| "none".to_owned(), significant);
     [value, format!("{:.1}", estimate.effective_episodes)]
 }
 
-/// A doubly robust value. Without one either fitted Q evaluation diverged, or importance sampling has none.
+/// Formats a doubly robust value. It is missing if fitted Q evaluation diverged, or importance sampling gives
+/// none.
 fn doubly_robust(value: Option<f64>, fitted_q: f64) -> String {
     match value {
         Some(value) => significant(value),
@@ -230,12 +232,12 @@ fn doubly_robust(value: Option<f64>, fitted_q: f64) -> String {
     }
 }
 
-/// What distinguishes a candidate.
+/// Returns the name of a setting.
 pub(super) fn name(evaluation: &ControlEvaluation, candidate: usize) -> String {
     told(&evaluation.fields[candidate])
 }
 
-/// What distinguishes a candidate: its swept `fields` with their values.
+/// Returns the name of a setting: its swept `fields` with their values.
 pub(super) fn told(fields: &[(String, String)]) -> String {
     if fields.is_empty() {
         return "the agent".to_owned();

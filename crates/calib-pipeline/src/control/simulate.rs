@@ -16,20 +16,20 @@ use serde::Serialize;
 
 use super::show::held;
 
-/// A log to write of a task whose truth is known.
+/// A request for a log of a task whose true values are known.
 #[derive(Clone, Debug)]
 pub struct SimulateTask {
-    /// Where it goes.
+    /// The folder to write to.
     pub directory: PathBuf,
     /// The task.
     pub task: TaskKind,
-    /// Whose policy is recorded.
+    /// The policy to record.
     pub policy: Quality,
-    /// Transitions.
+    /// Number of transitions.
     pub transitions: usize,
-    /// Root of all randomness.
+    /// Root of all random seeds.
     pub seed: u64,
-    /// Whether files that are there may be replaced.
+    /// Whether existing files may be replaced.
     pub existing: calib_base::options::ExistingFile,
 }
 
@@ -51,7 +51,7 @@ pub struct SimulatedTask {
 }
 
 impl SimulatedTask {
-    /// What there is now, in words.
+    /// Describes the written files in a line.
     pub fn line(&self) -> String {
         format!(
             "{}, in {}; the policy gets {:.1} per episode",
@@ -62,12 +62,12 @@ impl SimulatedTask {
     }
 }
 
-/// Steps after which behaviour that is not near-optimal stops learning.
+/// Steps after which a behaviour that is not near-optimal stops learning.
 const LEARNING: usize = 200_000;
-/// Steps from one episode to the next: a gap, which ends a segment.
+/// Steps between episodes: a gap, which ends a segment.
 const PAUSE: i64 = 60;
 
-/// Microseconds from one row to the next.
+/// Returns the microseconds from one row to the next.
 const fn step(kind: TaskKind) -> i64 {
     match kind {
         TaskKind::Membrane => 1_800_000_000,
@@ -75,7 +75,7 @@ const fn step(kind: TaskKind) -> i64 {
     }
 }
 
-/// Write the log of a policy in a task, and a study of it.
+/// Writes the log of a policy in a task, and a study of it.
 pub(crate) fn simulate(
     wanted: &SimulateTask,
     printer: &Printer,
@@ -86,7 +86,7 @@ pub(crate) fn simulate(
     for path in [&log, &study] {
         check_output(path, wanted.existing)?;
     }
-    // What is replaced is what calib wrote: the folder was named, and not its files.
+    // The user named the folder and not its files, so only files that calib wrote are replaced.
     FolderRecord::open(&wanted.directory)?.note(["log.parquet", "study.toml"])?;
     printer.say(&format!("{} behaviour in {}", wanted.policy.name(), wanted.task.name()));
     match wanted.task {
@@ -113,7 +113,7 @@ fn simulated<T: Task>(
     let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
     let mut behaviour = behaviour::<T>(wanted, &mut world, seed)?;
     let behaved = behaviour.mean_return(&mut world, 100, timeout, seed.child("behaved"));
-    // A plant begins where it is cleaned.
+    // The log of a plant begins after cleaning.
     let begin = if T::rule().is_some() { Begin::AsTheTask } else { Begin::Anywhere };
     let mut logged = Simulated::new(task.clone(), begin);
     let recorded =
@@ -131,7 +131,7 @@ fn simulated<T: Task>(
     })
 }
 
-/// The policy that is asked for.
+/// Returns the requested policy.
 fn behaviour<T: Task>(
     wanted: &SimulateTask,
     world: &mut Simulated<T>,
@@ -158,7 +158,7 @@ fn behaviour<T: Task>(
     Ok(learnt.perturbed(policy.random_share()))
 }
 
-/// A row a step, in the task's own units; episodes a gap apart.
+/// Writes one row per step in the task's own units, with a gap between episodes.
 fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), StepError> {
     let mut timestamps = Vec::with_capacity(recorded.actions.len());
     // 2024-01-01.
@@ -215,14 +215,14 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), Ste
     Ok(write_log(path, &timestamps, &channels)?)
 }
 
-/// What was set in each row: the environment logs it with the row that it led to.
+/// Returns the recorded setting of each row. The environment logs it with the row that it led to.
 fn set_in(recorded: &Recorded) -> Vec<f32> {
     let later = recorded.beside.iter().skip(1).chain([&f64::NAN]);
     let acted = recorded.actions.iter().zip(later);
     acted.map(|(action, &set)| action.map_or(f32::NAN, |_| set as f32)).collect()
 }
 
-/// A study of the log.
+/// Returns a study of the log.
 fn text(kind: TaskKind, continuous: Option<&str>, seed: u64) -> String {
     if kind == TaskKind::Membrane {
         return membrane_text(seed);
@@ -248,7 +248,8 @@ fn text(kind: TaskKind, continuous: Option<&str>, seed: u64) -> String {
     )
 }
 
-/// A study of a membrane plant: four settings, a reward in cents, and what is in neither.
+/// Returns a study of a membrane plant: four settings, a reward in cents, and the columns that
+/// belong to neither.
 fn membrane_text(seed: u64) -> String {
     let settings = Membrane::settings();
     let settings: Vec<&str> = settings.iter().map(|setting| setting.0).collect();

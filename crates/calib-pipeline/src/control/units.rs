@@ -1,4 +1,4 @@
-//! `control-units/`: runs of a sweep that is not finished, so that it goes on from them.
+//! `control-units/`: the runs of an unfinished sweep, so that it can resume.
 
 use std::{
     collections::{BTreeMap, btree_map::Entry},
@@ -17,31 +17,31 @@ use calib_files::{Fingerprint, read_sealed_json, remove_file, remove_known, writ
 use calib_study::Share;
 use serde::{Deserialize, Serialize};
 
-/// Runs in files of their own.
+/// Runs that are stored in one file each.
 pub(super) struct RunFiles {
     directory: PathBuf,
-    /// What they follow from.
+    /// The inputs of the runs.
     origin: RunOrigin,
-    /// Which runs are made here; all without one.
+    /// The share of runs to make here. All runs if `None`.
     share: Option<Share>,
-    /// Runs that were made and kept here so far.
+    /// Number of runs made and stored so far.
     made: AtomicUsize,
-    /// Runs that were asked for and there already.
+    /// Number of requested runs that were already stored.
     found: AtomicUsize,
-    /// Nobody else writes there meanwhile, unless it is for another share: every run has a file of its own.
+    /// Excludes other writers, except those of shares. Every run has its own file.
     _lock: Option<DirectoryLock>,
 }
 
-/// What runs follow from.
+/// The inputs of runs.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct RunOrigin {
-    /// Of the verdict that they are for.
+    /// Fingerprint of their verdict's inputs.
     pub(super) key: String,
-    /// The log. With it the key of a study is known without reading the log.
+    /// Fingerprint of the log. With it the key of a study can be computed without reading the log.
     pub(super) log: Fingerprint,
 }
 
-/// A run in its file.
+/// The file of a run.
 #[derive(Serialize, Deserialize)]
 struct RunFile {
     origin: RunOrigin,
@@ -49,19 +49,19 @@ struct RunFile {
 }
 
 impl RunFiles {
-    /// Keep runs in a folder.
+    /// Opens a folder of runs for writing.
     ///
     /// # Errors
-    /// If it cannot be written, or another process does.
+    /// Returns an error if it cannot be written, or another process is writing there.
     pub(super) fn open(directory: &Path, origin: RunOrigin) -> Result<Self, StepError> {
         let claim = DirectoryLock::new(directory, Below::Ours)?;
         Ok(Self::with(directory, origin, None, Some(claim)))
     }
 
-    /// Keep the runs of one share, beside other processes that keep those of theirs.
+    /// Opens a folder for the runs of one share, next to processes with other shares.
     ///
     /// # Errors
-    /// If the folder cannot be written.
+    /// Returns an error if the folder cannot be written.
     pub(super) fn of_share(
         directory: &Path,
         origin: RunOrigin,
@@ -71,7 +71,7 @@ impl RunFiles {
         Ok(Self::with(directory, origin, Some(share), None))
     }
 
-    /// Look at the runs of a folder, which need not be there, of one share or of all; nothing is written there.
+    /// Opens the runs of a folder for reading, of one share or of all. The folder need not exist.
     pub(super) fn seen(directory: &Path, origin: RunOrigin, share: Option<Share>) -> Self {
         Self::with(directory, origin, share, None)
     }
@@ -94,18 +94,18 @@ impl RunFiles {
             ActionModelKind::Increments => "run-increments",
             ActionModelKind::Network => "run-network",
         };
-        // Shares of another study may keep theirs in the same folder.
+        // Shares of another study may store runs in the same folder.
         let key = short(&self.origin.key);
         self.directory.join(format!("{of_kind}-{key}-{member}-{run}-{candidate}.json"))
     }
 
-    /// A run, if it was kept for this verdict.
+    /// Returns a run, if it was stored for this verdict.
     fn kept(&self, id: RunId) -> Option<Run> {
         let unit: RunFile = read_sealed_json(&self.path(id)).ok()?;
         (unit.origin == self.origin && unit.run.id() == id).then_some(unit.run)
     }
 
-    /// The runs of these that were kept for this verdict, which then count as found, and those that are left to make.
+    /// Splits runs into those stored for this verdict, which then count as found, and those left to make.
     pub(super) fn split(&self, ids: Vec<RunId>) -> (Vec<Run>, Vec<RunId>) {
         let mut kept = Vec::new();
         let mut left = Vec::new();
@@ -119,13 +119,13 @@ impl RunFiles {
         (kept, left)
     }
 
-    /// How many runs are made here of a kind of models that has so many in all.
+    /// Returns how many runs of a kind of model are made here, out of `of_kind` in all.
     pub(super) fn own_runs(&self, kind: ActionModelKind, of_kind: usize) -> usize {
         let first = kind as usize * of_kind;
         self.share.map_or(of_kind, |share| share.pieces(first..first + of_kind))
     }
 
-    /// Whether runs were kept here for a verdict like this one; they are not read.
+    /// Whether the folder has runs for such a verdict. They are not read.
     pub(super) fn has_kept(&self) -> bool {
         has_runs(&self.directory, &self.origin.key)
     }
@@ -135,10 +135,10 @@ impl RunFiles {
         self.share.is_none()
     }
 
-    /// Forget these runs, which cannot be trusted.
+    /// Removes these runs, which cannot be trusted.
     ///
     /// # Errors
-    /// If a file cannot be removed.
+    /// Returns an error if a file cannot be removed.
     pub(super) fn forget(&self, runs: &[Run]) -> Result<(), StepError> {
         for run in runs {
             remove_file(&self.path(run.id()))?;
@@ -146,34 +146,35 @@ impl RunFiles {
         Ok(())
     }
 
-    /// Forget all runs in the folder, also those of other verdicts: the verdict is there, or they cannot be trusted.
+    /// Removes all runs in the folder, including those of other verdicts. They are no longer needed, or cannot be
+    /// trusted.
     ///
     /// # Errors
-    /// If a file cannot be removed.
+    /// Returns an error if a file cannot be removed.
     pub(super) fn remove(&self) -> Result<(), StepError> {
         Ok(remove_known(&self.directory, &mut is_unit)?)
     }
 
-    /// How many runs were made and kept, and how many were there already.
+    /// Returns how many runs were made, and how many were already stored.
     pub(super) fn counts(&self) -> RunCounts {
         let [made, found] = [&self.made, &self.found].map(|count| count.load(Ordering::Relaxed));
         RunCounts { made, found }
     }
 }
 
-/// What became of the runs that a process was to make.
+/// The numbers of new and existing runs of a process.
 pub(super) struct RunCounts {
-    /// Made and kept.
+    /// Made and stored.
     pub(super) made: usize,
-    /// There already.
+    /// Already stored.
     pub(super) found: usize,
 }
 
-/// Forget runs of the verdict `key` in a folder, as a share may leave them that ends after the verdict; unless another process writes
-/// there. Runs of other verdicts stay.
+/// Removes runs of the verdict `key` from a folder, unless another process is writing there. A share that ends after
+/// the verdict may leave some. Runs of other verdicts stay.
 ///
 /// # Errors
-/// If the folder cannot be written.
+/// Returns an error if the folder cannot be written.
 pub(super) fn remove_left(directory: &Path, key: &str) -> Result<(), StepError> {
     if !has_runs(directory, key) {
         return Ok(());
@@ -190,18 +191,19 @@ fn has_runs(directory: &Path, key: &str) -> bool {
     files.any(|file| is_unit_of(Path::new(&file.file_name()), key))
 }
 
-/// Runs in a folder.
+/// The runs in a folder.
 pub(super) struct StoredRuns {
-    /// Of the study, on the log of the newest of them.
+    /// Runs of the study, on the same log as the newest of them.
     pub(super) own: Vec<Run>,
-    /// How many there are of other values of its keys, or on another log.
+    /// Number of runs of other settings of the study, or on another log.
     pub(super) others: usize,
 }
 
-/// The runs in `directory`, where `key_on` is the key of the study's verdict on a log. Another process may be at work there.
+/// Returns the runs in `directory`. `key_on` gives the key of the study's verdict on a log. Another process may be
+/// writing there.
 ///
 /// # Errors
-/// Those of `key_on`.
+/// Returns the errors of `key_on`.
 pub(super) fn stored(
     directory: &Path,
     key_on: impl Fn(&Fingerprint) -> Result<String, StepError>,
@@ -214,7 +216,7 @@ pub(super) fn stored(
             Some((modified, read_sealed_json(&file.path()).ok()?))
         })
         .collect();
-    // There are many runs, and few keys.
+    // Computed once per key: there are many runs, and few keys.
     let mut are_own: BTreeMap<&str, bool> = BTreeMap::new();
     for (_, RunFile { origin, .. }) in &runs {
         if let Entry::Vacant(entry) = are_own.entry(origin.key.as_str()) {
@@ -232,12 +234,12 @@ pub(super) fn stored(
     Ok(StoredRuns { others: all - own.len(), own })
 }
 
-/// The digits of a key that stand in the names of its runs.
+/// Returns the digits of a key in the names of its runs.
 fn short(key: &str) -> &str {
     key.get(..KEY_DIGITS).unwrap_or(key)
 }
 
-/// Digits of a key in the name of a run.
+/// Number of digits of a key in the name of a run.
 const KEY_DIGITS: usize = 8;
 
 fn is_unit(path: &Path) -> bool {

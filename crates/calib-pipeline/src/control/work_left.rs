@@ -1,4 +1,4 @@
-//! Which runs of a sweep of agents that act are left to make.
+//! The runs of a sweep of agents that act that are left to make.
 
 use calib_base::{
     StepError, bail,
@@ -9,33 +9,33 @@ use calib_study::Job;
 
 use super::{run::members_of, units::RunFiles};
 
-/// Runs of a kind of models that are looked at one by one.
+/// Largest number of runs per kind of model that are checked one by one.
 const MOST_RUNS: usize = 1_000_000;
-/// Runs of a kind among which those of a share are looked for.
+/// Largest number of runs per kind of model in which those of a share are searched.
 const MOST_NUMBERS: usize = 100_000_000;
 
-/// Whether only a share of the runs is made.
+/// Whether all runs are made, or only a share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Extent {
     Share,
     All,
 }
 
-/// What is left to do.
+/// The remaining work.
 pub(super) struct WorkLeft {
     pub(super) extent: Extent,
-    /// Runs, those that are there among them.
+    /// All runs, including those that exist.
     pub(super) runs: usize,
-    /// In the order of the study's kinds of models.
+    /// The work per kind of model, in the order of the study.
     pub(super) kinds: Vec<KindLeft>,
 }
 
-/// What is left to do in one kind of models.
+/// The remaining work in one kind of model.
 pub(super) struct KindLeft {
     pub(super) kind: ActionModelKind,
-    /// Runs of each setting.
+    /// Runs left for each setting.
     pub(super) of_settings: Vec<usize>,
-    /// Ensemble members that are needed.
+    /// Number of ensemble members that are needed.
     pub(super) members: usize,
 }
 
@@ -54,10 +54,10 @@ impl KindLeft {
 }
 
 impl WorkLeft {
-    /// What `units` do not have.
+    /// Returns the work that `units` lack.
     ///
     /// # Errors
-    /// If there are more runs than numbers, or too many in a share.
+    /// Returns an error if there are too many runs to number, or too many in a share.
     pub(super) fn of(
         job: &Job,
         config: &ControlConfig,
@@ -91,7 +91,7 @@ impl WorkLeft {
             work.runs += ids.len();
             let left = if job.policy().redoes() { ids } else { units.split(ids).1 };
             let members = match extent {
-                // Constant actions are taken in every member, whatever was kept.
+                // Constant actions are taken in every member, even if all runs are stored.
                 Extent::All => members,
                 Extent::Share => members_of(&left).len(),
             };
@@ -104,16 +104,16 @@ impl WorkLeft {
         self.kinds.iter().map(KindLeft::runs).sum()
     }
 
-    /// Whether agents act, or actions are constant, in a model of this kind.
+    /// Whether agents or constant actions run in a model of this kind.
     pub(super) fn needs(&self, kind: ActionModelKind) -> bool {
         self.kinds.iter().any(|left| left.kind == kind && left.members > 0)
     }
 }
 
-/// Runs in one kind of models.
+/// Returns the number of runs in one kind of model.
 ///
 /// # Errors
-/// If those of all kinds are more than numbers.
+/// Returns an error if the runs of all kinds are too many to number.
 pub(super) fn runs_of_kind(config: &ControlConfig, settings: usize) -> Result<usize, StepError> {
     let kinds = ActionModelKind::ALL.len();
     let of_kind = [config.runs, settings]
@@ -130,7 +130,7 @@ pub(super) fn runs_of_kind(config: &ControlConfig, settings: usize) -> Result<us
     })
 }
 
-/// Whether the runs of a whole sweep are looked at one by one, which tells those that were kept.
+/// Whether the runs of a whole sweep are checked one by one, which finds the stored ones.
 fn is_listed(job: &Job, of_kind: usize, units: &RunFiles, printer: &Printer) -> bool {
     if job.policy().redoes() || !units.has_kept() {
         return false;

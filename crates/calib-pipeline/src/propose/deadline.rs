@@ -1,4 +1,4 @@
-//! Trials that end where the time that was asked for does.
+//! Time limits of trials: work ends when the requested time is over.
 
 use std::{io, sync::Arc};
 
@@ -10,17 +10,17 @@ use calib_base::{
 };
 use calib_core::Monitor;
 
-/// Work of which nothing begins or goes on after a time.
+/// A time limit, after which no work begins or continues.
 pub(super) struct TimeLimit {
     deadline: Deadline,
-    /// Whoever may interrupt the command.
+    /// The printer of the command, whose user may interrupt it.
     printer: Printer,
-    /// For work that says nothing, and is asked to stop where the time is over.
+    /// A silent context that asks work to stop when the time is over.
     watched: RunContext,
 }
 
 impl TimeLimit {
-    /// Of so many seconds after the command has `begun`.
+    /// Sets the limit to `within_secs` after the command has `begun`.
     pub(super) fn new(begun: Stopwatch, within_secs: f64, printer: &Printer) -> Self {
         let deadline = Deadline { begun, within_secs };
         let observer = StoppingObserver { printer: printer.silent(), deadline };
@@ -28,7 +28,7 @@ impl TimeLimit {
         Self { deadline, printer: printer.silent(), watched }
     }
 
-    /// Seconds that are left.
+    /// Returns the remaining seconds.
     pub(super) fn left_secs(&self) -> f64 {
         self.deadline.left_secs()
     }
@@ -38,10 +38,10 @@ impl TimeLimit {
         self.deadline.is_over()
     }
 
-    /// What `work` makes; none where the time is over before it begins, or before it ends.
+    /// Returns the result of `work`, or `None` if the time is over before it begins or ends.
     ///
     /// # Errors
-    /// If the work fails, or somebody interrupts the command.
+    /// Returns an error if the work fails, or the user interrupts the command.
     pub(super) fn done<T>(
         &self,
         work: impl FnOnce(&RunContext) -> Result<T, StepError>,
@@ -58,7 +58,7 @@ impl TimeLimit {
     }
 }
 
-/// The time that was asked for, from the beginning of the command on.
+/// The requested time, counted from the start of the command.
 #[derive(Clone, Copy, Debug)]
 struct Deadline {
     begun: Stopwatch,
@@ -75,7 +75,7 @@ impl Deadline {
     }
 }
 
-/// Passes errors on, and asks work to stop where the time is over.
+/// Passes errors on, and asks work to stop when the time is over.
 struct StoppingObserver {
     printer: Printer,
     deadline: Deadline,

@@ -1,4 +1,4 @@
-//! Drafts of the study that is proposed.
+//! Drafts of the proposed study.
 
 use calib_base::{
     StepError, bail,
@@ -10,17 +10,17 @@ use calib_sweep::ENOUGH_WINDOWS;
 
 use super::look::ExaminedLog;
 
-/// Held-out data should be so many times as long as a horizon: returns take 4.6 horizons to be known. Our choice.
+/// Required length of held-out data, in horizons. A return is known after 4.6 horizons. Our choice.
 const SCORED_HORIZONS: f64 = 10.0;
 
-/// To whole days of several, else to whole hours or minutes.
+/// Rounds up to whole days, hours or minutes, if there are at least three of them.
 fn rounded_up(secs: f64) -> f64 {
     let units = [86_400.0, 3_600.0, 60.0];
     let unit = units.into_iter().find(|unit| secs >= 3.0 * unit).unwrap_or(1.0);
     (secs / unit).ceil() * unit
 }
 
-/// The longest horizon in whole units, as an argument, that is at most so many states as `calib init` rounds it.
+/// Returns the longest horizon in whole units, as an argument, that `calib init` rounds to at most `states` states.
 fn within_states(states: f64, state_secs: f64) -> Option<String> {
     let secs = states * state_secs;
     let units = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "m")];
@@ -32,7 +32,7 @@ fn within_states(states: f64, state_secs: f64) -> Option<String> {
         .map(|count| format!("{count}{unit}"))
 }
 
-/// Say that a study takes `expected_secs`, where this is more than is left of the time asked for.
+/// Warns if a study takes `expected_secs` and this is more than the rest of the requested time.
 pub(super) fn warn_of_time(within: f64, tried_secs: f64, expected_secs: f64, printer: &Printer) {
     if expected_secs.round() <= (within - tried_secs).max(0.0) {
         return;
@@ -43,7 +43,7 @@ pub(super) fn warn_of_time(within: f64, tried_secs: f64, expected_secs: f64, pri
     ));
 }
 
-/// Say that the time asked for was over before it was known what a study takes, and why the study is as small as it is.
+/// Warns that the requested time ended before the study's time was measured. Returns the reason for the small study.
 pub(super) fn unmeasured(within: f64, printer: &Printer) -> String {
     let asked = span(within);
     printer.warn(&format!(
@@ -53,7 +53,7 @@ pub(super) fn unmeasured(within: f64, printer: &Printer) -> String {
     format!("the {asked} of --within ended before it was measured how long a study takes")
 }
 
-/// What all drafts of a study have in common.
+/// The inputs that all drafts of a study share.
 pub(super) struct Drafting<'a> {
     pub(super) args: &'a ProposeOptions,
     /// `data.path`.
@@ -62,7 +62,8 @@ pub(super) struct Drafting<'a> {
 }
 
 impl Drafting<'_> {
-    /// The study; `words` say why it has its spacing, agent and size, and what agents start from.
+    /// Returns the text of the study. `words` are the reasons for its spacing, agent and size, and the simple predictor
+    /// that agents start from.
     pub(super) fn text(
         &self,
         spacing: usize,
@@ -96,7 +97,7 @@ impl Drafting<'_> {
         .text()
     }
 
-    /// How far ahead agents predict.
+    /// Returns the horizon of the agents.
     pub(super) fn ahead(&self, spacing: usize) -> Horizon {
         let sketch = &self.look.sketch;
         if let Some(secs) = self.args.horizon {
@@ -106,19 +107,19 @@ impl Drafting<'_> {
             let steps = Size::most_steps(self.look.cut.rows[1] / spacing, states);
             horizon(sketch, &self.look.sensors.proposed, spacing, steps)
         };
-        // How far runs of four windows look says whether there are four: longer runs look further.
+        // Longer runs allow longer horizons. The horizon for runs of four windows shows whether four windows fit.
         proposed(proposed(0.0).states)
     }
 
-    /// Steps of a run at most, of agents that predict so far ahead.
+    /// Returns the largest number of steps per run for this horizon.
     pub(super) fn most_steps(&self, spacing: usize, horizon: Horizon) -> usize {
         Size::most_steps(self.look.cut.rows[1] / spacing, horizon.states)
     }
 
-    /// What is said of a horizon that is nearer than the next state.
+    /// Returns a warning if the horizon is shorter than one state.
     pub(super) fn too_near(&self, spacing: usize) -> Option<String> {
         let apart = self.look.sketch.period_secs * spacing as f64;
-        // The sampling interval of a log is known to a thousandth or so.
+        // The sampling interval of a log is known to about a thousandth.
         let secs = self.args.horizon.filter(|secs| *secs < 0.99 * apart)?;
         let [asked, apart] = [secs, apart].map(span);
         Some(format!(
@@ -126,7 +127,7 @@ impl Drafting<'_> {
         ))
     }
 
-    /// Refuse a horizon that is longer than all held-out data.
+    /// Refuses a horizon that is longer than all held-out data.
     pub(super) fn refuse_beyond_held_out(&self) -> Result<(), StepError> {
         let [start, end] = self.look.cut.held_out;
         let held_out = end.micros_since(start) as f64 / 1e6;
@@ -141,7 +142,7 @@ impl Drafting<'_> {
         Ok(())
     }
 
-    /// What is said of a horizon that was too long for the log.
+    /// Returns a warning if the requested horizon was too long for the log.
     pub(super) fn too_far(&self, horizon: Horizon) -> Option<String> {
         let asked = self.args.horizon.filter(|secs| horizon.is_shorter_than(*secs))?;
         let [asked, used] = [asked, horizon.secs].map(span);
@@ -150,7 +151,7 @@ impl Drafting<'_> {
         ))
     }
 
-    /// What is said of a study that has too few held-out windows to show anything.
+    /// Returns a warning if the study has too few held-out windows to show a difference.
     pub(super) fn few_windows(
         &self,
         spacing: usize,
@@ -165,7 +166,7 @@ impl Drafting<'_> {
         }
         let log = Size::states_of_four_windows(horizon.states) / calib_propose::HELD_OUT;
         let row_secs = mean_step_secs(&self.look.sketch, &self.look.scope);
-        // The next proposal cuts the log a little differently.
+        // The next proposal divides the log slightly differently, hence the margin.
         let nearer = Size::longest_horizon_of_four_windows(held_out).map(|states| 0.9 * states);
         let nearer = nearer.filter(|states| *states >= 1.0 && *states < horizon.states);
         let shorter = nearer.and_then(|states| within_states(states, state_secs));
@@ -181,8 +182,8 @@ impl Drafting<'_> {
         ))
     }
 
-    /// What is said of a size that takes `expected_secs`, `sweep_secs` of them for the sweep, where looking and trying took
-    /// `tried_secs`.
+    /// Returns the reason for a size that takes `expected_secs`, with `sweep_secs` for the sweep. Examining the log and
+    /// trials took `tried_secs`.
     pub(super) fn size_reason(
         &self,
         expected_secs: f64,

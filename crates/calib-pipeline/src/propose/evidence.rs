@@ -1,4 +1,4 @@
-//! Which agent is proposed, by what was tried on the training range.
+//! The choice of the proposed agent, from trials on the training range.
 
 use calib_base::{
     Context as _, StepError,
@@ -8,22 +8,23 @@ use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
 
 use super::trial::{TrialPrediction, Trials, halved};
 
-/// Agents with so many times the error of a simple predictor learn nothing from the values. Our choice.
+/// Agents with this many times the error of a simple predictor learn nothing from the values. Our choice.
 const FAR_WORSE: f64 = 100.0;
 
-/// What was tried where only the training range is known, and what follows from it.
+/// The result of trials on the training range, and the choice that follows.
 pub(super) struct Evidence {
     pub(super) agent: ProposedAgent,
     pub(super) reason: String,
-    /// Of each proposed sensor.
+    /// The trial of each proposed sensor.
     pub(super) predicted: Vec<TrialPrediction>,
 }
 
 impl Evidence {
-    /// Try agents at a `horizon` that is halved until something predicts at least one of the sensors better than its mean, as long as there is time.
+    /// Tries agents at the `horizon`. Halves it, as long as there is time, until something predicts at least one sensor
+    /// better than its mean.
     ///
     /// # Errors
-    /// If not even the simplest agent could be tried.
+    /// Returns an error if not even the simplest agent could be tried.
     pub(super) fn gather(
         trials: &Trials<'_>,
         horizon: &mut Horizon,
@@ -99,7 +100,7 @@ impl Evidence {
         Ok(Self { agent: chosen.agent, reason, predicted })
     }
 
-    /// What is proposed where nothing could be tried, for this reason.
+    /// Returns the proposal if nothing could be tried, with the reason.
     pub(super) fn untried(reason: &StepError, printer: &Printer) -> Self {
         let reason = format!(
             "agents could not be compared on the training range ({reason}): a linear agent is proposed, and `calib run` compares it with simple predictors"
@@ -109,7 +110,7 @@ impl Evidence {
         Self { agent: ProposedAgent::Linear, reason, predicted: Vec::new() }
     }
 
-    /// Sensors that something predicts come first, unless the order `is_given`.
+    /// Moves sensors that something predicts to the front, unless the order `is_given`.
     pub(super) fn reorder(&self, sensors: &mut Sensors, is_given: bool) {
         if is_given || self.predicted.is_empty() {
             return;
@@ -126,7 +127,7 @@ impl Evidence {
     }
 }
 
-/// The geometric mean of an agent's errors by the best simple predictors'.
+/// Returns the geometric mean over sensors of the ratio of the agent's error to that of the best simple predictor.
 fn typical(sensors: &[TrialPrediction]) -> f64 {
     let sum: f64 = sensors.iter().map(|sensor| sensor.agent.ln()).sum();
     (sum / sensors.len() as f64).exp()

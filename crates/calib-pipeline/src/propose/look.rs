@@ -1,4 +1,4 @@
-//! What can be seen of a log before anything is tried.
+//! Examination of a log before any trial.
 
 use calib_base::{
     Context as _, StepError,
@@ -16,36 +16,37 @@ use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors, many_left_out};
 
 use super::{gives, gives_any};
 
-/// A log, looked at all over.
+/// A log with the results of a first scan.
 pub(super) struct SketchedLog {
     pub(super) sketch: Sketch,
-    /// Numbers that were found to stand for a missing value.
+    /// Numbers that appear to stand for missing values.
     pub(super) sentinels: Vec<Sentinel>,
-    /// Channels that were found to be angles.
+    /// Channels that appear to be angles.
     pub(super) angles: Vec<Angle>,
     pub(super) clock: Option<Clock>,
-    /// What reading the log took.
+    /// Time to read the log.
     pub(super) read: TimeTaken,
 }
 
-/// What the log is like.
+/// The findings about a log.
 pub(super) struct ExaminedLog {
     pub(super) sketch: Sketch,
-    /// Numbers that were found to stand for a missing value.
+    /// Numbers that appear to stand for missing values.
     pub(super) sentinels: Vec<Sentinel>,
-    /// Channels that were found to be angles.
+    /// Channels that appear to be angles.
     pub(super) angles: Vec<Angle>,
     pub(super) clock: Option<Clock>,
     pub(super) scope: Scope,
     pub(super) cut: Cut,
     pub(super) cleaning: Cleaning,
     pub(super) sensors: Sensors,
-    /// What reading the log took.
+    /// Time to read the log.
     pub(super) read: TimeTaken,
 }
 
 impl SketchedLog {
-    /// Look at the log. Columns that are no sensors, as `is_sensor` says, are neither angles nor tell what stands for a missing value.
+    /// Scans the log. Only columns for which `is_sensor` holds are examined for angles and for numbers that mean
+    /// missing values.
     pub(super) fn at(
         args: &ProposeOptions,
         is_sensor: impl Fn(&str) -> bool,
@@ -141,7 +142,7 @@ impl ExaminedLog {
     }
 }
 
-/// Say how the log was read where that is not certain, and what of it was not.
+/// Warns about uncertain ways of reading the log, and about lines that could not be read.
 fn warn_of_reading(sketch: &Sketch, printer: &Printer) {
     if sketch.without_times {
         printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
@@ -157,7 +158,7 @@ fn warn_of_reading(sketch: &Sketch, printer: &Printer) {
     }
 }
 
-/// The angles of a log that was sketched, which are said.
+/// Returns the angles of a scanned log, and reports them.
 fn angles(
     data: &DataConfig,
     sketched: &Sketch,
@@ -165,7 +166,7 @@ fn angles(
     printer: &Printer,
 ) -> Result<Vec<Angle>, StepError> {
     let mut angles = match data.resample {
-        // A mean of 359 and 1 is 180: such rows do not go around any more.
+        // The mean of 359 and 1 is 180, so resampled rows no longer wrap around.
         Some(Resample::Mean | Resample::Linear) => {
             let recorded = DataConfig { resample: Some(Resample::Last), ..data.clone() };
             Angle::all(&sketch(&recorded, &printer.progress())?)
@@ -184,7 +185,7 @@ fn angles(
     Ok(angles)
 }
 
-/// Why a log is refused that contradicts itself in more than a few rows.
+/// Adds the reason for refusing a log with contradictions in more than a few rows.
 fn contradicting(error: DataError) -> StepError {
     if !matches!(&error, DataError::Contradictions { cause, .. } if !matches!(cause, Some(ContradictionCause::Column { .. })))
     {
@@ -197,7 +198,7 @@ fn contradicting(error: DataError) -> StepError {
     StepError::InContext { context, source: Box::new(error.into()) }
 }
 
-/// What of the times and the units of a log is probably not as meant, in sentences.
+/// Returns sentences on times and units of the log that are probably wrong.
 fn doubts(sketch: &Sketch) -> Vec<String> {
     let mut doubts = Vec::new();
     let recorded = sketch.recorded_period_secs;
@@ -214,16 +215,16 @@ fn doubts(sketch: &Sketch) -> Vec<String> {
     doubts
 }
 
-/// What is said of a log that breaks off again and again, as where several devices write in turn.
+/// Returns a warning about a log with many gaps, such as one in which several devices write in turn.
 fn interleaved(sketch: &Sketch) -> Option<String> {
-    // Then the period is what was doubted.
+    // In this case the sampling interval itself is reported as doubtful.
     if sketch.recorded_period_secs.is_some() {
         return None;
     }
     let longest = (GAP_PERIODS * sketch.period_secs * 1e6) as i64;
     let steps = sketch.timestamps.windows(2).map(|pair| pair[1].micros_since(pair[0]));
     let gaps = steps.filter(|step| *step > longest).count();
-    // A number or a name of a device is one of a few values, and changes from row to row.
+    // A number or name of a device has few values, and changes from row to row.
     let device = sketch.channels.iter().find_map(|channel| {
         let values = channel.distinct.filter(|values| (2..=MOST_DEVICES).contains(values))?;
         (channel.unchanged < 0.5)
@@ -238,14 +239,14 @@ fn interleaved(sketch: &Sketch) -> Option<String> {
     )
 }
 
-/// Steps of more periods are gaps here: a few missing rows are usual.
+/// Steps longer than this many sampling intervals are gaps here. A few missing rows are normal.
 const GAP_PERIODS: f64 = 3.0;
 
-/// A column of more values names no devices.
+/// Largest number of values of a column that names devices.
 const MOST_DEVICES: u32 = 64;
 
-/// What is said of rows that step back in time again and again, as where midnight has the date of the day that ends. A clock that is set back does so
-/// once a year, and where most rows step back the newest come first.
+/// Returns a warning about rows that repeatedly step back in time. This happens for example if midnight has the date of
+/// the ending day. A clock that is set back steps back only once a year. If most rows step back, the newest come first.
 fn backward(sketch: &Sketch) -> Option<String> {
     let BackwardSteps { count: steps, examples } = &sketch.backward_steps;
     let first = examples.first()?;
@@ -262,13 +263,13 @@ fn backward(sketch: &Sketch) -> Option<String> {
     })
 }
 
-/// Fewer steps back are those of a clock that was set back.
+/// With fewer steps back, the cause is a clock that was set back.
 const BACKWARD: u64 = 5;
 
-/// A gap that is longer is said.
+/// Longer gaps are reported.
 const YEAR_MICROS: i64 = 365 * 86_400 * 1_000_000;
 
-/// The positions of the sensors that were asked for.
+/// Returns the positions of the requested sensors.
 fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
     names
         .iter()
@@ -289,13 +290,13 @@ fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
         .collect()
 }
 
-/// `; did you mean A or B?`, or a semicolon: a sentence about where all names are follows.
+/// Returns `; did you mean A or B?`, or a semicolon. The caller adds a sentence on where all names are listed.
 pub(super) fn similar<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> String {
     let hint = calib_data::hint(name, names);
     if hint.is_empty() { ";".to_owned() } else { hint }
 }
 
-/// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of
+/// Returns a warning about channels that stop for longer than usual. Their last value is kept up to the maximum age of
 /// the slowest channel.
 pub(super) fn bridged(sketch: &Sketch, scope: &Scope) -> Option<String> {
     let mut stopped: Vec<&ChannelSketch> =
@@ -318,5 +319,5 @@ pub(super) fn bridged(sketch: &Sketch, scope: &Scope) -> Option<String> {
     ))
 }
 
-/// Channels that are named.
+/// Number of channels that are named.
 const NAMED: usize = 3;

@@ -1,4 +1,4 @@
-//! A study of a log that nobody has looked at: everything that can be seen is looked at, and what cannot is tried.
+//! Proposes a study for an unknown log. It examines the log, and tries what cannot be seen.
 
 mod control;
 mod deadline;
@@ -43,7 +43,7 @@ use self::{
     trial::{MeasuredCosts, StateSpacing, Trials},
 };
 
-/// The share of the time asked for after which agents are no longer compared: the rest is for the study. Our choice.
+/// Share of the requested time for comparing agents. The rest is for the study. Our choice.
 const COMPARED: f64 = 0.5;
 
 /// What was chosen, for `--json`.
@@ -80,39 +80,39 @@ pub(crate) struct Chosen {
     expected_processor_secs: Option<f64>,
 }
 
-/// A study that was proposed for a log.
+/// A proposed study of a log.
 #[derive(Debug)]
 pub struct ProposedStudy {
     chosen: Chosen,
-    /// Channels of the log.
+    /// Number of channels in the log.
     of_channels: usize,
-    /// Of the training range and of the held-out one.
+    /// Missing data in the training range and in the held-out range.
     lacking: [Option<Lacking>; 2],
-    /// Learning rates that are tried.
+    /// Number of learning rates in the study.
     learning_rates: usize,
-    /// The time that was asked for, in seconds.
+    /// The requested time, in seconds.
     within: f64,
-    /// How long the log was looked at, and agents and models were tried.
+    /// Duration of the proposal: examining the log, and trying agents and models.
     took: Duration,
 }
 
 impl ProposedStudy {
-    /// The file that was written.
+    /// Returns the path of the written study.
     pub fn study(&self) -> &Path {
         &self.chosen.study
     }
 
-    /// The sensors that agents predict.
+    /// Returns the sensors that agents predict.
     pub fn sensors(&self) -> &[String] {
         &self.chosen.sensors
     }
 
-    /// How far ahead they do, in seconds.
+    /// Returns the horizon of the agents, in seconds.
     pub fn horizon_secs(&self) -> f64 {
         self.chosen.horizon_secs
     }
 
-    /// How long `calib run` takes on this machine, in seconds, as far as could be told; none where the time was over before that was
+    /// Returns the estimated time of `calib run` on this machine, in seconds. `None` if the time was over before it was
     /// measured.
     pub fn expected_secs(&self) -> Option<f64> {
         self.chosen.expected_secs
@@ -144,7 +144,8 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Propose
     Ok(proposal.written(args, &look, clock.elapsed()))
 }
 
-/// Refuse what cannot be written, before the trials and not after them, and keys without effect, each with what to do instead.
+/// Refuses an output that cannot be written, before the trials begin. Also refuses keys without an effect, and names
+/// the alternative.
 fn check_arguments(
     args: &ProposeOptions,
     without_effect: &[(&str, &str)],
@@ -160,7 +161,7 @@ fn check_arguments(
     Ok(check_output(&args.study, args.existing)?)
 }
 
-/// Say what of a log was left out, or stood in for what was not recorded.
+/// Warns about rows of the log that are left out, and about values that replace missing ones.
 fn warn_of_cleaning(
     args: &ProposeOptions,
     sketch: &Sketch,
@@ -184,14 +185,14 @@ fn gives(args: &ProposeOptions, key: &str) -> bool {
     given(args, key).is_some()
 }
 
-/// What `--set` gives a key, as it was typed.
+/// Returns the value that `--set` gives a key, as it was typed.
 fn given<'a>(args: &'a ProposeOptions, key: &str) -> Option<&'a str> {
     let pairs = args.set.iter().filter_map(|one| one.split_once('='));
     pairs.filter(|(name, _)| name.trim() == key).map(|(_, value)| value.trim()).next_back()
 }
 
-/// The same with the channels that calib leaves out added to those of `data.exclude`, if that was given: a list that replaced them
-/// would bring them back.
+/// Returns the options with calib's exclusions added to a given `data.exclude`. Otherwise the given list would replace
+/// them.
 fn with_exclusions(
     args: &ProposeOptions,
     scope: &Scope,
@@ -209,7 +210,7 @@ fn with_exclusions(
 
 const EXCLUDE: &str = "data.exclude";
 
-/// Rows from one state to the next as they were given, of a training range of `rows` rows.
+/// Parses a given number of rows per state, for a training range of `rows` rows.
 fn given_spacing(value: &str, rows: usize) -> Result<usize, StepError> {
     let spacing = value.parse().ok().filter(|spacing| (1..rows).contains(spacing));
     spacing.with_context(|| {
@@ -217,14 +218,14 @@ fn given_spacing(value: &str, rows: usize) -> Result<usize, StepError> {
     })
 }
 
-/// Whether `key` was given with `--set`, or a key of the table that it is.
+/// Whether `key` was given with `--set`, or a key of the table `key`.
 fn gives_any(args: &ProposeOptions, key: &str) -> bool {
     let keys = args.set.iter().filter_map(|one| Some(one.split_once('=')?.0.trim()));
     keys.filter_map(|given| given.strip_prefix(key))
         .any(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// The path of the log as it is written into a study: as it was typed, where that means the same from there.
+/// Returns the path of the log for the study file. It stays as it was typed if it has the same meaning there.
 fn path_in_study(logs: &Path, study: &Path) -> Result<String, StepError> {
     let beside = study.parent().is_none_or(|folder| folder.as_os_str().is_empty());
     let path = if beside || logs.is_absolute() {
@@ -236,25 +237,25 @@ fn path_in_study(logs: &Path, study: &Path) -> Result<String, StepError> {
     Ok(path.to_owned())
 }
 
-/// A study, and what was found on the way to it.
+/// A proposed study, and the findings that led to it.
 struct Proposal {
     text: String,
     spacing: usize,
     cut: Cut,
-    /// Channels that are predicted, then those that could be.
+    /// Channels that are predicted, followed by further candidates.
     sensors: Sensors,
     agent: Evidence,
     horizon: Horizon,
     sized: SizedStudy,
 }
 
-/// How large a study is.
+/// The size of a study.
 struct SizedStudy {
     size: Size,
     reason: String,
-    /// Which simple predictor agents start from, in words; empty where that is not known.
+    /// The simple predictor that agents start from, in words. Empty if it is not known.
     best: String,
-    /// How long it takes, if that was measured.
+    /// Time of the study in seconds, if it was measured.
     expected_secs: Option<f64>,
     expected_processor_secs: Option<f64>,
 }
@@ -296,13 +297,13 @@ impl Proposal {
             look.cut.clone()
         };
         let steps = drafting.most_steps(spacing, horizon);
-        // Without time left the study will be the smallest, which has one sensor.
+        // Without time left, the study is the smallest one, which has one sensor.
         let measured_sensors = if trials.measuring.is_over() { 1 } else { sensors.proposed.len() };
         let measured = trials.costs(steps, &mut horizon, |steps: usize, horizon: Horizon| {
             let size = Size::trial(agent.agent, model, steps, measured_sensors);
             (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
         })?;
-        // Nearer than it was proposed, it may leave room for four windows.
+        // A shorter horizon than proposed may leave room for four windows.
         let steps = steps.min(drafting.most_steps(spacing, horizon));
         let sized = SizedStudy::of(&trials, &drafting, agent.agent, steps, measured, begun);
         let text = drafting.text(
@@ -313,7 +314,7 @@ impl Proposal {
             &sized.size,
             [&why, &agent.reason, &sized.reason, &sized.best],
         );
-        // What was given holds for the study: it is read with it, and must say the same without.
+        // Given keys are written into the study, so that it is the same without `--set`.
         let text = calib_propose::with_given(&text, &args.set);
         let doubts =
             [drafting.too_far(horizon), drafting.few_windows(spacing, horizon, &sized.size)];
@@ -324,7 +325,7 @@ impl Proposal {
         Ok(Self { text, spacing, cut, sensors, agent, horizon, sized })
     }
 
-    /// What the study is, now that it is written.
+    /// Summarises the study after it is written.
     fn written(self, args: &ProposeOptions, look: &ExaminedLog, took: Duration) -> ProposedStudy {
         let ExaminedLog { sketch, scope, .. } = look;
         let predicted = self
@@ -367,8 +368,8 @@ impl Proposal {
 }
 
 impl SizedStudy {
-    /// The largest study that fits in the rest of the time, with runs of at most so many steps; the smallest, where it is not known what
-    /// one takes.
+    /// Returns the largest study that fits into the remaining time, with runs of at most `most_steps` steps. If the
+    /// costs are not known, it returns the smallest study.
     fn of(
         trials: &Trials<'_>,
         drafting: &Drafting<'_>,
@@ -392,7 +393,7 @@ impl SizedStudy {
             };
         };
         let MeasuredCosts { time, processors, best } = measured.with_reading(look.read);
-        // Looking and trying are of the time that was asked for.
+        // Examining and trials count towards the requested time.
         let tried = begun.elapsed().as_secs_f64();
         let left = trials.measuring.left_secs();
         let size = Size::within(agent, trials.model, left, time, most_steps, sensors);
@@ -407,10 +408,11 @@ impl SizedStudy {
     }
 }
 
-/// How far states are apart. Models decide among spacings where the study chooses by them, which it does not unless it was asked to.
+/// Chooses the time between states. Models decide between spacings only if the study chooses by its models, which the
+/// user has to request.
 fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<StateSpacing, StepError> {
     let ExaminedLog { sketch, scope, cut, sensors, .. } = drafting.look;
-    // Of the last rows of the training range, because it is theirs to be judged on what follows.
+    // Takes the last rows of the training range, because they come just before the data that the study is judged on.
     let small = |spacing: usize| {
         let horizon = drafting.ahead(spacing);
         let steps = drafting.most_steps(spacing, horizon);
@@ -434,7 +436,7 @@ fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<StateS
     Ok(StateSpacing { spacing, why, cost })
 }
 
-/// What agents come to on the last third of the training range, at a `horizon` that is shortened until something is predicted.
+/// Tries agents on the last third of the training range. The `horizon` is shortened until something is predicted.
 fn tried_agents(
     trials: &Trials<'_>,
     drafting: &Drafting<'_>,
@@ -452,7 +454,7 @@ fn tried_agents(
     });
     match gathered {
         Err(reason) if !matches!(reason.root(), StepError::Cancelled) => {
-            // The study may do what part of its training range does not allow.
+            // The full study may succeed where a part of its training range is too small.
             Ok(Evidence::untried(&reason, trials.context))
         }
         gathered => {

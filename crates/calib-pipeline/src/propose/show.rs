@@ -1,4 +1,4 @@
-//! What was proposed, in a few lines.
+//! Prints a proposal in a few lines.
 
 use calib_base::{
     StepError,
@@ -56,7 +56,7 @@ fn lines(proposed: &ProposedStudy) -> [String; 4] {
     ]
 }
 
-/// How long a study takes beside the time that was asked for, in seconds.
+/// Compares the time of a study with the requested time, in seconds.
 pub(super) fn beside_within(secs: f64, within: f64) -> String {
     let [expected, asked] = [secs.round(), within].map(span);
     if secs.round() > within {
@@ -66,7 +66,7 @@ pub(super) fn beside_within(secs: f64, within: f64) -> String {
     }
 }
 
-/// What is said of the processor time.
+/// Returns the words on processor time.
 fn processors(chosen: &Chosen) -> String {
     chosen
         .expected_processor_secs

@@ -1,4 +1,4 @@
-//! Small models of a log, and what they take.
+//! Small trial models of a log, and their costs.
 
 use calib_agent::SimplePredictor;
 use calib_base::{
@@ -26,42 +26,43 @@ use calib_sweep_steps::{
 
 use super::deadline::TimeLimit;
 
-/// States of a trial model at most.
+/// Largest number of states of a trial model.
 pub(super) const ROWS: usize = 20_000;
-/// Trial models at most.
+/// Largest number of trial models.
 const TRIALS: usize = 6;
-/// The share of the time asked for that a model may take, or all that agents on the replayed log start from.
+/// Share of the requested time for building a model, or for fitting the predictors that agents on the replayed log
+/// start from.
 const BUILD: f64 = 0.2;
-/// Steps of the shortest runs that costs are measured with.
+/// Steps of the shortest runs for measuring costs.
 const SHORT: usize = 150;
-/// How much longer the others are.
+/// Factor from one length of runs to the next.
 const LONGER: usize = 4;
-/// Runs whose sweep takes less than this share of the time asked for are too short to tell what a step takes.
+/// If a sweep takes less than this share of the requested time, its runs are too short to measure the time per step.
 const WORTH: f64 = 0.01;
-/// Trials keep the channels that the study keeps, however little of them is in the part of the log that is tried: what the
-/// study drops, it drops by its own training range.
+/// Trials keep the channels that the study keeps, even if they are mostly missing in the tried part of the log. The
+/// study drops channels by its own training range.
 const KEPT_CHANNELS: &str = "preprocess.max_missing=1";
-/// The folder of what costs are measured with.
+/// The folder for measuring costs.
 const COSTS: &str = "costs";
-/// The folder of what agents are compared in.
+/// The folder for comparing agents.
 const COMPARED: &str = "compared";
-/// Keys of a study whose model nobody looks at.
+/// Keys for a study whose model is not used.
 const SMALLEST_MODEL: [&str; 2] = ["model.members=2", "sweep.member_runs=1"];
-/// A sensor is predicted where the error is at most this share of the mean's.
+/// A sensor counts as predicted if the error is at most this share of the mean's error.
 const PREDICTED: f64 = 0.95;
-/// How often a horizon is halved until some step can be scored.
+/// How often a horizon is halved to find a step that can be scored.
 const HALVED: usize = 6;
 
-/// What grows with the states of the training range, in seconds for [`ROWS`] of them at most.
+/// A cost that grows with the states of the training range, in seconds for at most [`ROWS`] states.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum GrowingCosts {
-    /// Building a model: what exact search takes grows with their square at worst.
+    /// Building a model. At worst, exact search grows with the square of the states.
     Model(f64),
-    /// Fitting what agents start from, for as many runs on the replayed log as there can be.
+    /// Fitting the predictors that agents start from, for the largest number of runs on the replayed log.
     Fits(f64),
 }
 
-/// States of the training range for which that is done in its share of `within` seconds.
+/// Returns the number of training states for which this cost stays within its share of `within` seconds.
 pub(super) fn rows_within(within: f64, cost: GrowingCosts, rows: usize) -> usize {
     let measured = rows.min(ROWS);
     let factor = match cost {
@@ -76,16 +77,16 @@ pub(super) fn rows_within(within: f64, cost: GrowingCosts, rows: usize) -> usize
 }
 
 pub(super) struct MeasuredCosts {
-    /// On the clock.
+    /// Wall-clock time.
     pub(super) time: Costs,
-    /// On all processors together, where the system says it.
+    /// Processor time of all threads together, if the system reports it.
     pub(super) processors: Option<Costs>,
-    /// Which simple predictor agents start from, in words.
+    /// The simple predictor that agents start from, in words.
     pub(super) best: String,
 }
 
 impl MeasuredCosts {
-    /// With reading the log, which trials do once together.
+    /// Adds the time to read the log, which all trials share.
     pub(super) fn with_reading(mut self, read: TimeTaken) -> Self {
         self.time.fixed_secs += read.secs;
         if let Some(processors) = &mut self.processors {
@@ -95,15 +96,15 @@ impl MeasuredCosts {
     }
 }
 
-/// A sweep that was measured.
+/// The measured sweep of one length.
 struct MeasuredSweep {
     agent_steps: f64,
     taken: TimeTaken,
 }
 
-/// The costs, if two sweeps of so many steps took so long, and all else `other_secs`.
+/// Computes costs from the numbers of steps and times of two sweeps. All other work takes `other_secs`.
 pub(super) fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: f64) -> Costs {
-    // Runs that cannot be longer tell what a step takes at most.
+    // If runs cannot be longer, only an upper bound on the time per step is known.
     let agent_step_secs =
         if more > less { ((slow - quick) / (more - less)).max(1e-9) } else { slow / more };
     let begin = (quick - less * agent_step_secs).max(0.0);
@@ -112,30 +113,31 @@ pub(super) fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: 
 
 /// A model of part of the log.
 struct TrialModel {
-    /// How long it took.
+    /// Time to build it, in seconds.
     secs: f64,
     warnings: Vec<String>,
-    /// How its rollouts move, in words.
+    /// The movement of its rollouts, in words.
     moves: String,
 }
 
-/// How far states are apart.
+/// The time between states.
 pub(super) struct StateSpacing {
-    /// Rows from one to the next.
+    /// Rows from one state to the next.
     pub(super) spacing: usize,
     pub(super) why: String,
-    /// What limits how many such states there can be.
+    /// The cost that limits the number of such states.
     pub(super) cost: GrowingCosts,
 }
 
-/// What it takes to fit all that the agents of one run on the replayed log start from, and what they are compared with.
+/// Measures the time to fit all predictors that one run on the replayed log needs: those that agents start from, and
+/// those for comparison.
 fn fitting_time(job: &Job, context: &RunContext) -> Result<TimeTaken, StepError> {
     let Parts { dataset, .. } = partition::load(job, context)?;
     let study = job.study();
     let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let baselines = Baselines::new(&dataset.train);
     let progress = context.progress();
-    // Agents and simple predictors, each without the rows that the run replays.
+    // Once for agents and once for simple predictors, each without the rows that the run replays.
     let (fitted, taken) = TimeTaken::by(|| {
         (0..2).try_for_each(|row| {
             let rows = FittingRows::AllBut(std::iter::once(row..row + 1).collect());
@@ -146,26 +148,27 @@ fn fitting_time(job: &Job, context: &RunContext) -> Result<TimeTaken, StepError>
     Ok(taken)
 }
 
-/// What trials have in common.
+/// The inputs that all trials share.
 pub(super) struct Trials<'a> {
     pub(super) args: &'a ProposeOptions,
     pub(super) place: &'a TemporaryFolder,
     /// Whether the study has a model.
     pub(super) model: ProposedModel,
     pub(super) context: &'a RunContext,
-    /// Agents and models are compared no longer than that.
+    /// The time limit for comparing agents and models.
     pub(super) comparing: TimeLimit,
-    /// What a study takes is measured no longer than that.
+    /// The time limit for measuring the cost of a study.
     pub(super) measuring: TimeLimit,
 }
 
 impl Trials<'_> {
-    /// A study whose results go to a folder of its own: a log is prepared once in a folder, and what else is there goes.
+    /// Creates a job with its own folder of results. The log is prepared once per folder, and other results there are
+    /// replaced.
     fn job(&self, text: String, folder: &str) -> Result<Job, StepError> {
         self.job_with(text, folder, &[])
     }
 
-    /// The same with some keys of the study changed.
+    /// Creates such a job with some keys of the study changed.
     fn job_with(&self, text: String, folder: &str, set: &[&str]) -> Result<Job, StepError> {
         let request = Request {
             output: Some(self.place.path().join(folder)),
@@ -181,14 +184,15 @@ impl Trials<'_> {
         Ok(Job::of_text(request, text)?)
     }
 
-    /// What states that are `spacing` rows apart take, of which the training range has so many.
+    /// Measures the cost of states that are `spacing` rows apart. The training range has `states` of them.
     pub(super) fn cost_of_states(
         &self,
         spacing: usize,
         states: usize,
         text: String,
     ) -> Result<GrowingCosts, StepError> {
-        // A range that trials have whole is learned from whole, whatever it takes. Without time, no more is learned from than they have.
+        // A training range that fits into a trial is used whole, whatever the cost. Without time, the study uses no
+        // more states than a trial.
         if states <= ROWS {
             return Ok(GrowingCosts::Fits(0.0));
         }
@@ -221,8 +225,8 @@ impl Trials<'_> {
         })
     }
 
-    /// The first of `candidates` whose model has rollouts that neither circle nor replay the log, or else the one that is
-    /// warned of least. For studies that choose by their models.
+    /// Returns the first of `candidates` whose model has rollouts that neither circle nor replay the log, or else the
+    /// one with the fewest warnings. Used for studies that choose by their models.
     pub(super) fn spacing(
         &self,
         candidates: &[usize],
@@ -272,7 +276,8 @@ impl Trials<'_> {
         Ok(StateSpacing { spacing, why, cost: GrowingCosts::Model(secs) })
     }
 
-    /// What a study takes; none where the time is over before that is measured. The `horizon` is halved until some step can be scored.
+    /// Returns the costs of a study, or `None` if the time is over before they are measured. The `horizon` is halved
+    /// until some step can be scored.
     pub(super) fn costs(
         &self,
         most_steps: usize,
@@ -281,7 +286,7 @@ impl Trials<'_> {
     ) -> Result<Option<MeasuredCosts>, StepError> {
         let short = most_steps.min(SHORT.max(2 * horizon.states as usize));
         let silent = &self.context.silent();
-        // Whatever the time: a study without a step that can be scored would end without a result.
+        // Done even without time left: a study without a step that can be scored would end without a result.
         let (checked, read) = TimeTaken::by(|| {
             scorable(horizon, |horizon| {
                 streams::check(&self.job(text(short, horizon).0, COSTS)?, silent)
@@ -294,8 +299,8 @@ impl Trials<'_> {
         })
     }
 
-    /// What a study takes, its log `read`: measured with `short` runs, and with longer ones until these take a share of `within` that is
-    /// worth measuring.
+    /// Measures the costs of a study. `read` is the time to read its log. It times `short` runs, and then longer ones
+    /// until they take a measurable share of `within`.
     fn measured(
         &self,
         [short, most_steps]: [usize; 2],
@@ -328,7 +333,7 @@ impl Trials<'_> {
         judged?;
         let fitting = match self.model {
             ProposedModel::None => on_all_threads(fitting_time(&job, context)?),
-            // Its rows are few: a model takes longer than what agents start from.
+            // A model takes longer than fitting the predictors that agents start from, because its log has few rows.
             ProposedModel::Ensemble => TimeTaken::default(),
         };
         let costs = |measure: fn(TimeTaken) -> f64| {
@@ -346,7 +351,8 @@ impl Trials<'_> {
         })
     }
 
-    /// What a study makes before its sweep: states of the log, and its model with rollouts, if it has one.
+    /// Makes everything that a study needs before its sweep: states of the log, and its model with rollouts, if it has
+    /// one.
     fn made_before(&self, job: &Job, context: &RunContext) -> Result<(), StepError> {
         match self.model {
             ProposedModel::None => partition::load(job, context).map(drop),
@@ -357,8 +363,8 @@ impl Trials<'_> {
         }
     }
 
-    /// What an agent and the simple predictors come to where only the training range is known, at a `horizon` that is halved
-    /// until some step can be scored; none if the time is over before that is known.
+    /// Compares an agent with the simple predictors within the training range. The `horizon` is halved until some step
+    /// can be scored. Returns `None` if the time is over before.
     pub(super) fn compare(
         &self,
         horizon: &mut Horizon,
@@ -404,14 +410,14 @@ impl Trials<'_> {
     }
 }
 
-/// The time on the clock of what one thread does, where all threads do as much each.
+/// Converts the time of one thread to the wall-clock time if the work is divided evenly between all threads.
 fn on_all_threads(taken: TimeTaken) -> TimeTaken {
-    // On a machine that has other things to do the clock goes faster than the work.
+    // On a busy machine the wall clock also counts other work.
     let secs = taken.secs.max(taken.processor_secs) / rayon::current_num_threads() as f64;
     TimeTaken { secs, ..taken }
 }
 
-/// What `sweep` gives at a horizon that is halved until some step of it can be scored.
+/// Returns the result of `sweep` at a horizon that is halved until some step can be scored.
 fn scorable<T>(
     horizon: &mut Horizon,
     sweep: impl Fn(Horizon) -> Result<T, StepError>,
@@ -431,23 +437,23 @@ fn scorable<T>(
     ))
 }
 
-/// Half as far ahead.
+/// Returns half the horizon.
 pub(super) fn halved(horizon: Horizon) -> Horizon {
     Horizon::new(horizon.secs / 2.0, horizon.secs / horizon.states)
 }
 
-/// How a sensor was predicted on the last third of the training range, from what came before.
+/// The prediction of a sensor on the last third of the training range, from the data before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TrialPrediction {
-    /// Error of the best simple predictor by that of the mean.
+    /// Ratio of the best simple predictor's error to that of the mean.
     pub(super) simple: f64,
-    /// Error of the agent, with the learning rate that the log chooses, by that of the best simple predictor.
+    /// Ratio of the agent's error, with the learning rate that the log chooses, to that of the best simple predictor.
     pub(super) agent: f64,
 }
 
 impl TrialPrediction {
     fn of(verdict: &SensorVerdict) -> Self {
-        // All of an agent's ratios are of the same windows, so that their quotients compare predictors with each other.
+        // All ratios of an agent are over the same windows, so their quotients compare predictors with each other.
         let ratio = |predictor: SimplePredictor| {
             let row = verdict.simple.iter().find(|row| row.predictor == predictor);
             row.and_then(|row| row.ratio).map_or(f64::NAN, |ratio| ratio.value)

@@ -1,4 +1,4 @@
-//! Sweeps that were begun for a study, and how the study differs now.
+//! Sweeps that were begun for a study, and how the study has changed since.
 
 use calib_base::{StepError, artefact, output::count, stale::StoredArtefact};
 use calib_study::{Difference, Job, Scope, StepKind};
@@ -16,10 +16,10 @@ pub(super) struct BegunSweep {
 }
 
 impl BegunSweep {
-    /// Those of a study, in its order.
+    /// Returns the sweeps of a study, in order.
     ///
     /// # Errors
-    /// If the study cannot be divided into its models and deployments.
+    /// Returns an error if the study cannot be divided into its models and deployments.
     pub(super) fn all_of(job: &Job) -> Result<Vec<Self>, StepError> {
         let parts = job.parts(Scope::Deployment)?.into_iter();
         Ok(parts
@@ -30,13 +30,13 @@ impl BegunSweep {
             .collect())
     }
 
-    /// Whether a step is the one that makes it.
+    /// Whether `step` makes this sweep.
     pub(super) fn is_of(&self, step: &StepStanding) -> bool {
         step.step == StepKind::Sweep.label()
             && (step.model.as_deref(), step.deployment.as_deref()) == self.names()
     }
 
-    /// Its model and its deployment.
+    /// Returns the model and the deployment.
     pub(super) fn names(&self) -> (Option<&str>, Option<&str>) {
         (self.part.model(), self.part.deployment())
     }
@@ -45,19 +45,20 @@ impl BegunSweep {
         self.planned.stored_in(&self.part.layout().sweep())
     }
 
-    /// Which keys it was made with that differ now, and what to run.
+    /// Returns a message on the keys that changed since, and on what to run.
     fn stale_reason(&self) -> Option<String> {
         let directory = &self.part.layout().sweep();
         let study = self.planned.study()?;
         StoredArtefact { step: StepKind::Sweep, study, directory }.stale_reason(&self.part)
     }
 
-    /// Why it is to do: other keys, missing files, or missing runs; none where that is not known, as of another log.
+    /// Returns why the sweep is to do: changed keys, missing files, or missing runs. `None` if this is not known, for
+    /// example with another log.
     pub(super) fn why_to_do(&self) -> Option<String> {
         self.stale_reason().or_else(|| self.lacks_files()).or_else(|| self.unfinished())
     }
 
-    /// How many of its runs are there, if some are missing.
+    /// Returns a message on how many runs exist, if some are missing.
     fn unfinished(&self) -> Option<String> {
         let made = self.stored().len();
         let sensors = self.planned.sensors().into_iter();
@@ -71,7 +72,7 @@ impl BegunSweep {
         })
     }
 
-    /// That files of the finished sweep are missing, if some are.
+    /// Returns a message if files of the finished sweep are missing.
     fn lacks_files(&self) -> Option<String> {
         let directory = self.part.layout().sweep();
         let made = artefact::read::<SweepManifest>(&directory)?;
@@ -85,14 +86,14 @@ impl BegunSweep {
         })
     }
 
-    /// The keys in which the study differs from the one that it was begun for.
+    /// Returns the keys that changed since the sweep began.
     pub(super) fn differences(&self) -> Vec<Difference> {
         let made = self.planned.study();
         made.map_or_else(Vec::new, |made| self.part.study().differences(StepKind::Sweep, made))
     }
 
-    /// Whether the runs for a sensor are those of the study as it is now. The discount factor of another sensor does not change them,
-    /// nor does another list of sensors, as long as it has this one.
+    /// Whether the stored runs for a sensor match the current study. They do not depend on the discount factor of
+    /// another sensor, nor on the other sensors in the list.
     pub(super) fn has_runs_for(&self, sensor: &str, differences: &[Difference]) -> bool {
         let sensors = &self.part.study().sweep.sensors;
         let is_listed = sensors.is_empty() || sensors.iter().any(|listed| listed == sensor);

@@ -1,4 +1,4 @@
-//! What a path names: a study, the folder of its results, or a plan for a cluster.
+//! Finds what a path refers to: a study, the folder of its results, or a plan for a cluster.
 
 use std::{
     fs,
@@ -10,16 +10,16 @@ use calib_study::{Job, Request, study_files};
 
 use crate::cluster;
 
-/// Whose status is asked for.
+/// A request for the status of a study or plan.
 #[derive(Clone, Debug, Default)]
 pub struct StatusRequest {
     /// A study file, a folder of results, or a plan for a cluster.
     pub path: PathBuf,
-    /// Keys of the study that are overridden.
+    /// Overridden keys of the study.
     pub set: Vec<String>,
-    /// The profile that is laid over the study.
+    /// The profile to apply to the study.
     pub profile: Option<String>,
-    /// Where results go, if not where the study says.
+    /// The folder of results, if it differs from that in the study.
     pub output: Option<PathBuf>,
 }
 
@@ -28,10 +28,10 @@ pub(super) enum Subject {
     Cluster(PathBuf),
 }
 
-/// Find what the path of a request names.
+/// Finds the subject of a request.
 ///
 /// # Errors
-/// If it names nothing of these, or the study is wrong.
+/// Returns an error if the path is none of these, or the study is wrong.
 pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
     let path = &request.path;
     if path.is_file() {
@@ -43,7 +43,7 @@ pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
     if cluster::is_plan(path) {
         return Ok(Subject::Cluster(path.clone()));
     }
-    // A study stands beside its results, or in the folder that was made for it.
+    // A study lies beside its results, or in a folder that was made for it.
     let wanted = fs::canonicalize(path)?;
     let parent = wanted.parent().unwrap_or(&wanted);
     for study in study_files(parent).unwrap_or_default() {

@@ -1,4 +1,4 @@
-//! How a study stands, seen from outside: nothing is written, and nothing that runs is disturbed.
+//! The status of a study. Nothing is written, and running commands are not disturbed.
 
 mod begun;
 mod find;
@@ -123,7 +123,7 @@ pub(crate) enum StepState {
 }
 
 impl StandingOf {
-    /// Whether something is at work, so that it will stand otherwise soon.
+    /// Whether a command is running, so that the status will change.
     pub fn is_running(&self) -> bool {
         match self {
             Self::Study(study) => study.state == Overall::Running,
@@ -131,7 +131,7 @@ impl StandingOf {
         }
     }
 
-    /// The report of the study, if there is one.
+    /// Returns the report of the study, if it exists.
     pub fn report(&self) -> Option<&Path> {
         match self {
             Self::Study(study) => study.report.as_deref(),
@@ -140,10 +140,10 @@ impl StandingOf {
     }
 }
 
-/// How what is asked for stands.
+/// Returns the status of the requested study or plan.
 ///
 /// # Errors
-/// If there is no such study or folder, or the study is wrong.
+/// Returns an error if there is no such study or folder, or the study is wrong.
 pub(crate) fn status(request: &StatusRequest, printer: &Printer) -> Result<StandingOf, StepError> {
     match find::find(request)? {
         Subject::Study(job) => Ok(StandingOf::Study(of_study(&job, printer)?)),
@@ -200,7 +200,7 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
     })
 }
 
-/// Where the report of a study is.
+/// Returns the path of a study's report.
 fn report(job: &Job) -> PathBuf {
     if job.study().control.is_some() {
         job.layout().control().join("report.html")
@@ -209,7 +209,7 @@ fn report(job: &Job) -> PathBuf {
     }
 }
 
-/// The one step of a study of agents that act.
+/// Returns the only step of a study of agents that act.
 fn of_control(verdict: &VerdictStanding, is_running: bool) -> StepStanding {
     let (state, stale) = match verdict {
         _ if is_running => (StepState::Running, None),
@@ -220,7 +220,7 @@ fn of_control(verdict: &VerdictStanding, is_running: bool) -> StepStanding {
     StepStanding { step: StepKind::Control.label(), model: None, deployment: None, state, stale }
 }
 
-/// The steps of a study of agents that predict, and which of them are done or at work.
+/// Returns the steps of a study of agents that predict, with their states.
 fn steps(
     job: &Job,
     begun: &[BegunSweep],
@@ -270,7 +270,7 @@ fn steps(
     Ok(standings)
 }
 
-/// Whether a command is at a step: it is a command of that step alone, or its stage is called so.
+/// Whether a command is working on a step: it is the command of that step alone, or its stage has the step's name.
 fn is_at(note: &Note, step: &PlannedStep) -> bool {
     // "[3/5] sweep, model laplacian"
     let doing = note.doing.as_deref().and_then(|doing| doing.split_once("] "));
@@ -289,7 +289,7 @@ fn is_at(note: &Note, step: &PlannedStep) -> bool {
     of_step && of_part
 }
 
-/// How the settings of all sweeps of a study stand. Runs that another study made are left out, unless they are being made.
+/// Ranks the settings in all sweeps of a study. Runs of a changed study are left out, unless they are running.
 fn of_sweeps(sweeps: &[BegunSweep], steps: &[StepStanding]) -> Result<Vec<Ranking>, StepError> {
     let mut all = Vec::new();
     for sweep in sweeps {
@@ -306,7 +306,7 @@ fn of_sweeps(sweeps: &[BegunSweep], steps: &[StepStanding]) -> Result<Vec<Rankin
     Ok(all)
 }
 
-/// How the shards of a plan stand, and the settings by their runs.
+/// Returns the status of the shards of a plan, and the settings ranked by their runs.
 fn of_cluster(directory: PathBuf) -> Result<ClusterStanding, StepError> {
     let (cluster, parts) = cluster::standing(&directory)?;
     let mut all = Vec::new();

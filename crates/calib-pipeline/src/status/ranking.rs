@@ -1,4 +1,4 @@
-//! How settings stand by the runs that are there.
+//! Ranks settings by the available runs.
 
 use std::collections::BTreeMap;
 
@@ -70,7 +70,7 @@ pub(crate) struct Ranked {
 /// Logarithms of a setting's errors, by the number of the unit.
 type LogErrors = BTreeMap<usize, f64>;
 
-/// How the settings of a sweep stand, sensor by sensor in the order of the plan.
+/// Ranks the settings of a sweep for each sensor, in the order of the plan.
 pub(super) fn rankings(
     planned: &PlannedSweep,
     stored: &[StoredRun<'_>],
@@ -115,7 +115,7 @@ pub(super) fn rankings(
         .collect()
 }
 
-/// How a setting stands to the leader.
+/// A setting compared with the leader.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct AgainstLeader {
     ratio: Option<f64>,
@@ -126,9 +126,9 @@ fn diverged(logs: &LogErrors) -> usize {
     logs.values().filter(|log| **log == f64::INFINITY).count()
 }
 
-/// The settings that have runs, the best first. The leader is one of those with the most runs: it diverged in the fewest of
-/// them, and of these has the smallest mean logarithm. A setting is compared with it on the streams that both have, because
-/// a race or a smaller grid has left some with fewer.
+/// Returns the settings that have runs, best first. The leader is among those with the most runs. It diverged in the
+/// fewest of them, and has the smallest mean logarithm on ties. Other settings are compared with it on common streams,
+/// because a race or a smaller grid leaves some with fewer.
 fn ranked(logs: &[LogErrors]) -> Result<Vec<(usize, AgainstLeader)>, StepError> {
     let most = logs.iter().map(LogErrors::len).max().unwrap_or(0);
     if most == 0 {
@@ -161,7 +161,7 @@ fn ranked(logs: &[LogErrors]) -> Result<Vec<(usize, AgainstLeader)>, StepError> 
     Ok(all)
 }
 
-/// The error of a setting against that of the leader, on the streams that both have.
+/// Returns the ratio of a setting's error to the leader's, on common streams.
 fn against(own: &LogErrors, leader: &LogErrors) -> Result<AgainstLeader, StepError> {
     let both = own.iter().filter_map(|(unit, log)| Some((log, leader.get(unit)?)));
     let differences: Vec<f64> =

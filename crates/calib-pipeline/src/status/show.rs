@@ -1,4 +1,4 @@
-//! How a study stands, in lines and tables.
+//! Prints the status of a study as lines and tables.
 
 use calib_base::{
     StepError,
@@ -13,14 +13,14 @@ use super::{
 };
 use crate::control::FAILED;
 
-/// Settings that are shown of each sensor, unless all are wanted.
+/// Number of settings shown per sensor, unless all are requested.
 const SHOWN: usize = 8;
 
 impl StandingOf {
-    /// Tell it: lines and tables for people, JSON for machines.
+    /// Prints the status: lines and tables for people, JSON for machines.
     ///
     /// # Errors
-    /// If it cannot be passed on.
+    /// Returns an error if it cannot be printed.
     pub fn tell(&self, printer: &Printer) -> Result<(), StepError> {
         if printer.is_json() {
             return printer.json(self);
@@ -127,14 +127,14 @@ fn tell_control(ranking: &ControlRanking, printer: &Printer) -> Result<(), StepE
     tell_settings(&["setting", "mean rank", "model return"], settings, printer)
 }
 
-/// A setting in a ranking, and the cells behind its name.
+/// A setting in a ranking, with the cells after its name.
 struct SettingRow<'a> {
     name: &'a str,
     is_default: bool,
     cells: Vec<String>,
 }
 
-/// A table of the first settings of a ranking, and of the default; how many more there are.
+/// Prints a table of the first settings of a ranking and the default, and how many more there are.
 fn tell_settings<'a>(
     header: &[&str],
     settings: impl ExactSizeIterator<Item = SettingRow<'a>>,
@@ -150,7 +150,7 @@ fn tell_settings<'a>(
     Ok(())
 }
 
-/// The rows of the first settings, and of the default wherever it stands.
+/// Returns the rows of the first settings, and of the default at any rank.
 fn first_and_default<'a>(settings: impl Iterator<Item = SettingRow<'a>>) -> Vec<Vec<String>> {
     settings
         .enumerate()

@@ -1,4 +1,4 @@
-//! What was to be shown, and what so many plants can show.
+//! The claims to test, and the power of the tests with this many plants.
 
 use calib_base::output::percent;
 use calib_report::{Cell, Table};
@@ -8,7 +8,7 @@ use calib_validity::{
 
 use super::tables::{at_most, count, quotient, quotients, table};
 
-/// The tests, and their power.
+/// Returns the tables of the tests and their power.
 pub(super) fn tables(validity: &Validity) -> Vec<Table> {
     vec![tests(&validity.tests), power(&validity.power)]
 }
@@ -29,7 +29,7 @@ fn cells(test: &Test) -> Vec<Cell> {
         Claim::Better | Claim::NoWorse => (quotient(Some(test.value)), quotients(test.interval)),
     };
     let outcome = match test.outcome {
-        // The same choices everywhere are no worse, and no better.
+        // Equal choices everywhere are neither worse nor better.
         Outcome::Holds if test.claim == Claim::NoWorse && test.value == 1.0 => "yes, the same",
         Outcome::Holds => "yes",
         Outcome::Fails => "no",
@@ -84,7 +84,7 @@ fn power(power: &[Power]) -> Table {
     )
 }
 
-/// What an interval of quotients says, in a word.
+/// Returns a word for the finding from an interval of quotients.
 pub(super) const fn finding(finding: Finding) -> &'static str {
     match finding {
         Finding::Better => "better",
@@ -94,7 +94,7 @@ pub(super) const fn finding(finding: Finding) -> &'static str {
     }
 }
 
-/// What was found, a sentence a model.
+/// Returns the findings, one sentence per model.
 pub(super) fn findings(validity: &Validity) -> Vec<String> {
     let models = validity.methods.iter().filter(|method| method.method.is_model());
     models.map(|method| sentence(method, validity)).collect()

@@ -1,4 +1,4 @@
-//! Figures of the judgement.
+//! Figures of the validity report.
 
 use std::path::Path;
 
@@ -13,9 +13,9 @@ use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
 use super::{JudgedStudies, show, tables::short};
 
-/// Regrets below this are drawn here: logarithms have no zero.
+/// Smallest drawn regret. Smaller ones are drawn here, because a logarithmic axis has no zero.
 const FLOOR: f64 = 1e-3;
-/// Regrets above this are beyond the edge.
+/// Largest drawn regret.
 const CEILING: f64 = 10.0;
 
 const MARKERS: [Marker; 5] =
@@ -51,13 +51,13 @@ fn in_percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// The ends of the interval of a method's typical regret, in percent.
+/// Returns the ends of the interval of a method's typical regret, in per cent.
 fn ends(method: &MethodSummary) -> Option<(f64, f64)> {
     let interval = method.typical_interval?;
     Some((in_percent(interval.low), in_percent(interval.high)))
 }
 
-/// Typical regret of each method, with its interval; `by` says by what score.
+/// Draws the typical regret of each method, with its interval. `by` names the score.
 fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
     let methods = &validity.methods;
     let values: Vec<f64> = methods
@@ -113,7 +113,7 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
     }
 }
 
-/// Share of pairs with at most a regret.
+/// Draws the share of pairs with at most a given regret.
 fn profile(validity: &Validity) -> OverviewFigure {
     let methods: Vec<&MethodSummary> = validity
         .methods
@@ -184,7 +184,7 @@ fn profile(validity: &Validity) -> OverviewFigure {
     }
 }
 
-/// A staircase that rises at each of the sorted regrets.
+/// Returns a step function that rises at each of the sorted regrets.
 fn steps(regrets: &[f64]) -> Vec<Point> {
     let all = regrets.len() as f64;
     let mut points = Vec::new();
@@ -205,7 +205,7 @@ fn steps(regrets: &[f64]) -> Vec<Point> {
     points
 }
 
-/// Regret of every model in every pair against something that is known of the model.
+/// Draws the regret of every model in every pair against a property of the model.
 fn scatter(
     validity: &Validity,
     label: &str,
@@ -261,7 +261,7 @@ fn scatter(
     })
 }
 
-/// Points that no line connects: each is followed by a missing one.
+/// Separates points by missing ones, so that no line connects them.
 fn broken(points: Vec<Point>) -> Vec<Point> {
     points
         .into_iter()

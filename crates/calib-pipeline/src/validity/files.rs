@@ -1,4 +1,4 @@
-//! `validity.json` and `pairs.parquet`.
+//! Writes `validity.json` and `pairs.parquet`.
 
 use std::path::Path;
 
@@ -24,29 +24,29 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// The model, where the method is one.
+    /// Returns the model, if the method is one.
     fn model(&self) -> Option<&ModelPair> {
         let Method::Model(name) = &self.regret.method else { return None };
         self.pair.models.iter().find(|model| model.model == *name)
     }
 
-    /// What the method chose, where it is one of the settings.
+    /// Returns the setting that the method chose, if it chose one.
     fn setting(&self) -> Option<String> {
         Some(self.values[self.regret.value?].clone())
     }
 
-    /// The error of that on held-out data.
+    /// Returns the error of the choice on held-out data.
     fn online_error(&self) -> Option<f64> {
         Some(self.pair.online[self.regret.value?])
     }
 
-    /// The smallest error of all settings on held-out data.
+    /// Returns the smallest error of all settings on held-out data.
     fn best_online_error(&self) -> f64 {
         self.pair.online.iter().copied().fold(f64::INFINITY, f64::min)
     }
 }
 
-/// One row for each score, plant, sensor and method.
+/// Returns a table with one row per score, plant, sensor and method.
 fn pairs(judged: &JudgedStudies) -> Table {
     let rows = judged.scores.iter().flat_map(|score| {
         score.validity.each.iter().filter_map(|regret| {

@@ -1,4 +1,4 @@
-//! What a study says about its sensors.
+//! Collects the results of a study for each of its sensors.
 
 use calib_agent::Part;
 use calib_base::{StepError, bail, log::context::RunContext};
@@ -14,15 +14,16 @@ use calib_validity::{ModelPair, Pair, RuleChoice};
 
 use super::{race, studies::ListedStudy, task::Task};
 
-/// Fewer scored horizons than this after the first quarter say more about the stretch than about the value.
+/// With fewer scored horizons after the first quarter, the error depends more on the scored stretch than on the
+/// setting.
 const HORIZONS: f64 = 200.0;
 
-/// A study's sensors, and the values that were swept.
+/// The sensors and swept settings of a study.
 pub(super) struct Gathered {
-    /// Label of each value of the grid.
+    /// Label of each setting of the grid.
     pub(super) values: Vec<String>,
     pub(super) task: Task,
-    /// What is scored, and a pair by that score.
+    /// The scored part of a run, and a pair by that score.
     pub(super) pairs: Vec<(Part, Pair)>,
     /// Models that are networks.
     pub(super) networks: Vec<String>,
@@ -30,7 +31,7 @@ pub(super) struct Gathered {
     pub(super) without: Vec<String>,
 }
 
-/// One model of a study with what is known of it.
+/// One model of a study, with all evidence about it.
 struct ModelEvidence {
     name: String,
     judged: Judged,
@@ -38,11 +39,11 @@ struct ModelEvidence {
     one_step: Option<OneStep>,
 }
 
-/// Why a study is not judged.
+/// The reason why a study is not judged.
 pub(super) struct ReasonLeftOut(pub(super) String);
 
-/// All sensors of `study` in all its deployments, with what each of `models` chose; or why it is not judged. By two scores: what the
-/// study scores, and the last three quarters of runs that are long enough.
+/// Collects all sensors of `study` in all its deployments, with the choices of `models`, or returns why it is not
+/// judged. There are two scores: the study's own, and the last three quarters of runs that are long enough.
 pub(super) fn gather(
     study: &ListedStudy,
     models: &[Option<String>],
@@ -109,7 +110,7 @@ fn networks(models: &[ModelEvidence]) -> Vec<String> {
     networks.map(|model| model.name.clone()).collect()
 }
 
-/// Add a sensor by each score.
+/// Adds a sensor by each score.
 fn add(
     gathered: &mut Gathered,
     sensor: &str,
@@ -121,7 +122,7 @@ fn add(
     let parts = [own, Part::AfterFirstQuarter];
     for part in if own == parts[1] { &parts[..1] } else { &parts } {
         let verdicts = models.iter().map(|model| verdict(model, sensor, *part));
-        // A run that the part has no step of cannot be judged by it.
+        // A run without a step in this part cannot be judged by it.
         let Some(verdicts) = verdicts.collect::<Result<Option<Vec<_>>, StepError>>()? else {
             continue;
         };
@@ -154,7 +155,7 @@ fn add(
     Ok(())
 }
 
-/// What a model's sweep says of a sensor by the errors over `part`; none if they have no step there.
+/// Returns the verdict of a model's sweep on a sensor by the errors over `part`. `None` if some run has no step there.
 fn verdict(
     model: &ModelEvidence,
     sensor: &str,

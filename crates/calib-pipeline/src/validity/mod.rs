@@ -1,4 +1,4 @@
-//! How well calib chooses, over several studies.
+//! Judges how well calib chooses, over several studies.
 
 mod claims;
 mod figures;
@@ -89,10 +89,10 @@ pub(crate) struct Score {
     validity: Validity,
 }
 
-/// What `validity` comes to.
+/// The result of `validity`.
 #[derive(Debug)]
 pub enum ValidityAnswer {
-    /// All studies are judged together.
+    /// All studies, judged together.
     Judged(Box<JudgedStudies>),
     /// The plants of a share were run, and nothing is judged.
     Shared(SharedPlants),
@@ -105,13 +105,13 @@ pub struct JudgedStudies {
     plants: Vec<Judged>,
     left_out: Vec<LeftOut>,
     missing: Vec<String>,
-    /// At least one.
+    /// At least one score.
     scores: Vec<Score>,
     command: String,
     report: PathBuf,
 }
 
-/// The plants of one of several processes that divide the studies among them.
+/// The plants of one of several processes that share the studies.
 #[derive(Debug)]
 pub struct SharedPlants {
     share: Share,
@@ -119,7 +119,7 @@ pub struct SharedPlants {
     left_out: Vec<LeftOut>,
 }
 
-/// Run what is missing of each study, and judge all of them together.
+/// Makes the missing results of each study, and judges all studies together.
 pub(crate) fn run(
     args: &ValidityOptions,
     context: &RunContext,
@@ -131,7 +131,7 @@ pub(crate) fn run(
         return Ok(StepResult::Planned(ValidityPlan::of(&listing, directory, context)?));
     }
     match listing.protocol {
-        // Before anything of a plant is written into it.
+        // Claims the folder before any plant is written into it.
         Some(_) => drop(artefact::own(&directory)?),
         None => artefact::check_own(&directory)?,
     }
@@ -163,34 +163,34 @@ impl JudgedStudies {
         }
     }
 
-    /// How well each method chooses, by the score of the studies.
+    /// Returns how well each method chooses, by the score of the studies.
     pub fn validity(&self) -> &Validity {
         &self.scores[0].validity
     }
 
-    /// The plants that were judged.
+    /// Returns the judged plants.
     pub fn plants(&self) -> Vec<&str> {
         self.plants.iter().map(|judged| judged.plant.as_str()).collect()
     }
 
-    /// Plants that were not, each with the reason.
+    /// Returns the plants that were left out, each with the reason.
     pub fn left_out(&self) -> Vec<[&str; 2]> {
         named(&self.left_out)
     }
 
-    /// The page that was written.
+    /// Returns the path of the report.
     pub fn report(&self) -> &Path {
         &self.report
     }
 }
 
 impl SharedPlants {
-    /// How many plants the share has.
+    /// Returns the number of plants in the share.
     pub fn plants(&self) -> usize {
         self.plants
     }
 
-    /// Those that were not run, each with the reason.
+    /// Returns the plants that were not run, each with the reason.
     pub fn left_out(&self) -> Vec<[&str; 2]> {
         named(&self.left_out)
     }
@@ -200,7 +200,7 @@ fn named(left_out: &[LeftOut]) -> Vec<[&str; 2]> {
     left_out.iter().map(|plant| [plant.plant.as_str(), plant.reason.as_str()]).collect()
 }
 
-/// In the folder of the draw, or beside the first study, unless the user says where.
+/// Returns the output folder: that of the draw, or the user's, or one beside the first study.
 fn output(args: &ValidityOptions, listing: &Listing) -> PathBuf {
     if let Some(protocol) = &listing.protocol {
         return protocol.directory.clone();
@@ -215,7 +215,7 @@ fn output(args: &ValidityOptions, listing: &Listing) -> PathBuf {
 struct GatheredStudies {
     gathered: Vec<(String, Gathered)>,
     left_out: Vec<LeftOut>,
-    /// Model → plants that lack it.
+    /// For each model, the number of plants that lack it.
     lacking: BTreeMap<String, usize>,
 }
 
@@ -259,7 +259,8 @@ fn all(
     Ok(all)
 }
 
-/// One study: run what is missing, and take what it says; or why it is left out.
+/// Makes the missing results of one study, and collects them. Returns the reason if the study is
+/// left out.
 fn take(
     study: &ListedStudy,
     listing: &Listing,
@@ -342,7 +343,7 @@ fn judged(
     })
 }
 
-/// What is not there of models, in sentences.
+/// Returns sentences on missing models.
 fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -> Vec<String> {
     let lacking = lacking.iter().map(|(model, plants)| {
         format!(
@@ -358,7 +359,7 @@ fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -
     lacking.chain(without).collect()
 }
 
-/// What was typed.
+/// Returns the command line.
 fn command(listing: &Listing, args: &ValidityOptions) -> String {
     let paths = args.studies.iter().map(|path| path.display().to_string());
     let overrides = args.set.iter().map(|text| shell_words(["--set", text]));

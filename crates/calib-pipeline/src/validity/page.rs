@@ -1,4 +1,4 @@
-//! The page.
+//! The report page of `validity`.
 
 use std::{io::Write as _, path::Path};
 
@@ -23,7 +23,8 @@ pub(super) fn write(path: &Path, judged: &JudgedStudies) -> Result<(), StepError
     Ok(write_atomically(path, |file| file.write_all(html.as_bytes()))?)
 }
 
-/// By the first score under their own titles, by another one under what it is.
+/// Returns the tables of all scores. Those of the first score have plain titles, the others name
+/// their score.
 fn all_tables(judged: &JudgedStudies) -> Vec<Table> {
     let mut all = Vec::new();
     for (number, score) in judged.scores.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What there is to run.
+//! The plan of `validity`: the work left to run.
 
 use std::path::PathBuf;
 
@@ -6,13 +6,13 @@ use calib_base::{StepError, log::context::RunContext};
 
 use super::{studies::Listing, task::Task};
 
-/// Every plant with its task, and what is left to run.
+/// Every plant with its task and remaining work.
 #[derive(Debug)]
 pub struct ValidityPlan {
     pub(super) plants: Vec<PlannedPlant>,
-    /// How long the sweeps of the plants took that are swept, in seconds.
+    /// Time of the finished sweeps, in seconds.
     pub(super) swept_secs: f64,
-    /// Where the judgement would be written.
+    /// The folder for the report.
     pub(super) directory: PathBuf,
 }
 
@@ -25,9 +25,9 @@ pub(super) struct PlannedPlant {
 
 #[derive(Debug)]
 pub(super) enum PlantState {
-    /// Nothing can be run of it, for this reason.
+    /// The plant cannot be run, for this reason.
     LeftOut(String),
-    /// So many models and deployments are to be run.
+    /// Number of models and deployments to run.
     Left(usize),
     Swept,
 }
@@ -55,7 +55,7 @@ impl ValidityPlan {
         Ok(Self { plants, swept_secs, directory })
     }
 
-    /// The plants of which something is left to run.
+    /// Returns the plants with work left.
     pub fn left(&self) -> Vec<&str> {
         let left = self.plants.iter().filter(|plant| matches!(plant.state, PlantState::Left(_)));
         left.map(|plant| plant.plant.as_str()).collect()

@@ -8,7 +8,7 @@ use calib_study::{DrawnStudy, Protocol};
 use super::studies::files;
 use crate::run_study::RunUntil;
 
-/// A protocol, its file, and where what follows from it goes.
+/// A protocol, its file, and the folder for its results.
 pub(super) struct ProtocolFile {
     pub(super) file: PathBuf,
     protocol: Protocol,
@@ -17,7 +17,8 @@ pub(super) struct ProtocolFile {
 }
 
 impl ProtocolFile {
-    /// The protocol among the arguments: a file, or the one in a folder, whose other files are then the studies that it draws from.
+    /// Finds the protocol among the arguments: a file, or the protocol in a folder. In a folder, the other files are
+    /// the studies to draw from.
     pub(super) fn find(args: &ValidityOptions) -> Result<Option<Self>, StepError> {
         let mut found = Vec::new();
         for argument in &args.studies {
@@ -48,27 +49,27 @@ impl ProtocolFile {
         Ok(Some(Self { file, protocol, directory }))
     }
 
-    /// Where the drawn studies lie.
+    /// Returns the folder of the drawn studies.
     pub(super) fn studies(&self) -> PathBuf {
         self.directory.join("studies")
     }
 
-    /// The seed of what is drawn.
+    /// Returns the seed of the draw.
     pub(super) fn seed(&self) -> u64 {
         self.protocol.seed
     }
 
-    /// The fewest windows by which a plant is judged.
+    /// Returns the smallest number of windows that a plant is judged by.
     pub(super) fn least_windows(&self) -> usize {
         self.protocol.least_windows
     }
 
-    /// How far each study is taken.
+    /// Returns how far each study is run.
     pub(super) fn extent(&self) -> RunUntil {
         if self.protocol.rollouts { RunUntil::Report } else { RunUntil::Choice }
     }
 
-    /// All studies, with `overrides` over what is drawn.
+    /// Draws all studies, and applies `overrides`.
     pub(super) fn draw(&self, overrides: &[String]) -> Result<Vec<DrawnStudy>, StepError> {
         Ok(self.protocol.draw(&self.file, &self.studies(), overrides)?)
     }

@@ -1,19 +1,20 @@
-//! What a race would have saved, and chosen: read off the results of a whole sweep.
+//! The savings and the choice of a race, computed from the results of a complete sweep.
 
 use calib_base::StepError;
 use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, raced, verdict};
 use calib_sweep_steps::verdict::evaluate::Judged;
 
-/// A race on the runs that were made.
+/// The outcome of a race among existing runs.
 pub(super) struct RaceOutcome {
-    /// Position of the value that the study's rule chooses from what the race leaves.
+    /// Position of the setting that the study's rule chooses after the race.
     pub(super) chosen: usize,
-    /// Share of the updates in members and on the log that it would not have made.
+    /// Share of the updates in members and on the log that the race would save.
     pub(super) saved: f64,
 }
 
-/// Of the sensor of `whole`, by the same part of each run and the same rule of choosing.
+/// Applies a race to the sensor of `whole`, with the same part of each run and the same selection
+/// rule.
 pub(super) fn outcome(judged: &Judged, whole: &SensorVerdict) -> Result<RaceOutcome, StepError> {
     let Judged { job, manifest, results, .. } = judged;
     let study = job.study();
@@ -30,7 +31,7 @@ pub(super) fn outcome(judged: &Judged, whole: &SensorVerdict) -> Result<RaceOutc
     Ok(RaceOutcome { chosen, saved: if all > 0.0 { 1.0 - made / all } else { 0.0 } })
 }
 
-/// Updates of runs that a choice is made from: those Online judge it.
+/// Returns the updates of runs that a choice is made from. Online runs only judge it.
 fn updates(results: &[UnitResult]) -> f64 {
     let choosing = results.iter().filter(|result| result.unit.environment != EnvironmentId::Online);
     choosing.flat_map(|result| &result.rows).map(|row| row.updates as f64).sum()

@@ -1,4 +1,4 @@
-//! The judgement, or what there is to run, on the terminal.
+//! Prints the results of `validity`, or its plan.
 
 use std::time::Duration;
 
@@ -83,7 +83,7 @@ impl Told<()> for ValidityPlan {
     }
 }
 
-/// A plant, its task, and how it stands.
+/// Returns a plant with its task and state.
 fn planned(PlannedPlant { plant, task, state }: &PlannedPlant) -> Vec<String> {
     let Task { optimiser, gamma, steps, batch_size, agent } = task;
     let state = match state {
@@ -138,7 +138,7 @@ fn text(cell: &Cell) -> String {
     }
 }
 
-/// What was judged, in a line.
+/// Returns a line on the judged plants.
 pub(super) fn subtitle(judged: &JudgedStudies) -> String {
     let validity = judged.validity();
     let drawn = judged.protocol.as_ref().map_or_else(String::new, |protocol| {
@@ -152,7 +152,7 @@ pub(super) fn subtitle(judged: &JudgedStudies) -> String {
     )
 }
 
-/// What a score is, in a line.
+/// Returns a line that describes a score.
 pub(super) fn of_score(Score { part, validity }: &Score) -> String {
     let scored = match part {
         Part::WholeRun => "By the errors of all steps",
@@ -166,7 +166,7 @@ pub(super) fn of_score(Score { part, validity }: &Score) -> String {
     )
 }
 
-/// What is left out, and what the reader should know.
+/// Returns notes: what is left out, and warnings.
 pub(super) fn notes(judged: &JudgedStudies) -> Vec<String> {
     let validity = judged.validity();
     let mut notes: Vec<String> = Vec::new();
@@ -196,7 +196,7 @@ pub(super) fn notes(judged: &JudgedStudies) -> Vec<String> {
     notes
 }
 
-/// How many regrets count as less than they are.
+/// Returns a note on the number of regrets that are capped.
 fn capped(validity: &Validity) -> Option<String> {
     let each: Vec<String> = validity
         .methods

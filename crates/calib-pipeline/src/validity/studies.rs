@@ -1,4 +1,4 @@
-//! Which studies there are, and running what is missing of them.
+//! Lists the studies, and makes their missing results.
 
 use std::path::{Path, PathBuf};
 
@@ -23,28 +23,29 @@ use calib_sweep_steps::{sweep, verdict::evaluate};
 use super::protocol::ProtocolFile;
 use crate::run_study::{self, RunUntil};
 
-/// What is judged together.
+/// The studies to judge together.
 pub(super) struct Listing {
     pub(super) studies: Vec<ListedStudy>,
-    /// The protocol that draws them, if one does.
+    /// The protocol that draws them, if any.
     pub(super) protocol: Option<ProtocolFile>,
 }
 
 /// A study, which stands for a plant.
 pub(super) struct ListedStudy {
-    /// What the plant is called: the name of the file without `.toml`.
+    /// Name of the plant: that of the file without `.toml`.
     pub(super) plant: String,
-    /// The whole study, no model or deployment of it chosen.
+    /// The whole study, without a chosen model or deployment.
     pub(super) job: Job,
     /// Its models; `None` for a study with one model that has no name.
     pub(super) models: Vec<Option<String>>,
     /// Its deployments; `None` for a study with one held-out range that has no name.
     pub(super) deployments: Vec<Option<String>>,
-    /// What the file is to be, where a protocol draws it.
+    /// The content of the file, if a protocol draws it.
     pub(super) drawn: Option<DrawnStudy>,
 }
 
-/// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order, and a protocol for what it draws.
+/// Lists the studies that `args` name. A folder stands for all its `*.toml` files in alphabetical order, and a protocol
+/// for the studies that it draws.
 pub(super) fn list(args: &ValidityOptions) -> Result<Listing, StepError> {
     if let Some(protocol) = ProtocolFile::find(args)? {
         let mut studies = Vec::new();
@@ -81,17 +82,17 @@ impl ListedStudy {
         Self { plant, job, models, deployments, drawn }
     }
 
-    /// Its file.
+    /// Returns the file.
     pub(super) fn path(&self) -> &Path {
         self.job.layout().study()
     }
 
-    /// The whole study.
+    /// Returns the whole study.
     pub(super) fn study(&self) -> &Study {
         self.job.study()
     }
 
-    /// Why its data cannot be looked for here, if that is so: they lie where a variable of the environment says, and it is not set.
+    /// Returns why its data is out of reach, if it is: an environment variable in its path is not set.
     pub(super) fn out_of_reach(&self) -> Result<Option<String>, StepError> {
         match plant_of_study::data_to_read(&self.job) {
             Err(StudyError::UnsetVariable { name, .. }) => Ok(Some(format!("{name} is not set"))),
@@ -100,7 +101,7 @@ impl ListedStudy {
         }
     }
 
-    /// Each of its models in each of its deployments.
+    /// Returns each of its models in each of its deployments.
     fn parts(&self) -> impl Iterator<Item = Result<Job, StudyError>> {
         self.models.iter().flat_map(|model| {
             self.deployments
@@ -109,7 +110,7 @@ impl ListedStudy {
         })
     }
 
-    /// How many of its models, in how many deployments each, are still to be swept by this calib.
+    /// Returns the number of models and deployments that this build of calib still has to sweep.
     pub(super) fn left(&self, context: &RunContext) -> Result<usize, StepError> {
         let is_written = self.is_written()?;
         let mut left = 0;
@@ -122,7 +123,7 @@ impl ListedStudy {
         Ok(left)
     }
 
-    /// How long its sweeps took, as far as they say so.
+    /// Returns the total time of its sweeps, as far as it is recorded, in seconds.
     pub(super) fn swept_secs(&self) -> Result<f64, StepError> {
         let mut secs = 0.0;
         for part in self.parts() {
@@ -131,14 +132,14 @@ impl ListedStudy {
         Ok(secs)
     }
 
-    /// Whether its file is what it is to be.
+    /// Whether its file has the expected content.
     fn is_written(&self) -> Result<bool, StepError> {
         let Some(drawn) = &self.drawn else { return Ok(true) };
         let path = self.path();
         Ok(path.exists() && read_regular(path)? == drawn.text.as_bytes())
     }
 
-    /// Write the file of a drawn study, if it is not there as it is to be.
+    /// Writes the file of a drawn study, unless it has the expected content.
     fn write(&self) -> Result<(), StepError> {
         if let Some(drawn) = &self.drawn
             && !self.is_written()?
@@ -150,8 +151,8 @@ impl ListedStudy {
         Ok(())
     }
 
-    /// Run what is missing of it, as far as `extent` says: `calib run`, whose results are only steps here. Returns why it cannot be
-    /// scored, if it cannot.
+    /// Makes its missing results up to `extent`, as `calib run` does. Steps report as remarks. Returns the reason if
+    /// the study cannot be scored.
     pub(super) fn complete(
         &self,
         extent: RunUntil,
@@ -159,7 +160,7 @@ impl ListedStudy {
     ) -> Result<Option<String>, StepError> {
         self.write()?;
         let talk = context.talking();
-        // The log of a plant that was drawn otherwise before is nobody's but the protocol's.
+        // The log of an earlier draw belongs to the protocol alone, so it may be replaced.
         if self.drawn.is_some()
             && let Some(plant) = PlantOfStudy::of(&self.job)?
             && plant.found == PlantLogState::Another
@@ -174,7 +175,7 @@ impl ListedStudy {
         }
     }
 
-    /// Whether a model is one that this calib cannot train, and that no other one has trained.
+    /// Whether this build cannot train a model, and no other build has trained it.
     pub(super) fn lacks(&self, model: Option<&str>) -> bool {
         let own = model.and_then(|name| self.study().models.get(name)?.get("model")?.get("kind"));
         let own = own.and_then(|kind| kind.clone().try_into::<ModelKind>().ok());
@@ -189,7 +190,7 @@ impl ListedStudy {
     }
 }
 
-/// What is known before anything is run: whether there is held-out data to judge by, and whether all sweep and score the same.
+/// Checks the studies before any run: each has held-out data, and all have the same settings and score.
 pub(super) fn check(studies: &[ListedStudy]) -> Result<(), StepError> {
     let mut first: Option<(&ListedStudy, Vec<String>)> = None;
     for listed in studies {
@@ -245,7 +246,7 @@ fn or_the_only(names: Vec<String>) -> Vec<Option<String>> {
     if names.is_empty() { vec![None] } else { names.into_iter().map(Some).collect() }
 }
 
-/// The file, or all `*.toml` of a folder.
+/// Returns the file, or all `*.toml` files of a folder.
 pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, StepError> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);

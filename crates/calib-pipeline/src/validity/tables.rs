@@ -1,4 +1,4 @@
-//! The judgement as tables, narrow enough for a terminal.
+//! The results as tables that fit a terminal.
 
 use calib_base::output::percent;
 use calib_report::{Cell, Table};
@@ -10,7 +10,7 @@ use calib_validity::{
 
 use super::{Judged, claims};
 
-/// All tables of a score, the most important first, but that of every pair.
+/// Returns all tables of a score except that of every pair, the most important first.
 pub(super) fn of_score(validity: &Validity) -> Vec<Table> {
     let mut tables = claims::tables(validity);
     tables.insert(1, methods("Regret", &validity.methods));
@@ -154,7 +154,7 @@ fn accuracy(all: &[Accuracy]) -> Table {
     )
 }
 
-/// The task of every plant.
+/// Returns the task of every plant.
 pub(super) fn plants(plants: &[Judged]) -> Table {
     table(
         "Plants and tasks",
@@ -176,7 +176,7 @@ pub(super) fn plants(plants: &[Judged]) -> Table {
     )
 }
 
-/// Regret of every method in every pair.
+/// Returns the regret of every method in every pair.
 pub(super) fn each(validity: &Validity) -> Table {
     let methods: Vec<&Method> = validity.methods.iter().map(|summary| &summary.method).collect();
     let mut rows: Vec<Vec<Cell>> = validity
@@ -204,7 +204,7 @@ pub(super) fn each(validity: &Validity) -> Table {
     }
 }
 
-/// A method in a narrow column or on an axis.
+/// Returns a short name of a method, for narrow columns and axes.
 pub(super) fn short(method: &Method) -> String {
     match method {
         Method::MostAccurate => "least 1-step".to_owned(),
@@ -223,7 +223,7 @@ pub(super) fn short(method: &Method) -> String {
     }
 }
 
-/// An interval of shares, the unit once.
+/// Formats an interval of shares with a single unit.
 fn shares(interval: Option<Interval>) -> Cell {
     interval.map_or(Cell::Missing, |Interval { low, high }| {
         let low = percent(low);
@@ -232,7 +232,7 @@ fn shares(interval: Option<Interval>) -> Cell {
     })
 }
 
-/// An upper bound of a share.
+/// Formats an upper bound of a share.
 pub(super) fn at_most(upper: Option<f64>) -> Cell {
     upper.map_or(Cell::Missing, |upper| Cell::Text(format!("up to {}", percent(upper))))
 }

@@ -1,4 +1,4 @@
-//! What the agent of a plant is like.
+//! The properties of a plant's prediction task.
 
 use calib_agent::ValueFunction;
 use calib_study::Study;
@@ -19,7 +19,7 @@ pub(crate) struct Task {
 }
 
 impl Task {
-    /// Of a study with streams of so many steps.
+    /// Returns the task of a study with streams of `steps` steps.
     pub(super) fn of(study: &Study, steps: usize) -> Self {
         let agent = &study.agent;
         Self {
@@ -35,7 +35,7 @@ impl Task {
         }
     }
 
-    /// All features but the optimiser, which a pair has by itself.
+    /// Returns all features except the optimiser, which is stored with each pair.
     pub(super) fn features(&self) -> Vec<(String, TaskValue)> {
         vec![
             number_feature("gamma", self.gamma),

@@ -1,11 +1,12 @@
-//! An Indexed Job for Kubernetes. It is rendered and was never run.
+//! An Indexed Job for Kubernetes. It is rendered, but was never run.
 
 use super::TaskDemand;
 use crate::cluster::config::ClusterConfig;
 
-/// The manifest of a stage: one pod a shard, which is not tried again where that would be in vain (2).
+/// Returns the manifest of a stage, with one pod per shard. Exit code 2 is not retried, because it
+/// would fail again.
 ///
-/// Indexes of such a job have no gaps, so all shards are in it; those that are done end at once.
+/// Indexes of such a job have no gaps, so all shards are in it. Finished shards end at once.
 pub(crate) fn job(
     stage: usize,
     shards: usize,

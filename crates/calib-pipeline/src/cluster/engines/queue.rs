@@ -1,22 +1,23 @@
-//! What a batch system says of its tasks, where there is one.
+//! The state of submitted tasks in the queue of a batch system.
 
 use std::{collections::BTreeMap, path::Path, process::Command};
 
 use calib_files::read_json;
 use serde::{Deserialize, Serialize};
 
-/// Where it is kept which jobs were submitted, in the folder of the plan.
+/// The file of submitted jobs, in the folder of the plan.
 pub(crate) const JOBS: &str = "slurm/jobs.json";
 
-/// Jobs that were submitted of a plan, the last time.
+/// The jobs of the last submission of a plan.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct SubmittedJobs {
-    /// Arrays, one a stage.
+    /// Array jobs, one per stage.
     pub(crate) arrays: Vec<String>,
     pub(crate) merge: String,
 }
 
-/// What the queue says of each shard: `running`, `pending` and so on. Nothing where nothing was submitted, or no queue can be asked.
+/// Returns the queue state of each shard, such as `running` or `pending`. Empty if nothing was submitted, or the queue
+/// cannot be read.
 pub(crate) fn states(plan: &Path) -> BTreeMap<usize, String> {
     let Ok(submitted) = read_json::<SubmittedJobs>(&plan.join(JOBS)) else {
         return BTreeMap::new();
@@ -31,7 +32,7 @@ pub(crate) fn states(plan: &Path) -> BTreeMap<usize, String> {
     }
 }
 
-/// A line a task: its number, and how it stands.
+/// Parses one line per task: its number and its state.
 fn read(text: &str) -> BTreeMap<usize, String> {
     text.lines()
         .filter_map(|line| {

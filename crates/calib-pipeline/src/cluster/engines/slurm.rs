@@ -1,4 +1,4 @@
-//! Scripts for Slurm: one array a stage, each after the one before, and one job that merges.
+//! Scripts for Slurm: one array per stage, each after the one before, and a final job that merges.
 
 use std::fmt::Write as _;
 
@@ -7,10 +7,11 @@ use calib_study::shell_words;
 use super::TaskDemand;
 use crate::cluster::{config::ClusterConfig, shard_ranges::ranges};
 
-/// The script of an array whose tasks are shards.
+/// Returns the script of an array whose tasks are shards.
 ///
-/// USR1 comes before the time limit, to the shell alone, which hands it on as TERM; a task that then kept its state (75) is put back. A task
-/// that is preempted or loses its node is put back by Slurm. Nothing else is tried again.
+/// USR1 comes before the time limit. Only the shell receives it, and passes it on as TERM. A task that then saved its
+/// state (exit code 75) is queued again. Slurm itself requeues a task that is preempted or loses its node. Nothing else
+/// is retried.
 pub(crate) fn array(
     plan: &str,
     stage: usize,
@@ -54,7 +55,7 @@ exit "$code"
     script(&options, &["requeue"], config, &body)
 }
 
-/// The script of what follows all shards.
+/// Returns the script of the job after all shards.
 pub(crate) fn merge(
     plan: &str,
     evaluate: Option<&str>,
@@ -92,7 +93,7 @@ fn array_of(shards: &[usize], config: &ClusterConfig) -> String {
     }
 }
 
-/// What is given in the configuration replaces what is given here.
+/// Renders a script. Options in the configuration replace those given here.
 fn script(
     options: &[(String, String)],
     flags: &[&str],

@@ -1,4 +1,4 @@
-//! What the choice gets beside policies that learn nothing, and beside what was recorded.
+//! Comparison of the choice with policies that learn nothing, and with the recorded behaviour.
 
 use calib_base::output::{percent, significant};
 use calib_control::{BestConstant, OutlyingMember, RandomActions, RecordedReturn};
@@ -10,7 +10,7 @@ use super::{Advice, Reason, Vocabulary, interval, interval_of_amounts, more_than
 const BEST_OF_OTHERS: &str = "the action that is best in the other ensemble members";
 
 impl Advice<'_> {
-    /// That a constant action gets more, and what to do: that depends on whether it could be chance.
+    /// Returns the doubt that a constant action gets more. The remedy depends on whether this could be chance.
     pub(super) fn constant_gets_more(&self, action: usize, constant: f64, promised: f64) -> Reason {
         let steps = self.vocabulary.steps;
         let told = format!(
@@ -33,7 +33,8 @@ impl Advice<'_> {
         }
     }
 
-    /// That the choice may get no more than random actions, and what to do: that depends on whether one member is the reason.
+    /// Returns the doubt that the choice may get no more than random actions. The remedy depends on whether a single
+    /// member causes it.
     pub(super) fn random_actions_may_be_as_good(&self, random: f64, promised: f64) -> Reason {
         let Vocabulary { steps, runs, members, .. } = self.vocabulary;
         let beside = self.verdict.random_actions.as_ref();
@@ -71,7 +72,7 @@ impl Advice<'_> {
         }
     }
 
-    /// What always taking one action would get, which needs no agent.
+    /// Returns a sentence on the return of the best constant action, which needs no agent.
     pub(super) fn beside_constant(&self, constant: &BestConstant) -> String {
         let BestConstant { action, mean_return, uncovered, over, kinds } = constant;
         let has_others = self.verdict.members.len() > 1;
@@ -91,13 +92,13 @@ impl Advice<'_> {
     }
 }
 
-/// What actions at random would get.
+/// Returns a sentence on the return of random actions.
 pub(super) fn beside_random_actions(random: &RandomActions) -> String {
     let over = more_than("that", random.over.as_ref());
     format!("Random actions get {} in the model.{over}", significant(random.mean_return))
 }
 
-/// What the recorded behaviour got.
+/// Returns a sentence on the return of the recorded behaviour.
 pub(super) fn recorded_episodes(recorded: &RecordedReturn) -> String {
     let RecordedReturn { mean, interval: around, best, .. } = *recorded;
     format!(
@@ -109,11 +110,12 @@ pub(super) fn recorded_episodes(recorded: &RecordedReturn) -> String {
     )
 }
 
-/// Why a mean is beyond every whole episode, where it is. It would look like a mistake without its reason.
+/// Returns the reason for a mean beyond the return of every whole episode, if it is. Without its reason it would look
+/// like a mistake.
 pub(crate) fn beyond_whole_episodes(recorded: &RecordedReturn) -> Option<&'static str> {
     let RecordedReturn { mean, best, worst, .. } = *recorded;
     let told = significant(mean);
-    // What is told alike is not beyond.
+    // Values that print alike do not count as beyond each other.
     let is_beyond = |whole: f64, is_farther: bool| is_farther && significant(whole) != told;
     let above = best.is_some_and(|best| is_beyond(best, mean > best));
     let below = worst.is_some_and(|worst| is_beyond(worst, mean < worst));

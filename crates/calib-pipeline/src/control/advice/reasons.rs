@@ -1,4 +1,4 @@
-//! Why the log does not support a choice, in words.
+//! The reasons why the log does not support a choice, in words.
 
 use std::cmp::Reverse;
 
@@ -9,24 +9,24 @@ use super::{Advice, Vocabulary};
 
 const ONE_MEMBER: &str = "one ensemble member gives no interval: nothing shows that the choice is better than the default, random actions, a constant action or what was recorded";
 
-/// Why the log does not support a choice.
+/// A reason why the log does not support a choice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reason {
-    /// What speaks against it.
+    /// The doubt.
     pub what: String,
-    /// What to do about that.
+    /// The remedy.
     pub remedy: String,
 }
 
 impl Reason {
-    /// Both in a line.
+    /// Returns both in one line.
     pub fn whole(&self) -> String {
         format!("{}; {}", self.what, self.remedy)
     }
 }
 
 impl Advice<'_> {
-    /// Why the log does not support the choice, and what to do about each reason, the strongest first.
+    /// Returns the reasons why the log does not support the choice, each with a remedy, strongest first.
     pub fn reasons(&self) -> Vec<Reason> {
         let mut doubts: Vec<&Doubt> = self.verdict.doubts.iter().collect();
         doubts.sort_by_key(|doubt| Reverse(strength(doubt)));
@@ -112,7 +112,7 @@ impl Advice<'_> {
         Reason { what, remedy }
     }
 
-    /// That jumps move the episodes of the choice too far.
+    /// Returns the doubt that jumps displace the episodes of the choice too far.
     fn displaced(&self, column: usize, mean: f64, error: f64) -> Reason {
         Reason {
             what: format!(
@@ -128,7 +128,7 @@ impl Advice<'_> {
     }
 }
 
-/// That the choice reaches a terminal much less often than the log.
+/// Returns the doubt that the choice reaches a terminal much less often than the log.
 fn rare_terminals(in_model: f64, in_log: f64) -> Reason {
     Reason {
         what: format!(
@@ -140,8 +140,8 @@ fn rare_terminals(in_model: f64, in_log: f64) -> Reason {
     }
 }
 
-/// How strongly a doubt speaks against the choice: the plant would do worse than it does, nothing was learnt, nothing is known of it, or what
-/// is promised may not hold. Our choice.
+/// Returns how strongly a doubt speaks against the choice. In descending order: the plant would do worse than now,
+/// nothing was learned, too little is known, and predictions may not hold. Our choice.
 fn strength(doubt: &Doubt) -> usize {
     match doubt {
         Doubt::Diverged => 13,

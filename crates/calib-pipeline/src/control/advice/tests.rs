@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::*;
 
-/// Setting 1 is chosen, 0 is the default.
+/// Returns a verdict that chooses setting 1. Setting 0 is the default.
 fn verdict(doubts: &serde_json::Value) -> ReturnVerdict {
     let coverage = json!({ "steps": 100, "missing": 1, "far": 1 });
     let difference = json!({ "mean": 2.0, "interval": null, "clusters": [1, 1] });
@@ -31,7 +31,7 @@ fn verdict(doubts: &serde_json::Value) -> ReturnVerdict {
     .expect("a verdict")
 }
 
-/// Advice in the words of a study, on settings that are told by name only.
+/// Returns advice in the words of a study, on settings that have only names.
 fn advice_on<'a>(verdict: &'a ReturnVerdict, settings: &'a [String]) -> Advice<'a> {
     Advice { verdict, settings, fields: &[], actions: &[], columns: &[], vocabulary: STUDY }
 }
@@ -86,7 +86,7 @@ fn a_default_that_ranks_first_is_kept_without_a_doubt() {
     assert!(verdict.is_supported() && advice.reasons().is_empty());
 }
 
-/// What one member of a kind says of four settings.
+/// Returns the returns of four settings in one member of a kind.
 fn of_kind(kind: ActionModelKind, returns: [f64; 4]) -> KindReturns {
     KindReturns { kind, chosen: 0, members: vec![returns.to_vec()] }
 }
@@ -209,7 +209,7 @@ fn a_recorded_mean_beyond_every_whole_episode_has_its_reason() {
     assert!(told(5.0, None, None).ends_with("mean return 5.00."));
 }
 
-/// What is said of the ends of a grid of these settings, of which number 1 is chosen.
+/// Returns the note on the ends of a grid of these settings, of which number 1 is chosen.
 fn told_of_ends(settings: [&[(&str, &str)]; 4], doubts: &serde_json::Value) -> Vec<String> {
     let mut verdict = verdict(doubts);
     verdict.coverage = vec![verdict.coverage[0]; 4];
@@ -245,7 +245,8 @@ fn a_choice_at_the_end_of_the_grid_is_told() {
     let expected = "At the end of the grid: temperature=1e-1 (smallest) and step_size=3 (largest). Settings beyond may be better.";
     assert_eq!(told, [expected]);
     for values in [
-        // In the middle; of two numbers; with nothing beyond them; no numbers.
+        // In turn: a middle value, one of two numbers, a value with nothing beyond it, and values
+        // that are not numbers.
         ["0.003", "0.01", "0.03", "0.3"],
         ["0.1", "0.3", "0.1", "0.3"],
         ["8", "0", "16", "4"],
@@ -298,7 +299,7 @@ fn the_first_screen_has_the_number_and_the_strongest_reasons() {
     let reasons: Vec<String> = advice.reasons().iter().map(Reason::whole).collect();
     assert_eq!(all[3..3 + reasons.len()], reasons[..], "after what the headline means");
     assert_eq!(all[3 + reasons.len()..], advice.findings()[..]);
-    // Without another default the choice stands beside what was recorded.
+    // Without another default the choice is compared with the recorded returns.
     for default in [None, Some(1)] {
         let alone = ReturnVerdict { default, ..verdict.clone() };
         let shown = advice_on(&alone, &settings).summary();

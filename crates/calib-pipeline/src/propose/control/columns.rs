@@ -1,4 +1,4 @@
-//! The columns that `calib init` is told are actions, rewards and terminals.
+//! The columns that the arguments of `calib init` name as actions, rewards and terminals.
 
 use calib_base::{StepError, bail, ensure};
 use calib_data::{ChannelSketch, Sketch, entry_of};
@@ -6,17 +6,17 @@ use calib_propose::DecisionColumns;
 
 use crate::propose::look::similar;
 
-/// Names of columns that are seldom a part of the state.
+/// Words in names of columns that are rarely part of the state.
 const TELLING: [&str; 6] = ["action", "done", "probability", "return", "reward", "terminal"];
 
-/// Whether the log may hold columns that were not looked at, because `data.include` or `data.exclude` was given.
+/// Whether the log may have columns that were not examined, because `data.include` or `data.exclude` was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LookedAt {
     Whole,
     Part,
 }
 
-/// Refuse a column that is named as two things.
+/// Refuses a column that is named for two roles.
 pub(super) fn refuse_repeated(columns: &DecisionColumns) -> Result<(), StepError> {
     let named: Vec<(&str, &String)> = columns.with_arguments().collect();
     for (place, (argument, name)) in named.iter().enumerate() {
@@ -27,7 +27,7 @@ pub(super) fn refuse_repeated(columns: &DecisionColumns) -> Result<(), StepError
     Ok(())
 }
 
-/// Refuse columns that are not there, have no numbers, or decide nothing.
+/// Refuses columns that are missing, have no numbers, or have no effect.
 pub(super) fn check(
     columns: &DecisionColumns,
     sketch: &Sketch,
@@ -35,7 +35,7 @@ pub(super) fn check(
 ) -> Result<(), StepError> {
     for (argument, name) in columns.with_arguments() {
         let Some(channel) = channel(sketch, name) else {
-            // What was left out of the states is read all the same.
+            // A column that is left out of the states can still be read.
             if looked_at == LookedAt::Part {
                 continue;
             }
@@ -68,13 +68,13 @@ pub(super) fn check(
     Ok(())
 }
 
-/// Values that each column of the actions has; none where there are very many.
+/// Returns the number of different values of each action column. `None` for a column with very many.
 pub(super) fn distinct(columns: &DecisionColumns, sketch: &Sketch) -> Vec<Option<u32>> {
     let channels = columns.actions.iter().map(|name| channel(sketch, name));
     channels.map(|channel| channel.and_then(|channel| channel.distinct)).collect()
 }
 
-/// What is said of columns of the state whose names are those of what an agent does or gets.
+/// Returns a warning about state columns with names of actions, rewards or endings.
 pub(super) fn unnamed(state: &[String]) -> Option<String> {
     let found: Vec<&str> =
         state.iter().map(String::as_str).filter(|name| is_telling(name)).collect();
@@ -91,7 +91,8 @@ pub(super) fn unnamed(state: &[String]) -> Option<String> {
     ))
 }
 
-/// Whether the last word of a name is that of an action, a reward or the end of an episode: a return is one, its temperature is not.
+/// Whether the last word of a name means an action, a reward or the end of an episode. `return` does,
+/// `return_temperature` does not.
 fn is_telling(name: &str) -> bool {
     let last = name.rsplit(|letter: char| !letter.is_alphanumeric()).next().unwrap_or(name);
     TELLING.iter().any(|word| last.eq_ignore_ascii_case(word))

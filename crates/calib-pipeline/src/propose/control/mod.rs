@@ -1,4 +1,5 @@
-//! A study of agents that act: the decisions of a log are read as the study will read them, and short runs are timed.
+//! Proposes a study of agents that act. It reads the decisions of a log as the study will read them, and times short
+//! runs.
 
 mod columns;
 mod show;
@@ -37,15 +38,15 @@ use super::{
 };
 use crate::control::{self, ActionLog};
 
-/// Steps of the shortest runs that costs are measured with.
+/// Steps of the shortest runs for measuring costs.
 const SHORT: usize = 200;
-/// How much longer the others are.
+/// Factor from one length of runs to the next.
 const LONGER: usize = 4;
-/// Runs that take less than this share of the time asked for are too short to tell what a step takes.
+/// Runs that take less than this share of the requested time are too short to measure the time per step.
 const WORTH: f64 = 0.01;
-/// The share of the time asked for after which no longer runs are timed.
+/// Share of the requested time after which no longer runs are timed.
 const TRIED: f64 = 0.25;
-/// Keys that decide nothing here, and what to do instead.
+/// Keys without an effect here, with the alternative.
 const WITHOUT_EFFECT: [(&str, &str); 7] = [
     ("control", "it would replace the columns that were named; give each key by itself"),
     ("control.actions", "name the columns with --action"),
@@ -108,7 +109,7 @@ struct TakenAction {
     transitions: usize,
 }
 
-/// A study of agents that act, which was proposed for a log.
+/// A proposed study of agents that act.
 #[derive(Debug)]
 pub struct ProposedControlStudy {
     chosen: ChosenControl,
@@ -116,31 +117,31 @@ pub struct ProposedControlStudy {
     gamma_reason: String,
     /// Runs of each setting, in all models together.
     runs: usize,
-    /// The time that was asked for, in seconds.
+    /// The requested time, in seconds.
     within: f64,
-    /// How long the log was looked at, and runs were tried.
+    /// Duration of the proposal: examining the log and timing runs.
     took: Duration,
 }
 
 impl ProposedControlStudy {
-    /// The file that was written.
+    /// Returns the path of the written study.
     pub fn study(&self) -> &Path {
         &self.chosen.study
     }
 
-    /// Steps of every run.
+    /// Returns the steps of every run.
     pub fn steps(&self) -> usize {
         self.chosen.steps
     }
 
-    /// How long `calib run` takes on this machine, in seconds, as far as could be told; none where the time was over before that was
+    /// Returns the estimated time of `calib run` on this machine, in seconds. `None` if the time was over before it was
     /// measured.
     pub fn expected_secs(&self) -> Option<f64> {
         self.chosen.expected_secs
     }
 }
 
-/// Look at a log of decisions, and write a study of agents that act.
+/// Examines a log of decisions, and writes a study of agents that act.
 pub(crate) fn run(
     args: &ProposeOptions,
     columns: &DecisionColumns,
@@ -162,13 +163,13 @@ pub(crate) fn run(
         .map_err(StepError::other)
         .with_context(|| format!("--reward {}", columns.reward))?;
     let costs = drafting.costs(&read, &proposed, begun, printer)?;
-    // Looking and trying are of the time that was asked for.
+    // Examining and timing count towards the requested time.
     let tried = begun.elapsed().as_secs_f64();
     let steps = control_steps(args.within - tried, costs);
     let expected_secs = costs.map(|costs| costs.fixed_secs + steps as f64 * costs.agent_step_secs);
     let why = steps_reason(args.within, tried, expected_secs, printer);
     let text = drafting.text(read.levels.as_ref(), Some(&proposed), steps, &why);
-    // What was given holds for the study: it is read with it, and must say the same without.
+    // Given keys are written into the study, so that it is the same without `--set`.
     let text = calib_propose::with_given(&text, &args.set);
     let job = Job::of_text(Request::new(&args.study), text.clone())?;
     let config = section(&job)?;
@@ -188,13 +189,13 @@ pub(crate) fn run(
     })
 }
 
-/// The same with the columns as keys: those of `--set` in [control] are read beside them.
+/// Returns the options with the columns as `--set` keys, so that they are read together with other keys of `[control]`.
 fn with_columns(args: &ProposeOptions, columns: &DecisionColumns) -> ProposeOptions {
     let keys = columns.keys().into_iter().map(|(key, value)| format!("control.{key}={value}"));
     ProposeOptions { set: keys.chain(args.set.iter().cloned()).collect(), ..args.clone() }
 }
 
-/// What was given with `--set`, and is not chosen.
+/// Returns the values given with `--set`, which are not proposed.
 fn given(args: &ProposeOptions) -> Result<GivenControl, StepError> {
     let study = calib_study::of_data(&args.logs, &args.set)?;
     let control = study.control.unwrap_or_default();
@@ -207,12 +208,13 @@ fn given(args: &ProposeOptions) -> Result<GivenControl, StepError> {
     })
 }
 
-/// Whether a field of the agent was given, alone or with the whole table, which replaces what would be proposed.
+/// Whether a field of the agent was given, either alone or as part of the whole table.
 fn gives_to_agent(args: &ProposeOptions, field: &str) -> bool {
     gives(args, "control.agent") || gives(args, &format!("control.agent.{field}"))
 }
 
-/// Why runs have so many steps. A study that takes longer than was asked for is warned of, and one whose time is not known.
+/// Returns the reason for the number of steps. Warns if the study takes longer than requested, or if its time is not
+/// known.
 fn steps_reason(
     within: f64,
     tried_secs: f64,
@@ -228,21 +230,21 @@ fn steps_reason(
     format!("about {expected} on this machine, {beside} {asked} of --within")
 }
 
-/// What a study says of agents that act.
+/// Returns the `[control]` section of a study.
 fn section(job: &Job) -> Result<&ControlConfig, StepError> {
     job.study().control.as_ref().context("the study has no [control]")
 }
 
-/// What can be seen of a log of decisions before they are read.
+/// The findings about a log of decisions before they are read.
 struct ExaminedDecisions {
-    /// Of the sensors alone.
+    /// Sketch of the sensors alone.
     sketch: Sketch,
     sentinels: Vec<Sentinel>,
     angles: Vec<Angle>,
     clock: Option<Clock>,
     scope: Scope,
     cleaning: Cleaning,
-    /// Values that each column of the actions has; none where there are very many.
+    /// Number of different values of each action column. `None` for a column with very many.
     distinct: Vec<Option<u32>>,
 }
 
@@ -265,14 +267,14 @@ impl ExaminedDecisions {
     }
 }
 
-/// Decisions, as the study will have them.
+/// The decisions as the study will read them.
 struct ReadDecisions {
     log: ActionLog,
-    /// `control.levels`, and why; none where every combination of values is an action, or the key was given.
+    /// `control.levels` with its reason. `None` if every combination of values is an action, or the key was given.
     levels: Option<(usize, String)>,
 }
 
-/// What all drafts of a study have in common.
+/// The inputs that all drafts of a study share.
 struct ControlDrafting<'a> {
     args: &'a ProposeOptions,
     /// `data.path`.
@@ -303,7 +305,7 @@ impl ControlDrafting<'_> {
         ControlDraft { log, columns: self.columns, levels, proposed, steps, steps_reason }.text()
     }
 
-    /// A study whose results are thrown away.
+    /// Creates a job whose results are discarded.
     fn job(&self, text: String) -> Result<Job, StepError> {
         let request = Request {
             output: Some(self.place.path().join("results")),
@@ -313,7 +315,8 @@ impl ControlDrafting<'_> {
         Ok(Job::of_text(request, text)?)
     }
 
-    /// The decisions with every combination of values as an action, or with levels where these are too many.
+    /// Reads the decisions. Every combination of values is an action, or there are levels if that gives too many
+    /// actions.
     fn decisions(&self, printer: &Printer) -> Result<ReadDecisions, StepError> {
         let job = self.job(self.text(None, None, SHORT, ""))?;
         let config = section(&job)?;
@@ -334,14 +337,14 @@ impl ControlDrafting<'_> {
         drop(read);
         let levels = (levels, why);
         let job = self.job(self.text(Some(&levels), None, SHORT, ""))?;
-        // What there is to say of the log was said, except what follows from levels: actions are counted after that.
+        // Other warnings about the log have been printed already. Only those about levels are new.
         let log = control::read_log(&job, section(&job)?, &printer.silent())?;
         log.outlying.iter().for_each(|told| printer.warn(told));
         self.refuse_one_action(&log.decisions)?;
         Ok(ReadDecisions { log, levels: Some(levels) })
     }
 
-    /// Why actions are continuous, if they are.
+    /// Returns the reason to treat actions as continuous, if there is one.
     fn why_continuous(
         &self,
         read: &Result<ActionLog, StepError>,
@@ -365,7 +368,7 @@ impl ControlDrafting<'_> {
         }
     }
 
-    /// Refuse a log in which all steps that lead on have the same action.
+    /// Refuses a log in which the same action was taken in all steps.
     fn refuse_one_action(&self, log: &Decisions) -> Result<(), StepError> {
         if log.counts().iter().filter(|&&taken| taken > 0).count() < 2 {
             bail!(
@@ -377,7 +380,7 @@ impl ControlDrafting<'_> {
         Ok(())
     }
 
-    /// What the study takes; none where the time is over before that is measured.
+    /// Returns the measured costs of the study. `None` if the time is over before they are measured.
     fn costs(
         &self,
         read: &ReadDecisions,
@@ -391,8 +394,8 @@ impl ControlDrafting<'_> {
         })
     }
 
-    /// What the study takes, measured with short runs of all settings, and with longer ones until these take a share of the time
-    /// asked for that is worth measuring.
+    /// Measures the costs of the study with short runs of all settings. Longer runs follow until they take a measurable
+    /// share of the requested time.
     fn measured(
         &self,
         read: &ReadDecisions,
@@ -429,7 +432,7 @@ fn has_many_actions(reason: &StepError) -> bool {
     matches!(reason.downcast_ref::<ControlError>(), Some(ControlError::ManyActions { .. }))
 }
 
-/// What speaks against a choice by this log, whatever agents learn.
+/// Returns doubts about choices from this log that do not depend on the agents.
 fn doubts(log: &ActionLog, config: &ControlConfig) -> Vec<String> {
     let decisions = &log.decisions;
     let mut doubts: Vec<String> = control::hardly_taken(log, config).into_iter().collect();
@@ -444,7 +447,7 @@ fn doubts(log: &ActionLog, config: &ControlConfig) -> Vec<String> {
     doubts
 }
 
-/// What the study is.
+/// Summarises the proposed study.
 fn chosen(
     job: &Job,
     look: &ExaminedDecisions,

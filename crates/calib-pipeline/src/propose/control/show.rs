@@ -1,4 +1,4 @@
-//! What was proposed for agents that act, in a few lines.
+//! Prints a proposal for agents that act in a few lines.
 
 use calib_base::{
     StepError,
@@ -11,7 +11,7 @@ use calib_study::shell_words;
 use super::{ChosenControl, ProposedControlStudy};
 use crate::{control::held, propose::show::beside_within};
 
-/// Columns of the state that are named.
+/// Number of state columns that are named.
 const NAMED: usize = 10;
 
 impl Told<()> for ProposedControlStudy {
@@ -31,7 +31,7 @@ impl Told<()> for ProposedControlStudy {
     }
 }
 
-/// What the log holds.
+/// Returns a line on the contents of the log.
 fn found(proposed: &ProposedControlStudy) -> String {
     let chosen = &proposed.chosen;
     format!(
@@ -43,7 +43,7 @@ fn found(proposed: &ProposedControlStudy) -> String {
     )
 }
 
-/// Which columns are the state.
+/// Returns a line on the state columns.
 fn state(columns: &[String]) -> String {
     let named = &columns[..columns.len().min(NAMED)];
     let more = columns.len() - named.len();
@@ -51,7 +51,7 @@ fn state(columns: &[String]) -> String {
     format!("state: {}{rest}", named.join(", "))
 }
 
-/// How often each action was taken.
+/// Returns a line on how often each action was taken.
 fn actions(proposed: &ProposedControlStudy) -> String {
     let chosen = &proposed.chosen;
     let rows: Vec<_> = chosen
@@ -66,7 +66,7 @@ fn actions(proposed: &ProposedControlStudy) -> String {
     table(&[first, "taken", "of the log"], &rows)
 }
 
-/// The numbers of the default, and what they follow from.
+/// Returns the values of the default, with their reasons.
 fn numbers(chosen: &ChosenControl) -> String {
     let step_size = significant(chosen.step_size);
     let spread = format!("the spread of recorded returns is {}", significant(chosen.return_spread));
@@ -84,7 +84,7 @@ fn numbers(chosen: &ChosenControl) -> String {
     }
 }
 
-/// What was chosen, and why.
+/// Returns lines on the chosen values, with reasons.
 fn lines(proposed: &ProposedControlStudy) -> [String; 4] {
     let ProposedControlStudy { chosen, timeout_reason, gamma_reason, runs, within, .. } = proposed;
     let time = match chosen.expected_secs {
