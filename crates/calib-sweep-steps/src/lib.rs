@@ -1,8 +1,8 @@
-//! The steps that train agents and judge them: pre-training, sweeps, verdicts, and the runs of agents that calib does not
-//! know.
+//! The steps that train agents and judge them: pre-training, sweeps and verdicts. Also supports agents of other
+//! programs.
 //!
-//! They stand on `calib-model-steps`: agents are trained in its models, and verdicts show its rollouts. `calib-pipeline` calls
-//! them for each part of a study.
+//! Agents are trained in the models of `calib-model-steps`, and reports show its rollouts. `calib-pipeline` calls these
+//! steps for each part of a study.
 
 pub mod agents;
 pub mod external;

@@ -1,4 +1,4 @@
-//! The step that pre-trains one agent for each sensor.
+//! The step that pre-trains one agent per sensor.
 
 use std::{
     collections::BTreeMap,
@@ -37,44 +37,45 @@ use crate::agents::{
     shares::{self, AgentsOfShares},
 };
 
-/// A sensor to pre-train for, and the key of its agent.
+/// An agent to pre-train for a sensor, and its key.
 pub(super) struct AgentToTrain {
     pub(super) sensor: String,
     pub(super) column: usize,
     pub(super) key: String,
 }
 
-/// Agents that have learnt from the log.
+/// Agents that were pre-trained on the log.
 #[derive(Debug)]
 pub struct PretrainedAgents {
     pub(crate) manifest: PretrainManifest,
     pub(crate) directory: PathBuf,
-    /// How many were trained just now.
+    /// Number of newly trained agents.
     pub(crate) trained: usize,
     pub(crate) took: Duration,
 }
 
 impl PretrainedAgents {
-    /// The sensors that have an agent.
+    /// Returns the sensors that have an agent.
     pub fn sensors(&self) -> Vec<&str> {
         self.manifest.agents.iter().map(|agent| agent.sensor.as_str()).collect()
     }
 
-    /// Sensors whose agents diverged, and the epoch in which they did.
+    /// Returns the sensors whose agents diverged, with the epoch.
     pub fn diverged(&self) -> &BTreeMap<String, usize> {
         &self.manifest.diverged
     }
 
-    /// Where they are.
+    /// Returns the folder of the agents.
     pub fn directory(&self) -> &Path {
         &self.directory
     }
 }
 
-/// Pre-train one agent a sensor.
+/// Pre-trains one agent per sensor.
 ///
 /// # Errors
-/// If the study has no pre-training, the log cannot be read, the disk refuses, or the observer asks to stop.
+/// Returns an error if the study has no pre-training, the log cannot be read, the disk refuses a write, or
+/// the observer asks to stop.
 pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgents>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
@@ -113,7 +114,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
     let width = parts.dataset.train.states().columns();
     let file = state_file(&directory, &missing)?;
     if job.policy().redoes() {
-        // Everything is made again from here on, so that an interrupted run goes on without `--force`.
+        // Discards everything first, so that an interrupted run resumes without `--force`.
         claim.begin()?;
         file.remove();
         shares::remove(&directory, &wanted)?;
@@ -151,7 +152,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
     Ok(StepResult::Made(PretrainedAgents { manifest, directory, trained, took }))
 }
 
-/// What is told of these agents.
+/// Returns the facts to store about these agents.
 fn facts(
     study: &Study,
     parts: &Parts,
@@ -206,7 +207,7 @@ fn wanted(study: &Study, parts: &Parts) -> Result<Vec<AgentToTrain>, StepError> 
 /// The learning curves of all agents.
 const CURVES: &str = "curves.parquet";
 
-/// The manifest, where nothing of what it tells has changed and nothing is to be written.
+/// Returns the manifest, if it still describes the study and its files are intact.
 fn up_to_date(directory: &Path, study: &Study, parts: &Parts) -> Option<PretrainManifest> {
     let part = parts.pretrain.as_ref()?;
     artefact::read::<PretrainManifest>(directory).filter(|kept| {
@@ -217,7 +218,7 @@ fn up_to_date(directory: &Path, study: &Study, parts: &Parts) -> Option<Pretrain
     })
 }
 
-/// The wanted agents that are there already.
+/// Returns the wanted agents that already exist.
 fn finished(directory: &Path, wanted: &[AgentToTrain]) -> BTreeMap<String, PretrainedAgent> {
     let Some(manifest) = artefact::read::<PretrainManifest>(directory) else {
         return BTreeMap::new();
@@ -229,7 +230,7 @@ fn finished(directory: &Path, wanted: &[AgentToTrain]) -> BTreeMap<String, Pretr
     agents.map(|agent| (agent.sensor.clone(), agent)).collect()
 }
 
-/// Where unfinished training is kept.
+/// Returns the file for the state of unfinished training.
 fn state_file(directory: &Path, missing: &[&AgentToTrain]) -> Result<StateFile, StepError> {
     let keys: Vec<&str> = missing.iter().map(|wanted| wanted.key.as_str()).collect();
     Ok(StateFile::new(directory.join(".unfinished.safetensors"), artefact::key(&keys)?))
@@ -301,7 +302,7 @@ pub(super) fn train(
         .map(|wanted| study.pretrain.agent(&study.agent.for_sensor(&wanted.sensor)))
         .collect();
     let seen = with_traces(&stream, &study.agent.traces);
-    // What agents are validated on is new to their baselines as well.
+    // The baselines must not be fitted on the validation rows either.
     let validated = (frames.rows() as f64 * study.pretrain.validation_fraction).round() as usize;
     let validated = frames.rows() - validated.max(1)..frames.rows();
     let excluded = std::slice::from_ref(&validated);

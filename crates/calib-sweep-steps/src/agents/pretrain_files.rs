@@ -1,4 +1,4 @@
-//! The directory of pre-trained agents: what `pretrain` writes and `sweep` starts from.
+//! The directory of pre-trained agents: `pretrain` writes it, and `sweep` starts from it.
 
 use std::{
     collections::BTreeMap,
@@ -75,12 +75,12 @@ pub(crate) struct PretrainedAgent {
     pub(crate) files: BTreeMap<String, Fingerprint>,
 }
 
-/// Names of the files of a sensor's agent: weights, moments.
+/// Returns the file names of a sensor's agent: weights, moments.
 pub(super) fn names(sensor: &str) -> [String; 2] {
     ["safetensors", "moments.safetensors"].map(|kind| format!("{}.{kind}", file_name(sensor)))
 }
 
-/// Fingerprint of everything that a pre-trained agent follows from.
+/// Returns the fingerprint of all inputs of a pre-trained agent.
 pub(crate) fn agent_key(
     study: &Study,
     data: &Fingerprint,
@@ -92,13 +92,13 @@ pub(crate) fn agent_key(
     artefact::key(&(PretrainFacts::FORMAT, data, sensor, column, agent, settings, study.seed))
 }
 
-/// A pre-trained agent, and the predictor that its value function is added to.
+/// A pre-trained agent, and the predictor under its value function.
 pub(crate) struct TrainedAgent {
     pub(crate) pretrained: Pretrained,
     pub(crate) baseline: Option<FittedPredictor>,
 }
 
-/// Write the files of one agent, and say what they are.
+/// Writes the files of one agent, and returns its description.
 pub(crate) fn write_agent(
     directory: &Path,
     sensor: &str,
@@ -148,7 +148,7 @@ pub(crate) fn write_agent(
     })
 }
 
-/// Read what [`write_agent`] wrote.
+/// Reads the files that [`write_agent`] wrote.
 fn read_agent(
     directory: &Path,
     agent: &PretrainedAgent,
@@ -193,7 +193,7 @@ fn read_agent(
     Ok(Checkpoint { parameters: parameters(&read(&weights)?, "")?, moments })
 }
 
-/// The learning curves, one row an epoch of an agent.
+/// Returns the learning curves, one row per epoch of an agent.
 pub(crate) fn curves(agents: &[PretrainedAgent]) -> Table {
     let rows: Vec<(&str, Epoch)> = agents
         .iter()
@@ -212,7 +212,7 @@ pub(crate) fn curves(agents: &[PretrainedAgent]) -> Table {
         .with_optional("validation_nrmse", known(|epoch| epoch.validation_nrmse))
 }
 
-/// Where the agents of a study come from, if they are pre-trained.
+/// Returns the directory of a study's agents, if they are pre-trained.
 fn directory(job: &Job) -> Option<PathBuf> {
     let pretrain = &job.study().pretrain;
     match &pretrain.checkpoint {
@@ -221,7 +221,8 @@ fn directory(job: &Job) -> Option<PathBuf> {
     }
 }
 
-/// What the agents of each sensor start from, checked against the study, and what to tell of it.
+/// Returns the checkpoint for each sensor's agents, checked against the study, and notes for the
+/// reader.
 pub(crate) fn starts(
     job: &Job,
     dataset: &Dataset,
@@ -299,7 +300,7 @@ pub(crate) fn starts(
     Ok((starts, vec![note(study, part, dataset)?]))
 }
 
-/// What agents learned from before, and what their settings are chosen on.
+/// Returns a note on the data of the pre-training, and on the data for choosing a setting.
 fn note(study: &Study, part: &PretrainPart, dataset: &Dataset) -> Result<String, StepError> {
     let rest = if study.has_model() {
         "the calibration model is built from"
@@ -356,7 +357,7 @@ fn check_columns(
     Ok(())
 }
 
-/// Check that a candidate is the same value function of the same return.
+/// Checks that a setting has the same value function and the same return as the pre-trained agent.
 fn check_candidate(
     directory: &Path,
     agent: &PretrainedAgent,

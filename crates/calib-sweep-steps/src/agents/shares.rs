@@ -1,4 +1,4 @@
-//! Agents that several processes pre-train, each for some of the sensors, and what they have made.
+//! Pre-training in several processes, each for some of the sensors, and merging of their agents.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -25,14 +25,14 @@ use crate::agents::{
     pretrain_files::{self, PretrainedAgent, write_agent},
 };
 
-/// Where shares say what they have made, below the directory of the agents; gone when all of them are put together.
+/// The folder for results of shares, below the directory of the agents. It is removed after they are merged.
 const SHARES: &str = "shares";
 
-/// What the name of a training that was put aside ends with, and digits of its key before that.
+/// Suffix of the state of an unfinished training, and the number of key digits before it.
 const UNFINISHED: &str = ".unfinished.safetensors";
 const KEY_DIGITS: usize = 16;
 
-/// What became of a sensor.
+/// The result of pre-training for a sensor.
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum TrainingEnd {
@@ -40,7 +40,7 @@ enum TrainingEnd {
     Diverged { key: String, epoch: usize },
 }
 
-/// What shares have made.
+/// The agents that shares have trained.
 #[derive(Default)]
 pub(super) struct AgentsOfShares {
     pub(super) agents: BTreeMap<String, PretrainedAgent>,
@@ -62,7 +62,8 @@ impl AgentsOfShares {
     }
 }
 
-/// What shares have made of what is `wanted` and not `done`. What is damaged or of other training is nothing.
+/// Returns the results of shares for agents that are `wanted` and not `done`. Damaged files and files of other
+/// trainings are ignored.
 pub(super) fn finished(
     directory: &Path,
     wanted: &[AgentToTrain],
@@ -88,8 +89,7 @@ pub(super) fn finished(
     found
 }
 
-/// Pre-train agents for the sensors of a share that are `missing`. Every agent has files of its own, so that shares have
-/// nothing in common that one could claim.
+/// Pre-trains the `missing` agents of a share. Every agent has its own files, so that shares need no common lock.
 pub(super) fn run(
     share: Share,
     job: &Job,
@@ -110,7 +110,7 @@ pub(super) fn run(
     let left: Vec<&AgentToTrain> =
         missing.iter().filter(|agent| own.contains(&agent.sensor.as_str())).copied().collect();
     let keys: Vec<&str> = left.iter().map(|wanted| wanted.key.as_str()).collect();
-    // Called by what it follows from: other shares keep theirs beside it.
+    // Named after its inputs, because other shares store their states in the same folder.
     let key = artefact::key(&keys)?;
     let name = format!("{}{UNFINISHED}", &key[..KEY_DIGITS]);
     let file = StateFile::new(directory.join(SHARES).join(name), key);
@@ -121,7 +121,7 @@ pub(super) fn run(
         let ended = match ended {
             Ok(pretrained) => {
                 let config = study.pretrain.agent(&study.agent.for_sensor(sensor));
-                // Beside the agents that the manifest tells of, until all are there.
+                // Kept apart from the agents in the manifest until all are there.
                 let place = directory.join(SHARES);
                 let agent =
                     write_agent(&place, sensor, *column, key.clone(), config, width, pretrained)?;
@@ -151,7 +151,7 @@ pub(super) fn run(
     Ok(Outcome::Negative)
 }
 
-/// Put what shares have made where the manifest will look for it.
+/// Links or copies the agents of shares to their final folder.
 pub(super) fn take(directory: &Path, found: &AgentsOfShares) -> Result<(), StepError> {
     for name in found.agents.values().flat_map(|agent| agent.files.keys()) {
         link_or_copy(&directory.join(SHARES).join(name), &directory.join(name))?;
@@ -159,7 +159,7 @@ pub(super) fn take(directory: &Path, found: &AgentsOfShares) -> Result<(), StepE
     Ok(())
 }
 
-/// All of it is in the manifest; what else lies beside it stays.
+/// Removes the files of shares, after all agents are in the manifest. Other files stay.
 pub(super) fn remove(directory: &Path, wanted: &[AgentToTrain]) -> Result<(), FileError> {
     let shares = directory.join(SHARES);
     let mut own: BTreeSet<String> = BTreeSet::new();
@@ -174,14 +174,14 @@ pub(super) fn remove(directory: &Path, wanted: &[AgentToTrain]) -> Result<(), Fi
     })
 }
 
-/// Whether a file is called as a training that was put aside.
+/// Whether a file is named like the state of an unfinished training.
 fn is_unfinished(name: &str) -> bool {
     name.strip_suffix(UNFINISHED).is_some_and(|key| {
         key.len() == KEY_DIGITS && key.bytes().all(|digit| digit.is_ascii_hexdigit())
     })
 }
 
-/// Files of sensors that the study pre-trained for before, by what is recorded of them.
+/// Returns files of sensors that the study used before, found by their records.
 fn of_others(shares: &Path) -> Vec<String> {
     let mut found = Vec::new();
     for entry in fs::read_dir(shares).into_iter().flatten().flatten() {

@@ -1,4 +1,5 @@
-//! Agents that calib does not know: the streams of a sweep for them, and judgements of what they came to.
+//! Support for agents of other programs: it exports the streams of a sweep, and judges the results of
+//! such agents.
 
 mod read;
 pub mod runs;

@@ -1,4 +1,4 @@
-//! A table of runs that something else made.
+//! Reads a table of runs that another program made.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -10,18 +10,18 @@ use serde_json::Value;
 
 use crate::sweep::tables::MEASURED;
 
-/// More values than anybody compares.
+/// Limit on the number of settings, larger than any practical comparison.
 const MOST_CANDIDATES: usize = 100_000;
 
-/// What a table holds.
+/// The contents of a table of runs.
 pub(super) struct Runs {
-    /// Sensors in the order in which they come.
+    /// Sensors in the order in which they appear.
     pub(super) sensors: Vec<String>,
     pub(super) candidates: Vec<Candidate>,
     pub(super) results: Vec<UnitResult>,
 }
 
-/// A column of which every row has a value, or its default where there is no such column.
+/// The columns of a table, each with a value in every row. A missing column takes its default.
 struct Columns<'a> {
     table: &'a Table,
     rows: usize,
@@ -61,7 +61,7 @@ impl Columns<'_> {
     }
 }
 
-/// Read a table of runs, whose errors count for `part`.
+/// Reads a table of runs. Its errors count for `part`.
 pub(super) fn read(path: &Path, part: Part) -> Result<Runs, StepError> {
     check_table(path, None)?;
     let table = read_parquet(path)?;
@@ -116,7 +116,7 @@ fn of_table(table: &Table, part: Part) -> Result<Runs, StepError> {
     Ok(Runs { sensors: order, candidates, results: units.into_values().collect() })
 }
 
-/// What is told of each run.
+/// The measured values of each run.
 struct Measured {
     rmse: Vec<f64>,
     error_scale: Vec<f64>,
@@ -152,14 +152,14 @@ impl Measured {
             key: String::new(),
             unit,
             seed: 0,
-            // Checked to fit.
+            // Checked before to fit.
             start_row: self.start_row[row] as u32,
             not_finite: None,
             rows: Vec::new(),
         }
     }
 
-    /// One run; errors in units of the scale.
+    /// Returns one run, with errors in units of the scale.
     fn row(&self, row: usize, candidate: usize, part: Part) -> Result<RunRow, StepError> {
         let rmse = self.rmse[row];
         let scale = self.error_scale[row];
@@ -168,7 +168,7 @@ impl Measured {
             scale > 0.0 && scale.is_finite(),
             "error_scale is {scale}; expected a positive number"
         );
-        // Where a run diverged, nothing is said of its returns.
+        // The returns of a diverged run are not known.
         let over = |value: f64| if value.is_finite() { value / scale } else { 0.0 };
         let score = PartScore {
             scored_steps: self.scored_steps[row].max(1) as usize,
@@ -197,7 +197,7 @@ fn scores(part: Part, score: PartScore) -> Scores {
     scores
 }
 
-/// `member:3`, `online`, `log-replay`.
+/// Parses an environment: `member:3`, `online` or `log-replay`.
 fn environment(text: &str) -> Result<EnvironmentId, StepError> {
     match text.split_once(':') {
         None if text == "online" => return Ok(EnvironmentId::Online),
@@ -214,7 +214,7 @@ fn environment(text: &str) -> Result<EnvironmentId, StepError> {
     )
 }
 
-/// The candidates, by what their rows say of them.
+/// Returns the settings that the rows describe.
 fn candidates(
     columns: &Columns<'_>,
     numbers: &[u64],
@@ -286,10 +286,10 @@ fn candidates(
     Ok(all)
 }
 
-/// The discount factor of each sensor, for each of `count` candidates. Numbers outside of [0, 1) are left out.
+/// Returns the discount factor of each sensor, for each of `count` settings. Numbers outside [0, 1) are left out.
 ///
 /// # Errors
-/// If rows of a candidate and a sensor have several.
+/// Returns an error if rows of a setting and a sensor have different values.
 fn gammas(
     columns: &Columns<'_>,
     numbers: &[u64],
@@ -313,7 +313,8 @@ fn gammas(
     Ok(all)
 }
 
-/// The values that a label tells: `learning_rate = 0.1, optimiser = adam`; one that tells none is a value itself.
+/// Parses the values in a label such as `learning_rate = 0.1, optimiser = adam`. A label of another form counts as a
+/// value itself.
 fn labelled(label: &str) -> Vec<(String, Value)> {
     let pairs: Option<Vec<_>> = label
         .split(", ")
@@ -330,7 +331,8 @@ fn number_or_text(text: &str) -> Value {
     number.map_or_else(|| Value::from(text), Value::Number)
 }
 
-/// Columns that no run of calib has by itself, in which each candidate has one number and not all the same: what was swept.
+/// Returns the swept fields: columns that calib does not define, with one number per setting and at least two different
+/// numbers.
 fn fields(columns: &Columns<'_>, numbers: &[u64], count: usize) -> Vec<(String, Vec<Value>)> {
     let mut fields = Vec::new();
     for name in columns.table.names().filter(|name| !describes_runs(name)) {
@@ -350,7 +352,7 @@ fn fields(columns: &Columns<'_>, numbers: &[u64], count: usize) -> Vec<(String, 
     fields
 }
 
-/// Whether a column describes runs, and was not swept.
+/// Whether a column describes runs, and is therefore not a swept field.
 fn describes_runs(column: &str) -> bool {
     let named = ["environment", "sensor", "run", "candidate", "label", "is_default"];
     named.contains(&column) || MEASURED.contains(&column)

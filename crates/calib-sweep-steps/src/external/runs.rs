@@ -1,4 +1,4 @@
-//! Judging runs that something else made.
+//! Judges runs that another program made.
 
 use std::{collections::BTreeSet, io::Write as _, path::Path};
 
@@ -27,11 +27,12 @@ use crate::{
     },
 };
 
-/// Judge the runs in the table at `path` by the `[evaluate]` of `study`, and write `summary.json`, figures and `report.html` to `output`, if
-/// it is given.
+/// Judges the runs in the table at `path` by the `[evaluate]` section of `study`. If `output` is given, writes
+/// `summary.json`, figures and `report.html` there.
 ///
 /// # Errors
-/// If the table cannot be read, lacks a column or has too few runs for the rule; or a file cannot be written.
+/// Returns an error if the table cannot be read, lacks a column or has too few runs for the rule, or if a file cannot
+/// be written.
 pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgement, StepError> {
     let part = study.part();
     let Runs { sensors, candidates, results } = read(path, part)?;
@@ -59,7 +60,7 @@ pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgemen
     Ok(Judgement { summary, report: output.map(|directory| directory.join(REPORT)) })
 }
 
-/// Whether the runs of a sensor are such as the rule looks at.
+/// Checks that a sensor has runs of the kind that the rule uses.
 fn check_evidence(sensor: &str, results: &[UnitResult], rule: Rule) -> Result<(), StepError> {
     let own = results.iter().filter(|result| result.unit.sensor == *sensor);
     let environments: BTreeSet<EnvironmentId> = own.map(|result| result.unit.environment).collect();
@@ -78,7 +79,7 @@ fn check_evidence(sensor: &str, results: &[UnitResult], rule: Rule) -> Result<()
     Ok(())
 }
 
-/// What simple predictors came to on the windows of these runs, where calib wrote both.
+/// Returns the errors of simple predictors on the windows of these runs, if calib wrote both files.
 fn simple_beside(path: &Path) -> Result<SimpleErrors, StepError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if !folder.join(simple::FILE).is_file() {
@@ -89,10 +90,10 @@ fn simple_beside(path: &Path) -> Result<SimpleErrors, StepError> {
     Ok(if is_of_these { beside } else { SimpleErrors::default() })
 }
 
-/// The page beside the summary.
+/// The report page beside the summary.
 const REPORT: &str = "report.html";
 
-/// What is known of runs that calib did not make: how errors follow from values, and what that says.
+/// Returns the report on runs of another program: errors by setting, and the verdicts.
 fn report(
     summary: &Summary,
     verdicts: Vec<calib_report::Verdict>,
@@ -115,7 +116,7 @@ fn report(
 
 fn reproduction(path: &Path, study: &Study) -> Result<Reproduction, StepError> {
     let runs = calib_study::shell_words([path.display().to_string()]);
-    // A table is judged as it lies there; one that is a pipe has no content that could be read twice.
+    // The fingerprint is that of the current file. A pipe cannot be read twice, so it has none.
     let fingerprint =
         fingerprint_file(path).as_ref().map_or_else(|_| String::new(), Fingerprint::to_string);
     Ok(Reproduction {
@@ -133,7 +134,7 @@ fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), Ste
         figures::placed(sensors).into_iter().map(|name| format!("sensitivity-{name}")).collect();
     let drawn = named.iter().flat_map(|name| figures::names(name));
     let drawn = drawn.map(|name| format!("{FIGURES}/{name}"));
-    // The folder may be the user's.
+    // The folder may belong to the user.
     let mut claim = DirectoryLock::new(directory, Below::Unknown)?;
     claim.record().note([SUMMARY, REPORT].map(str::to_owned).into_iter().chain(drawn))?;
     for (sensitivity, name) in report.sensitivities.iter().zip(&named) {
@@ -144,7 +145,7 @@ fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), Ste
     Ok(write_atomically(&directory.join(REPORT), |file| file.write_all(html.as_bytes()))?)
 }
 
-/// Of a sweep that calib did not make.
+/// Returns the facts of a sweep that calib did not make.
 fn manifest(study: &Study, candidates: Vec<Candidate>) -> SweepFacts {
     let second = Period::from_micros(1_000_000);
     let period = second.unwrap_or_else(|| unreachable!("a second is positive"));

@@ -1,4 +1,4 @@
-//! What a sweep trains agents on, for agents of other kinds.
+//! The streams of a sweep, for agents of other kinds.
 
 use std::{fmt, path::Path};
 
@@ -29,8 +29,9 @@ use crate::sweep::{
     tables::{FILES, curves_table, external_runs},
 };
 
-/// The streams of a study's sweep: rollouts of every member of its model, if it has one, windows of the held-out range, windows of the log. They are those
-/// that calib's own agents learn from, so that any agents can be compared over them.
+/// The streams of a study's sweep: rollouts of every ensemble member, if there is a model, windows of the held-out
+/// range, and windows of the log. calib's own agents learn from the same streams, so any agents can be compared on
+/// them.
 pub struct SweepStreams {
     runs: Vec<StreamRun>,
     sensors: Vec<(String, usize)>,
@@ -45,43 +46,43 @@ pub struct SweepStreams {
     curve: CurveRule,
 }
 
-/// A stream, and which run it is of.
+/// A stream and its run.
 pub struct StreamRun {
-    /// Where it comes from.
+    /// The environment.
     pub environment: EnvironmentId,
-    /// Number of the run there.
+    /// Number of the run in the environment.
     pub run: usize,
-    /// The discount factor of the returns that are predicted on it.
+    /// The discount factor of the predicted returns.
     pub gamma: f64,
-    /// The sensors with this discount factor, each with its column of the states.
+    /// The sensors with this discount factor, each with its state column.
     pub sensors: Vec<(String, usize)>,
-    /// Row of the training data, or of the held-out data, that it starts from.
+    /// Row of the training data, or of the held-out data, that the stream starts from.
     pub start_row: u32,
-    /// For the agents of the run, whatever their values: common random numbers.
+    /// Seed for all agents of the run, whatever their setting: common random numbers.
     pub seed: Seed,
-    /// Fingerprint of what it is made from.
+    /// Fingerprint of the stream's inputs.
     pub inputs: Fingerprint,
-    /// The states: those of the steps, and what follows so that the last returns are complete.
+    /// The states of the steps, and those that complete the last returns.
     pub stream: Box<dyn Stream>,
 }
 
-/// Values of an agent's hyperparameters.
+/// The hyperparameters of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExternalCandidate {
     /// Fields and values.
     pub values: Vec<(String, Value)>,
-    /// Whether it is what nobody has to decide.
+    /// Whether this is the default.
     pub is_default: bool,
 }
 
-/// What an agent came to.
+/// The result of one training run.
 #[derive(Clone, Debug)]
 pub struct ExternalResult {
     /// Position of its stream.
     pub stream: usize,
-    /// The sensor that it predicted.
+    /// The predicted sensor.
     pub sensor: String,
-    /// Position of its candidate.
+    /// Position of its setting.
     pub candidate: usize,
     /// Errors, and the learning curve.
     pub outcome: RunOutcome,
@@ -94,10 +95,10 @@ impl fmt::Debug for SweepStreams {
 }
 
 impl SweepStreams {
-    /// The streams of a study whose model was built, if it has one.
+    /// Returns the streams of a study. Its model must have been built, if it has one.
     ///
     /// # Errors
-    /// If the model was not built, or the log cannot be read.
+    /// Returns an error if the model was not built, or the log cannot be read.
     pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
         Self::new(job, &RunContext::new(printer))
     }
@@ -146,40 +147,41 @@ impl SweepStreams {
         Ok(Self { runs, sensors, scales, dataset, groups, windows, manifest, part, curve })
     }
 
-    /// All streams, environment by environment, for one discount factor after the other.
+    /// Returns all streams, by discount factor and then by environment.
     pub fn runs(&self) -> &[StreamRun] {
         &self.runs
     }
 
-    /// The sensors to predict, each with its column of the states.
+    /// Returns the sensors to predict, each with its state column.
     pub fn sensors(&self) -> &[(String, usize)] {
         &self.sensors
     }
 
-    /// Steps of every run; a stream has more states.
+    /// Returns the steps of every run. A stream has more states.
     pub fn steps(&self) -> usize {
         self.manifest.span.steps
     }
 
-    /// `agent.gamma` of the study: the discount factor of sensors that have none in `agent.gammas`.
+    /// Returns `agent.gamma` of the study: the discount factor of sensors without an entry in `agent.gammas`.
     pub fn gamma(&self) -> f64 {
         self.manifest.study.agent.gamma
     }
 
-    /// What errors of a sensor are divided by, in normalised units.
+    /// Returns the divisor of a sensor's errors, in normalised units.
     pub fn scale(&self, sensor: &str) -> f64 {
         self.scales.iter().find(|scale| scale.sensor == sensor).map_or(1.0, ErrorScale::unit)
     }
 
-    /// The part of a run whose error counts.
+    /// Returns the part of a run whose error counts.
     pub fn part(&self) -> Part {
         self.part
     }
 
-    /// What predictions of the returns of a state column on a stream came to, with its discount factor; one for each step of the run.
+    /// Scores predictions of the returns of a state column on a stream, with the stream's discount factor. There must
+    /// be one prediction per step of the run.
     ///
     /// # Errors
-    /// As [`score_predictions`]; if there is not one for each step.
+    /// Fails as [`score_predictions`] does, and if there is not one prediction per step.
     pub fn score(
         &self,
         stream: usize,
@@ -199,17 +201,17 @@ impl SweepStreams {
         Ok(score_predictions(&*run.stream, column, run.gamma, predictions, updates, self.curve)?)
     }
 
-    /// Steps of the run over a stream.
+    /// Returns the steps of the run over a stream.
     pub fn steps_of(&self, stream: usize) -> usize {
         self.steps().min(self.runs[stream].stream.len().saturating_sub(1))
     }
 
-    /// Write what agents came to as a table that `calib_pipeline::evaluate_runs` reads, and beside it their learning curves,
-    /// `curves.parquet`, and what simple predictors come to on the same windows, `simple.json`.
+    /// Writes results of agents as a table that `calib_pipeline::evaluate_runs` reads. Beside it, writes their learning
+    /// curves, `curves.parquet`, and the errors of simple predictors on the same windows, `simple.json`.
     ///
     /// # Errors
-    /// If a field has the name of another column, or one of the files is there and calib did not write it, or cannot be
-    /// written.
+    /// Returns an error if a field has the name of another column, if one of the files exists and calib did not write
+    /// it, or if it cannot be written.
     pub fn write(
         &self,
         path: &Path,
@@ -230,7 +232,7 @@ impl SweepStreams {
         let units: Vec<UnitResult> = results.iter().map(|result| self.unit(result)).collect();
         let table = external_runs(&sweep, self.part, &units)?;
         let curves = curves_table(&sweep.candidates, &units);
-        // The folder is the user's.
+        // The folder belongs to the user.
         let names = [path.file_name().unwrap_or_default().to_string_lossy().into_owned()];
         let mut record = FolderRecord::open(path.parent().unwrap_or(Path::new("")))?;
         let beside = [FILES[1], simple::FILE].map(str::to_owned);
@@ -242,7 +244,7 @@ impl SweepStreams {
         simple.write(path.parent().unwrap_or(Path::new("")))
     }
 
-    /// What simple predictors come to where agents are judged.
+    /// Returns the errors of simple predictors on the windows that agents are judged on.
     fn simple(&self) -> Result<SimpleErrors, StepError> {
         let baselines = Baselines::new(&self.dataset.train);
         let mut all = SimpleErrors::default();
@@ -250,7 +252,7 @@ impl SweepStreams {
             let sensors = group.own(&self.sensors);
             let predicted = (&sensors[..], &self.dataset.normaliser);
             let ScoringDemand { span, gamma, .. } = group.streams.demand;
-            // What the program starts from is not known.
+            // The baseline of the other program's agents is not known.
             let agent = AgentConfig { gamma, ..AgentConfig::default() };
             all.add(SimpleErrors::measure(&baselines, windows, predicted, &agent, span, &Silent)?);
         }
@@ -275,7 +277,7 @@ impl SweepStreams {
     }
 }
 
-/// The streams that agents of a group's sensors are trained on, environment by environment.
+/// Returns the streams for agents of a group's sensors, by environment.
 fn runs_of(
     study: &Study,
     group: &StudyGroup,

@@ -15,18 +15,18 @@ use super::error::{ProgramError, failed};
 #[derive(Debug)]
 pub struct ProgramCommand {
     pub(super) words: Vec<String>,
-    /// Where it is started: the folder of the study.
+    /// The working directory of the program: the folder of the study.
     pub(super) folder: PathBuf,
-    /// How long an answer may take.
+    /// Time limit for an answer.
     pub(super) timeout: Duration,
     pub(super) fingerprint: Fingerprint,
 }
 
 impl ProgramCommand {
-    /// That of a study, if its agents are those of a program.
+    /// Returns the program of a study, if its agents belong to a program.
     ///
     /// # Errors
-    /// If a file that the command names cannot be read.
+    /// Returns an error if a file that the command names cannot be read.
     pub fn of_study(job: &Job) -> Result<Option<Self>, StepError> {
         let AgentConfig { command, timeout_secs, .. } = &job.study().agent;
         if !job.study().agent.is_external() {
@@ -43,20 +43,21 @@ impl ProgramCommand {
         }))
     }
 
-    /// Of the command, and of the content of each file that it names.
+    /// Returns the fingerprint of the command and of each file that it names.
     pub fn fingerprint(&self) -> &Fingerprint {
         &self.fingerprint
     }
 
-    /// As one would type it.
+    /// Returns the command as one would type it.
     pub fn shown(&self) -> String {
         calib_study::shell_words(self.words.iter().cloned())
     }
 
-    /// Whether its files are those of its fingerprint. What several processes made must have come from the same program.
+    /// Checks that the files have not changed since the fingerprint. Results of several processes must come from the
+    /// same program.
     ///
     /// # Errors
-    /// If one was changed since, or is gone.
+    /// Returns an error if a file was changed since, or is missing.
     pub fn check_unchanged(&self) -> Result<(), ProgramStopped> {
         let is_same =
             fingerprint(&self.words, &self.folder).is_ok_and(|now| now == self.fingerprint);
@@ -64,12 +65,12 @@ impl ProgramCommand {
     }
 }
 
-/// Whether the first word of a command is a path, and not a name that the system looks up.
+/// Whether the first word of a command is a path. Otherwise the system looks the name up.
 pub(super) fn is_path(program: &str) -> bool {
     Path::new(program).components().count() > 1
 }
 
-/// Of a command, and of the content of each file that it names.
+/// Returns the fingerprint of a command and of each file that it names.
 pub(super) fn fingerprint(command: &[String], folder: &Path) -> Result<Fingerprint, StepError> {
     let mut all = Fingerprinter::default();
     for (place, word) in command.iter().enumerate() {

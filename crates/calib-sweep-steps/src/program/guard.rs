@@ -1,9 +1,9 @@
-//! A process between calib and a program: it ends the program and everything that this has started, in whichever group or
-//! session, when the program ends, when it is told to, and when calib is gone, however calib ended.
+//! A guard process between calib and a program. It kills the program and all its descendants, in any process group or
+//! session. It does this when the program ends, on request, and when calib ends for any reason.
 //!
-//! It is made of the process that calib starts, before the program begins: that process begins the program in a process of
-//! its own, and waits. Nobody else can do it. The system tells a child that its parent died, but not a grandchild; and what
-//! has lost its parent is adopted by the nearest ancestor that asked for it, which the guard does.
+//! calib forks the guard before the program starts. The guard then forks the program and waits for it. No other process
+//! can do this: Linux tells a child, but not a grandchild, that its parent died. Orphans are adopted by the nearest
+//! ancestor that is a subreaper, which the guard is.
 
 use std::{
     io,
@@ -15,29 +15,29 @@ use std::{
     time::Duration,
 };
 
-/// How long processes may take to be gone that were killed.
+/// Time limit for killed processes to disappear.
 const GONE: Duration = Duration::from_secs(2);
-/// Between two looks whether they are.
+/// Time between checks for this.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// Let a guard stand between calib and what `command` starts.
+/// Puts a guard between calib and the process that `command` starts.
 pub(super) fn watch_over(command: &mut Command) {
-    // SAFETY: asking for a process's own number has no conditions.
+    // SAFETY: `getpid` has no preconditions.
     #[expect(unsafe_code, reason = "processes are made in C")]
     let calib = unsafe { libc::getpid() };
-    // SAFETY: between fork and exec, and in the guard, only functions are called that may be called from a handler of signals.
+    // SAFETY: between fork and exec, and in the guard, only async-signal-safe functions are called.
     #[expect(unsafe_code, reason = "what a child does before it begins is unsafe by nature")]
     unsafe {
         command.process_group(0).pre_exec(move || divide(calib));
     }
 }
 
-/// End a program, with everything that it has started, by its guard.
+/// Ends a program and all its descendants through its guard.
 pub(super) fn end(guard: &mut Child) {
     let number = libc::pid_t::try_from(guard.id()).unwrap_or(0);
     let mut waited = Duration::ZERO;
     while matches!(guard.try_wait(), Ok(None)) && waited < GONE {
-        // SAFETY: no memory is involved; the guard was not waited for, so that its number is no other process's.
+        // SAFETY: no memory is involved. The guard was not waited for, so its number belongs to no other process.
         #[expect(unsafe_code, reason = "the standard library knows one signal")]
         unsafe {
             libc::kill(number, libc::SIGTERM);
@@ -45,15 +45,15 @@ pub(super) fn end(guard: &mut Child) {
         thread::sleep(LOOK);
         waited += LOOK;
     }
-    // One that has ended already cannot be ended, which is as well.
+    // Fails if the guard has already ended, which is fine.
     let _ = guard.kill();
     let _ = guard.wait();
 }
 
-/// In the process that was started: become the guard, and return in the process of the program.
+/// Runs in the started process: the parent becomes the guard, and the function returns in the program's process.
 fn divide(calib: libc::pid_t) -> io::Result<()> {
     let handler: extern "C" fn(libc::c_int) = end_by_signal;
-    // SAFETY: numbers, and a handler that calls only what a handler may.
+    // SAFETY: the arguments are numbers, and the handler calls only async-signal-safe functions.
     #[expect(unsafe_code, reason = "processes are made in C")]
     unsafe {
         libc::signal(libc::SIGTERM, handler as libc::sighandler_t);
@@ -62,7 +62,7 @@ fn divide(calib: libc::pid_t) -> io::Result<()> {
         {
             return Err(io::Error::last_os_error());
         }
-        // Calib may have died before it was asked for.
+        // calib may have died before the death signal was requested.
         if libc::getppid() != calib {
             libc::_exit(1);
         }
@@ -70,7 +70,7 @@ fn divide(calib: libc::pid_t) -> io::Result<()> {
             -1 => Err(io::Error::last_os_error()),
             0 => {
                 libc::signal(libc::SIGTERM, libc::SIG_DFL);
-                // Whoever ends the guard ends the program.
+                // The program dies with the guard.
                 libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL);
                 Ok(())
             }
@@ -79,19 +79,19 @@ fn divide(calib: libc::pid_t) -> io::Result<()> {
     }
 }
 
-/// The program, for the handler.
+/// The process number of the program, for the signal handler.
 static PROGRAM: AtomicI32 = AtomicI32::new(0);
 
-/// Wait for the program, end what it has left behind, and end as it did.
+/// Waits for the program, ends its remaining descendants, and exits with the same status.
 ///
 /// # Safety
-/// Only in the guard, which has one thread.
+/// Must only be called in the guard, which has one thread.
 #[expect(unsafe_code, reason = "processes are made in C")]
 unsafe fn stand_by(program: libc::pid_t) -> ! {
     PROGRAM.store(program, Ordering::Relaxed);
-    // SAFETY: the functions are calls of the system, and `status` is written by it.
+    // SAFETY: these are system calls, and the system writes `status`.
     unsafe {
-        // Who waits for the end of what the program says waits for the program, and not for the guard.
+        // Closes the pipes, so that a reader of the program's output waits for the program and not for the guard.
         if libc::syscall(libc::SYS_close_range, 0_u32, u32::MAX, 0_u32) != 0 {
             for file in 0..4096 {
                 libc::close(file);
@@ -115,7 +115,7 @@ unsafe fn stand_by(program: libc::pid_t) -> ! {
 }
 
 extern "C" fn end_by_signal(signal: libc::c_int) {
-    // SAFETY: calls of the system alone.
+    // SAFETY: only system calls.
     #[expect(unsafe_code, reason = "signals are handled in C")]
     unsafe {
         end_all();
@@ -123,19 +123,19 @@ extern "C" fn end_by_signal(signal: libc::c_int) {
     }
 }
 
-/// Kill every child, and what is adopted when these are gone, until there is none.
+/// Kills every child, and every process that is adopted when children are gone, until none is left.
 ///
 /// # Safety
-/// Only in the guard.
+/// Must only be called in the guard.
 #[expect(unsafe_code, reason = "processes are ended in C")]
 unsafe fn end_all() {
-    // SAFETY: calls of the system with buffers of this function.
+    // SAFETY: system calls with buffers of this function.
     unsafe {
         let pause = libc::timespec { tv_sec: 0, tv_nsec: 5_000_000 };
         for _ in 0..200 {
             let list = libc::open(c"/proc/thread-self/children".as_ptr(), libc::O_RDONLY);
             if list < 0 {
-                // The group is all that is known then, and the guard is of it.
+                // Without the list of children only the process group is known. It includes the guard.
                 libc::kill(PROGRAM.load(Ordering::Relaxed), libc::SIGKILL);
                 libc::kill(0, libc::SIGKILL);
             }
@@ -148,7 +148,7 @@ unsafe fn end_all() {
                 if byte.is_ascii_digit() {
                     child = child.wrapping_mul(10).wrapping_add(libc::pid_t::from(byte - b'0'));
                 } else {
-                    // A number that is cut off is read again.
+                    // A number that the buffer cuts off is read again in the next round.
                     if child > 1 {
                         libc::kill(child, libc::SIGKILL);
                     }

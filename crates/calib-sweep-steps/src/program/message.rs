@@ -1,4 +1,4 @@
-//! What is said: a line of JSON each, and states as numbers behind it.
+//! The messages of the protocol: one line of JSON each, followed by states as binary numbers.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -9,7 +9,7 @@ use serde_json::Value;
 /// The version of the protocol, which a program repeats.
 pub const PROTOCOL_VERSION: u32 = 1;
 
-/// A run begins: what is to be predicted, and by what agent.
+/// The message that begins a run: the return to predict, and the agent.
 #[derive(Serialize)]
 pub(super) struct Begin<'a> {
     pub(super) sensor: &'a str,
@@ -21,16 +21,16 @@ pub(super) struct Begin<'a> {
     pub(super) parameters: &'a BTreeMap<String, Value>,
 }
 
-/// What an answer can be.
+/// A type of answer.
 pub trait Answer: DeserializeOwned {
-    /// What it looks like.
+    /// Its form, for messages.
     const LIKE: &'static str;
 
-    /// Whether it is one of this version.
+    /// Whether it is valid in this version.
     fn is_valid(&self) -> bool;
 }
 
-/// The program has made the agent.
+/// The answer that the program has made the agent.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ready {
@@ -45,7 +45,7 @@ impl Answer for Ready {
     }
 }
 
-/// One prediction a state; null is one that is not finite.
+/// One prediction per state. Null stands for one that is not finite.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Predictions {
@@ -64,7 +64,7 @@ impl Answer for Predictions {
 }
 
 impl Predictions {
-    /// Those before the first that is not finite in single precision.
+    /// Returns the predictions before the first one that is not finite in single precision.
     pub(super) fn finite(&self) -> Vec<f32> {
         self.predictions
             .iter()
@@ -73,13 +73,13 @@ impl Predictions {
             .collect()
     }
 
-    /// Whether there is one that is not finite, behind which nothing counts.
+    /// Whether some prediction is not finite. Later ones do not count.
     pub(super) fn ends_early(&self) -> bool {
         self.finite().len() < self.predictions.len()
     }
 }
 
-/// The program cannot go on.
+/// The answer that the program cannot continue.
 #[derive(Deserialize)]
 pub(super) struct Failure {
     pub(super) error: String,
@@ -89,7 +89,8 @@ pub(super) fn begin(told: &Begin<'_>) -> Vec<u8> {
     line(&serde_json::json!({ "calib": PROTOCOL_VERSION, "begin": told }))
 }
 
-/// States of `part`, which lies in the unbroken `piece`: a line, then each state as numbers in single precision, low bytes first.
+/// Returns the message with the states of `part`, which lies in the unbroken `piece`: a line, then each state as
+/// numbers in single precision, in little-endian byte order.
 pub(super) fn states(stream: &dyn Stream, part: &Range<usize>, piece: &Range<usize>) -> Vec<u8> {
     let begins = part.start == piece.start;
     let ends = part.end == piece.end;
@@ -101,7 +102,7 @@ pub(super) fn states(stream: &dyn Stream, part: &Range<usize>, piece: &Range<usi
     message
 }
 
-/// A message that is one line.
+/// Returns a message of one line.
 pub fn line(message: &impl Serialize) -> Vec<u8> {
     let mut text = serde_json::to_vec(message)
         .unwrap_or_else(|error| unreachable!("a message has text keys only: {error}"));

@@ -1,5 +1,6 @@
-//! Agents of another program: it is started, reads lines of JSON and answers with lines of JSON. `docs/guides/external-agents.md` is
-//! what its author reads. Here are those that predict. Those that act are in `calib-pipeline`, and talk through the same [`Process`].
+//! Agents of an external program. calib starts the program, and they exchange lines of JSON. The guide for its author
+//! is `docs/guides/external-agents.md`. This module has agents that predict. Those that act are in `calib-pipeline`,
+//! and use the same [`Process`].
 
 mod command;
 mod error;
@@ -23,7 +24,7 @@ pub use message::{Answer, PROTOCOL_VERSION, Ready, line};
 use message::{Begin, Predictions, begin, states};
 pub use process::Process;
 
-/// Bytes of a prediction in an answer at most.
+/// Largest number of bytes of a prediction in an answer.
 const PREDICTION_BYTES: usize = 64;
 
 /// Agents of a program that predict.
@@ -34,17 +35,17 @@ pub(crate) struct ExternalAgents {
 }
 
 impl ExternalAgents {
-    /// That of a study, if its agents are those of a program.
+    /// Returns the agents of a study, if they belong to a program.
     ///
     /// # Errors
-    /// If a file that the command names cannot be read.
+    /// Returns an error if a file that the command names cannot be read.
     pub(crate) fn of(job: &Job) -> Result<Option<Self>, StepError> {
         let program = ProgramCommand::of_study(job)?;
         let states_per_message = job.study().agent.states_per_message;
         Ok(program.map(|program| Self { program, states_per_message }))
     }
 
-    /// What one agent predicts, told by the program.
+    /// Returns the predictions of one agent.
     fn predicted(
         &self,
         process: &mut Process<'_>,
@@ -68,7 +69,7 @@ impl ExternalAgents {
             if piece.start >= wanted.steps {
                 break;
             }
-            // The state after the last step is what that step leads to.
+            // Includes the state after the last step, to which that step leads.
             let piece = piece.start..piece.end.min(wanted.steps + 1);
             for first in piece.clone().step_by(self.states_per_message) {
                 let part = first..piece.end.min(first + self.states_per_message);
@@ -86,7 +87,7 @@ impl ExternalAgents {
                     let command = self.program.shown();
                     return Err(failed(ProgramError::Count { command, got, wanted }));
                 }
-                // The last of a piece does not count: no step begins there.
+                // The last state of a piece does not count, because no step begins there.
                 let counted = part.start..part.end.min(piece.end - 1);
                 for (t, value) in counted.clone().zip(&got) {
                     predicted.values[t] = *value;
@@ -123,7 +124,7 @@ impl Program for ExternalAgents {
     }
 }
 
-/// What the program was asked for last.
+/// The last request to the program, for error messages.
 enum LastRequest<'a> {
     Begin(&'a std::collections::BTreeMap<String, serde_json::Value>),
     States(Range<usize>),

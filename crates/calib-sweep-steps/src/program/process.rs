@@ -1,4 +1,5 @@
-//! A process that is asked and answers. Threads of their own read and write, so that one that hangs, or does not read, is noticed.
+//! A process that answers requests. Separate threads read and write, so that calib detects a process that hangs or does
+//! not read.
 
 use std::{
     fmt,
@@ -24,32 +25,32 @@ use super::{
     message::{Answer, Failure},
 };
 
-/// Between two looks whether the user asked to stop.
+/// Time between checks whether the user asked to stop.
 const LOOK: Duration = Duration::from_millis(50);
-/// How long a process may take to end when nothing is left to do, or to be found ended when it is silent.
+/// Time limit for a process to end after its last request, or after it has closed its output.
 const FAREWELL: Duration = Duration::from_secs(5);
-/// Bytes of an answer at most, beside those that are asked for.
+/// Largest number of bytes of an answer, besides the requested data.
 const LINE_BYTES: usize = 1 << 16;
-/// Of what a process has said, the last is told; and of a line, the beginning.
+/// Number of last bytes of error output in messages, and number of first characters of a line.
 const SAID_BYTES: usize = 2000;
 const LINE_SHOWN: usize = 120;
 
-/// A running program, which answers one message at a time. It ends with everything that it has started when this is dropped.
+/// A running program, which answers one message at a time. Dropping it ends the program and all its descendants.
 pub struct Process<'p> {
     program: &'p ProgramCommand,
     child: Child,
     messages: Option<Sender<Vec<u8>>>,
     lines: Receiver<Vec<u8>>,
     said: Arc<Mutex<Vec<u8>>>,
-    /// Ends when nothing more will be said.
+    /// Disconnects when all error output has been read.
     said_all: Receiver<()>,
 }
 
 impl<'p> Process<'p> {
-    /// Start it. Its answers have so many bytes at most, beside what a line has in any case.
+    /// Starts the program. An answer has at most `answer_bytes` bytes, besides the usual length of a line.
     ///
     /// # Errors
-    /// If there is no such program, or it cannot be run.
+    /// Returns an error if the program is missing, or cannot be run.
     pub fn start(program: &'p ProgramCommand, answer_bytes: usize) -> Result<Self, ProgramStopped> {
         let [name, arguments @ ..] = program.words.as_slice() else {
             unreachable!("a command was checked to have words")
@@ -59,7 +60,7 @@ impl<'p> Process<'p> {
         let mut command = Command::new::<std::ffi::OsString>(path);
         command.args(arguments).current_dir(&program.folder);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // Ctrl-C is for calib, which then ends it.
+        // Ctrl-C must only reach calib, which then ends the program.
         #[cfg(all(unix, not(target_os = "linux")))]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         #[cfg(target_os = "linux")]
@@ -87,22 +88,22 @@ impl<'p> Process<'p> {
         Ok(Self { program, child, messages: Some(messages), lines, said, said_all })
     }
 
-    /// Send a message and wait for its answer. `asked` is what an error calls the message.
+    /// Sends a message and waits for the answer. Error messages call the message `asked`.
     ///
     /// # Errors
-    /// If there is no answer, another one or none in time, or the monitor interrupts.
+    /// Returns an error if there is no answer in time, the answer has another form, or the monitor interrupts.
     pub fn ask<A: Answer>(
         &mut self,
         message: Vec<u8>,
         asked: &dyn fmt::Display,
         monitor: &dyn Monitor,
     ) -> Result<A, ProgramStopped> {
-        // It would be taken for the answer, and every answer after it for the one before.
+        // An unexpected line would be taken for the answer, and shift all later answers.
         if let Ok(line) = self.lines.try_recv() {
             let command = self.program.shown();
             return Err(failed(ProgramError::More { command, line: shown(&line) }));
         }
-        // Where nobody reads any more, nobody answers either.
+        // If the program no longer reads, it does not answer either, and that error is reported.
         let _ = self.messages.as_ref().map(|messages| messages.send(message));
         let look = LOOK.min(self.program.timeout);
         let mut waited = Duration::ZERO;
@@ -143,15 +144,16 @@ impl<'p> Process<'p> {
         Err(ProgramError::Babble { command, asked, line, expected, said })
     }
 
-    /// Nothing more is asked: the process ends.
+    /// Ends the process after the last request.
     ///
     /// # Errors
-    /// If it says more, or ends with another status than 0.
+    /// Returns an error if it writes more lines, or ends with a status other than 0.
     pub fn finish(mut self) -> Result<(), ProgramStopped> {
         self.messages = None;
         let command = self.program.shown();
         let status = self.status();
-        // What it has said by now; whoever else holds its standard output is not waited for.
+        // Checks only for lines written so far. Other processes may keep the standard output open, and are not waited
+        // for.
         if let Ok(line) = self.lines.recv_timeout(LOOK) {
             return Err(failed(ProgramError::More { command, line: shown(&line) }));
         }
@@ -165,7 +167,7 @@ impl<'p> Process<'p> {
         }
     }
 
-    /// Why it is that no line comes any more.
+    /// Returns the reason why no more lines come.
     fn ended(&mut self, asked: &dyn fmt::Display) -> ProgramError {
         let status = self.status();
         let is_killed = status.is_some_and(|status| status.code().is_none());
@@ -175,7 +177,7 @@ impl<'p> Process<'p> {
         ProgramError::Ended { command, how, is_killed, asked, said: self.said_at_last() }
     }
 
-    /// How it ended, if it does so soon.
+    /// Returns how the process ended, if it ends soon.
     fn status(&mut self) -> Option<ExitStatus> {
         let mut waited = Duration::ZERO;
         while waited < FAREWELL {
@@ -189,7 +191,7 @@ impl<'p> Process<'p> {
     }
 
     fn said_at_last(&self) -> String {
-        // It says nothing itself: that it has ended is what is waited for.
+        // Waits until the channel disconnects. Nothing is ever sent.
         let _ = self.said_all.recv_timeout(LOOK * 10);
         self.said()
     }
@@ -208,7 +210,7 @@ impl Drop for Process<'_> {
 
     #[cfg(not(target_os = "linux"))]
     fn drop(&mut self) {
-        // One that has ended already cannot be ended, which is as well.
+        // A process that has already ended cannot be killed, which is fine.
         #[cfg(unix)]
         if matches!(self.child.try_wait(), Ok(None)) {
             kill_group(self.child.id());
@@ -218,11 +220,11 @@ impl Drop for Process<'_> {
     }
 }
 
-/// End a process that leads a group, and what it has started.
+/// Kills a process group by its leader.
 #[cfg(all(unix, not(target_os = "linux")))]
 fn kill_group(leader: u32) {
     let Ok(leader) = libc::pid_t::try_from(leader) else { return };
-    // SAFETY: no memory is involved; the leader was not waited for, so that its number is no other group's.
+    // SAFETY: no memory is involved. The leader was not waited for, so its number belongs to no other group.
     #[expect(unsafe_code, reason = "the standard library ends single processes only")]
     unsafe {
         libc::kill(-leader, libc::SIGKILL);
@@ -233,7 +235,7 @@ fn how(status: ExitStatus) -> String {
     format!("ended with {status}")
 }
 
-/// The beginning of a line.
+/// Returns the beginning of a line.
 fn shown(line: &[u8]) -> String {
     let text = String::from_utf8_lossy(line);
     let text = text.trim_end();

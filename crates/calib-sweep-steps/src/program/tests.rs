@@ -1,4 +1,4 @@
-//! Programs of `sh`, which is where Unix is.
+//! Tests with `sh` scripts as programs, which need Unix.
 #![cfg(unix)]
 
 use calib_core::{RowStream, Seed, Segments, Silent, States};
@@ -10,7 +10,7 @@ use std::{
 
 use super::{command::fingerprint, *};
 
-/// The protocol in a few lines of shell: predicts what it counts, and reads states as bytes of one column.
+/// A minimal implementation of the protocol in shell. It predicts 1, 2, 3, …, and reads states of one column as bytes.
 const COUNTING: &str = r#"
 read begin; echo '{"ready": 1}'
 while read head; do
@@ -59,7 +59,8 @@ fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<ProgramPredictio
 
 #[test]
 fn predictions_come_piece_by_piece() {
-    // 7 states in messages of 4 and 3, the last of which does not count; then states 7 to 9, which is what step 8 leads to.
+    // 7 states in messages of 4 and 3, the last of which does not count. Then states 7 to 9, because step 8 leads to
+    // state 9.
     let expected = [1., 2., 3., 4., 1., 2., 0., 1., 2.];
     let got = asked(&program(COUNTING, 20.0), 2).expect("answers");
     assert_eq!(got.len(), 2);
@@ -114,7 +115,7 @@ fn a_program_ends_as_it_should() {
     assert!(told.contains(r#"said "bye" beside its answers"#), "{told}");
 }
 
-/// Processes that live and were started with this word.
+/// Returns the number of live processes with this argument.
 #[cfg(target_os = "linux")]
 fn living(word: &str) -> usize {
     let all = std::fs::read_dir("/proc").expect("there").flatten();
@@ -129,7 +130,7 @@ fn living(word: &str) -> usize {
 #[cfg(target_os = "linux")]
 #[test]
 fn what_a_program_has_started_ends_with_it() {
-    // In a session of its own; holding the pipes; a grandchild of a process that is gone.
+    // The children: one in a session of its own, one that keeps the pipes open, and a grandchild whose parent is gone.
     let word = format!("{}.25", 100_000 + std::process::id());
     let children = format!(
         "setsid sleep {word} > /dev/null 2>&1 < /dev/null &\n sleep {word} &\n (setsid sh -c 'sleep {word} & exit' &)\n"

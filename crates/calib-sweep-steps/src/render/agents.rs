@@ -46,7 +46,7 @@ impl Told for PretrainedAgents {
     }
 }
 
-/// The epoch that an agent's checkpoint was taken after, beside the first.
+/// Returns the row of an agent: the epoch of its checkpoint, next to the first epoch.
 fn row(agent: &PretrainedAgent) -> Vec<String> {
     let kept = agent.curve.get(agent.epoch.saturating_sub(1));
     let loss = |value: fn(&Epoch) -> f64| {

@@ -1,4 +1,4 @@
-//! Results as whoever asked for them reads them: lines and tables, or JSON.
+//! Prints results: lines and tables for people, or JSON.
 
 mod agents;
 mod sweeps;

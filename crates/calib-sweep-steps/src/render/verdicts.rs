@@ -55,10 +55,10 @@ impl Told for Judgement {
     }
 }
 
-/// The verdicts, what stands in their way, and where the report is.
+/// Prints the verdicts, the notes and the path of the report.
 ///
 /// # Errors
-/// If they cannot be passed on.
+/// Returns an error if they cannot be printed.
 pub fn show_judgement(judged: &Judgement, printer: &Printer) -> Result<(), StepError> {
     let summary = &judged.summary;
     if printer.is_json() {
@@ -100,12 +100,12 @@ impl Told for Compared {
     }
 }
 
-/// What agents predict.
+/// Prints what agents predict.
 fn show_predicted(summary: &Summary, printer: &Printer) -> Result<(), StepError> {
     summary.predicts.as_ref().map_or(Ok(()), |predicts| printer.result(predicts))
 }
 
-/// The verdict on each sensor: what to deploy, and what that means, or all reasons.
+/// Prints the verdict on each sensor: what to deploy and what that means, or all reasons.
 fn show_advice(summary: &Summary, printer: &Printer) -> Result<(), StepError> {
     for (lines, plain) in summary.advice.iter().zip(&summary.plain) {
         let Some((headline, reasons)) = lines.split_first() else { continue };
@@ -120,7 +120,7 @@ fn show_advice(summary: &Summary, printer: &Printer) -> Result<(), StepError> {
     Ok(())
 }
 
-/// What the reader must know before relying on verdicts.
+/// Prints what the reader must know before relying on the verdicts.
 fn show_notes(notes: &[String], printer: &Printer) -> Result<(), StepError> {
     for note in notes {
         printer.result(&format!("note: {note}"))?;

@@ -1,21 +1,21 @@
-//! Sensors that do not move in held-out data: there is nothing to predict, so no error there says which value is better.
+//! Sensors that are constant in held-out data. There is nothing to predict, so errors there do not rank settings.
 
 use std::ops::Range;
 
 use calib_core::States;
 use calib_sweep::Windows;
 
-/// A sensor that has one value throughout some of the windows.
+/// A sensor that is constant in some of the windows.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct ConstantSensor {
     sensor: String,
-    /// Windows in which it stands still.
+    /// Windows in which it is constant.
     windows: usize,
     /// All windows.
     all_windows: usize,
 }
 
-/// Those of `sensors`, by name and column of the `held_out` states, that stand still in a window.
+/// Returns those of `sensors` (name and column of the `held_out` states) that are constant in some window.
 pub(crate) fn all(
     held_out: &States,
     windows: &Windows,
@@ -42,12 +42,12 @@ fn is_constant(held_out: &States, mut rows: Range<usize>, column: usize) -> bool
 }
 
 impl ConstantSensor {
-    /// The sensor, if it stands still in all windows.
+    /// Returns the name of the sensor, if it is constant in all windows.
     pub(crate) fn everywhere(&self) -> Option<String> {
         (self.windows == self.all_windows).then(|| self.sensor.clone())
     }
 
-    /// What the reader of the results should know.
+    /// Returns a note for the reader of the results.
     pub(crate) fn note(&self) -> String {
         let Self { sensor, windows, all_windows } = self;
         let place = match all_windows {
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn a_sensor_is_still_where_all_rows_of_a_window_are_equal() {
-        // Column 0 moves in the second window only, column 1 in none, column 2 in both.
+        // Column 0 changes in the second window only, column 1 in none, column 2 in both.
         let rows: [[f32; 3]; 6] = [
             [1.0, 5.0, 1.0],
             [1.0, 5.0, 2.0],

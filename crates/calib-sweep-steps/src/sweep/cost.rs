@@ -1,4 +1,4 @@
-//! What passes will take: a few steps of them are made and timed.
+//! Estimates the time of passes by timing a few of their steps.
 
 use std::{
     cell::Cell,
@@ -17,66 +17,66 @@ use calib_sweep::{Candidate, Environment, RunStream, Start};
 
 use crate::sweep::setting::{SweepContext, agent_seed};
 
-/// What a pass trains.
+/// The agents that a pass trains.
 #[derive(Clone, Copy)]
 pub(crate) struct TrainedInPass<'a> {
     pub(crate) study: &'a Study,
     pub(crate) candidates: &'a [Candidate],
-    /// Name and column of each.
+    /// Name and column of each sensor.
     pub(crate) sensors: &'a [(String, usize)],
-    /// What agents start from, by sensor, if they were pre-trained.
+    /// The checkpoints of pre-trained agents, by sensor.
     pub(crate) starts: &'a BTreeMap<String, Start>,
     /// Steps of every stream.
     pub(crate) steps: usize,
 }
 
 impl<'a> TrainedInPass<'a> {
-    /// What the passes of a sweep train.
+    /// Returns the agents of a sweep's passes.
     pub(crate) fn of(study: &'a Study, setting: &'a SweepContext) -> Self {
         let SweepContext { groups, sensors, starts, .. } = setting;
-        // What a pass takes does not depend on the discount factor.
+        // The time of a pass does not depend on the discount factor.
         let group = &groups[0];
         let steps = group.streams.demand.span.steps;
         Self { study, candidates: &group.candidates, sensors, starts, steps }
     }
 }
 
-/// Seconds of a pass over a stream by all values, on one thread.
+/// Seconds of a pass over a stream by all settings, on one thread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
-    /// Whatever the number of sensors.
+    /// The part that does not depend on the number of sensors.
     fixed: f64,
-    /// For each sensor.
+    /// The part per sensor.
     sensor: f64,
 }
 
-/// How long the steps take that are timed.
+/// Duration of the timed steps.
 const TIMED: Duration = Duration::from_millis(600);
-/// How long one timing takes at most: what is not over by then is told from what was done.
+/// Time limit of one timing. Longer ones are extrapolated from the steps made so far.
 const LONGEST: Duration = Duration::from_millis(1_500);
-/// How long a command measures; for what is left then it takes what it has measured.
+/// Time limit of all timings in a command. After it, costs are extrapolated from earlier timings.
 const ALL: Duration = Duration::from_secs(4);
-/// Steps that are made before: buffers fill, caches warm.
+/// Steps before the timing, in which buffers fill and caches warm up.
 const WARMING: usize = 64;
-/// Sensors that are trained beside one another to see what they share.
+/// Number of sensors that are trained side by side, to see what they share.
 const BESIDE: usize = 4;
-/// Steps of a stream that is made to be timed, at most.
+/// Largest number of steps of a stream for timing.
 pub(crate) const MEASURED_STEPS: usize = 200_000;
-/// Agents that are timed beside one another, at most.
+/// Largest number of agents that are timed side by side.
 const MOST_AGENTS: usize = 2_000;
-/// Work of a step that is timed, in multiplications, at most: about half a second.
+/// Largest work of a timed step, in multiplications: about half a second.
 const MOST_WORK: u64 = 2_000_000_000;
 
-/// What a command has measured, of one model and deployment after the other.
+/// The timings of a command, over all models and deployments so far.
 #[derive(Debug, Default)]
 pub struct MeasuredPasses {
     spent: Cell<Duration>,
-    /// Seconds and multiplications of the passes that were timed.
+    /// Seconds and multiplications of the timed passes.
     passes: Cell<(f64, f64)>,
 }
 
 impl MeasuredPasses {
-    /// The seconds of so much work, where nothing more is to be measured.
+    /// Returns the extrapolated seconds for this work, if the time for timings is used up.
     fn known(&self, work: f64) -> Option<f64> {
         let (secs, measured_work) = self.passes.get();
         (self.spent.get() >= ALL && measured_work > 0.0).then(|| secs * work / measured_work)
@@ -90,10 +90,10 @@ impl MeasuredPasses {
 }
 
 impl Cost {
-    /// Of the passes of a sweep over `environments`, whose streams have at most [`MEASURED_STEPS`] of its steps.
+    /// Measures the cost of a sweep's passes over `environments`. Streams have at most [`MEASURED_STEPS`] of its steps.
     ///
     /// # Errors
-    /// If the sweep has no environments, agents cannot be trained, or the monitor interrupts.
+    /// Returns an error if the sweep has no environments, agents cannot be trained, or the monitor interrupts.
     pub(crate) fn measure(
         trained: TrainedInPass<'_>,
         environments: &[Box<dyn Environment + '_>],
@@ -109,10 +109,10 @@ impl Cost {
         Self::over(trained, &streamed, making, measured, monitor)
     }
 
-    /// Of passes over a stream that took `making` seconds to make.
+    /// Measures the cost of passes over a stream that took `making` seconds to make.
     ///
     /// # Errors
-    /// If agents cannot be trained, or the monitor interrupts.
+    /// Returns an error if agents cannot be trained, or the monitor interrupts.
     pub(crate) fn over(
         trained: TrainedInPass<'_>,
         streamed: &RunStream,
@@ -137,18 +137,18 @@ impl Cost {
         Ok(Self { fixed: making + one - sensor, sensor })
     }
 
-    /// Of a pass of so many sensors.
+    /// Returns the seconds of a pass with this many sensors.
     pub fn of(self, sensors: usize) -> f64 {
         self.of_share(sensors, 1.0)
     }
 
-    /// Of a pass of so many sensors that trains a share of the values.
+    /// Returns the seconds of a pass with this many sensors that trains a share of the settings.
     pub(crate) fn of_share(self, sensors: usize, share: f64) -> f64 {
         self.fixed + sensors as f64 * self.sensor * share
     }
 }
 
-/// An agent of a sensor.
+/// An agent for one sensor.
 struct Agent<'a> {
     config: AgentConfig,
     cumulant: usize,
@@ -161,7 +161,7 @@ impl Agent<'_> {
     }
 }
 
-/// The agents of the first `sensors` sensors, one for each value.
+/// Returns the agents of the first `sensors` sensors, one per setting.
 fn agents(trained: TrainedInPass<'_>, sensors: usize) -> Vec<Agent<'_>> {
     trained.sensors[..sensors]
         .iter()
@@ -173,14 +173,14 @@ fn agents(trained: TrainedInPass<'_>, sensors: usize) -> Vec<Agent<'_>> {
         .collect()
 }
 
-/// What a pass of these agents costs, in multiplications.
+/// Returns the work of a pass of these agents, in multiplications.
 fn work(trained: TrainedInPass<'_>, agents: &[Agent<'_>], width: usize) -> f64 {
     let each = agents.iter().map(|agent| agent.learner().work_per_step(width) as f64);
     each.sum::<f64>() * trained.steps as f64
 }
 
-/// The same agents, as far as some of their steps can be timed: not too many, and with fewer or smaller updates where a step
-/// would take longer than anybody waits for.
+/// Returns agents that are fast enough to time: a limited number, with fewer or smaller updates where a step would take
+/// too long.
 fn timeable(all: Vec<Agent<'_>>, width: usize) -> Vec<Agent<'_>> {
     let every = all.len().div_ceil(MOST_AGENTS).max(1);
     let mut all: Vec<Agent<'_>> = all.into_iter().step_by(every).collect();
@@ -196,7 +196,7 @@ fn timeable(all: Vec<Agent<'_>>, width: usize) -> Vec<Agent<'_>> {
     all
 }
 
-/// Of a pass of the first `sensors` sensors over a whole stream.
+/// Returns the seconds of a pass of the first `sensors` sensors over a whole stream.
 fn seconds(
     trained: TrainedInPass<'_>,
     streamed: &RunStream,
@@ -211,7 +211,7 @@ fn seconds(
     Ok(share * seconds_of(trained, streamed, &timed, monitor)?)
 }
 
-/// Of a pass of these agents over a whole stream.
+/// Returns the seconds of a pass of these agents over a whole stream.
 fn seconds_of(
     trained: TrainedInPass<'_>,
     streamed: &RunStream,
@@ -238,7 +238,7 @@ fn seconds_of(
             }
         }
     };
-    // Until a mini-batch can be drawn a step costs next to nothing.
+    // Before there are enough states for a mini-batch, a step costs almost nothing.
     let batches = agents.iter().map(|agent| agent.config.batch_size);
     let first = most.min(WARMING.max(batches.max().unwrap_or(0)));
     let before = match timed(first)? {
@@ -264,19 +264,19 @@ fn seconds_of(
     }
 }
 
-/// What became of a timing.
+/// The result of a timing.
 enum TimingResult {
-    /// What the steps took, in seconds.
+    /// The time of the steps, in seconds.
     Secs(f64),
-    /// They took too long; what all steps take, by those that were made.
+    /// The timing took too long. The value extrapolates the time of all steps from those made.
     Late(f64),
 }
 
-/// Asks to stop when a timing takes too long.
+/// A monitor that asks to stop when a timing takes too long.
 struct Deadline<'a> {
     monitor: &'a dyn Monitor,
     clock: Stopwatch,
-    /// Steps that were made.
+    /// Number of steps made.
     done: AtomicU64,
 }
 

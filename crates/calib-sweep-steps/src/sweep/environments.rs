@@ -1,5 +1,5 @@
-//! The environments of a sweep: members if there is a model, Online and log replay. What each is made of is described first, so that other
-//! processes can open it.
+//! The environments of a sweep: ensemble members if there is a model, Online and log replay. Their inputs are described
+//! first, so that other processes can open them.
 
 use calib_base::{Context as _, StepError, output::Printer};
 use calib_core::{Frames, Seed};
@@ -51,20 +51,20 @@ pub enum EnvironmentSpec {
     },
 }
 
-/// What environments read: those parts that are there.
+/// The data that environments read, as far as it is available.
 #[derive(Clone, Copy)]
 pub struct Sources<'a> {
     /// States of the model.
     pub states: Option<&'a Frames>,
-    /// The model, opened.
+    /// The opened model.
     pub model: Option<&'a dyn CalibrationModel>,
-    /// What log replay replays.
+    /// The log for log replay.
     pub train: Option<&'a Frames>,
-    /// What is held out.
+    /// The held-out log.
     pub held_out: Option<&'a Frames>,
 }
 
-/// How rollouts are made.
+/// The options of rollouts.
 #[derive(Clone, Copy, Debug)]
 pub struct StreamParameters {
     pub(crate) span: Span,
@@ -73,10 +73,10 @@ pub struct StreamParameters {
 }
 
 impl StreamParameters {
-    /// As a job asks for.
+    /// Reads the options from the study.
     ///
     /// # Errors
-    /// If the weights of neighbours are not valid.
+    /// Returns an error if the weights of neighbours are not valid.
     pub fn of(study: &Study, span: Span) -> Result<Self, StepError> {
         let seed = Seed::new(study.seed).child("rollout");
         Ok(Self { span, weights: study.model.weights()?, seed })
@@ -84,7 +84,7 @@ impl StreamParameters {
 }
 
 impl EnvironmentSpec {
-    /// Which environment it is.
+    /// Returns the identity of the environment.
     pub fn id(&self) -> EnvironmentId {
         match self {
             Self::Member { number, .. } => EnvironmentId::Member(*number),
@@ -93,7 +93,7 @@ impl EnvironmentSpec {
         }
     }
 
-    /// What the stream of each run is made from, as the opened environment says.
+    /// Returns the fingerprint of the inputs of each run's stream, as the opened environment does.
     pub fn inputs(&self) -> Vec<Fingerprint> {
         match self {
             Self::Member { starts, inputs, .. } => vec![inputs.clone(); starts.len()],
@@ -107,10 +107,10 @@ impl EnvironmentSpec {
         }
     }
 
-    /// The environment.
+    /// Opens the environment.
     ///
     /// # Errors
-    /// If what it is made of is not among the `sources`.
+    /// Returns an error if its data is missing from the `sources`.
     pub fn open<'a>(
         &self,
         sources: Sources<'a>,
@@ -139,16 +139,16 @@ impl EnvironmentSpec {
     }
 }
 
-/// Everything that agents are trained in.
+/// All environments of a sweep.
 pub struct Environments {
-    /// What each is made of, in the order of the sweep, for each group of sensors.
+    /// The description of each environment, in the order of the sweep, for each group of sensors.
     pub described: Vec<Vec<EnvironmentSpec>>,
-    /// What the reader should know of start states.
+    /// Notes on start states.
     pub(crate) starts: Vec<String>,
 }
 
 impl Environments {
-    /// Those of the members of a model, if there is one, and of the windows of each of these `streams`.
+    /// Describes the members of a model, if there is one, and the windows of each of these `streams`.
     pub(crate) fn describe<'s>(
         job: &Job,
         model: Option<&OpenModel>,
@@ -171,7 +171,7 @@ impl Environments {
 #[derive(Default)]
 struct Members {
     described: Vec<EnvironmentSpec>,
-    /// What the reader should know of start states.
+    /// Notes on start states.
     starts: Vec<String>,
 }
 
@@ -193,7 +193,7 @@ impl Members {
             model_files::content(&model.manifest)?,
             (study.model.weights, study.model.temperature),
             &configured,
-            // Not the deployment itself: where start states are the same for several, so are the streams.
+            // Not the deployment itself: deployments with the same start states share streams.
             starts.origin(dataset.held_out_fingerprint.as_ref())?,
         );
         let inputs = match study.rollout_noise() {
@@ -201,7 +201,7 @@ impl Members {
             None => serde_json::to_vec(&inputs)?,
         };
         let inputs = Fingerprint::of(&inputs);
-        // Beside the states that are searched: what the sweep writes need not be there yet.
+        // In the folder of the model, because the folder of the sweep may not exist yet.
         let place = search_place(&*model.model, &paths.model());
         let progress = printer.progress();
         let search = Search { place: &place, monitor: &progress };
@@ -216,7 +216,7 @@ impl Members {
     }
 }
 
-/// The logs that are replayed.
+/// Describes the logs to replay.
 fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<EnvironmentSpec> {
     let mut described = Vec::new();
     if let (Some(inputs), Some(windows)) = (&dataset.held_out_fingerprint, &streams.online) {
@@ -236,7 +236,7 @@ fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<EnvironmentS
     described
 }
 
-/// All of them, opened.
+/// Opens all environments.
 pub(crate) fn open_all<'a>(
     described: &[EnvironmentSpec],
     sources: Sources<'a>,
@@ -245,7 +245,7 @@ pub(crate) fn open_all<'a>(
     described.iter().map(|one| one.open(sources, parameters)).collect()
 }
 
-/// One sentence a member whose start states are not those that were asked for.
+/// Returns one sentence per member with start states other than the requested ones.
 fn notes(summaries: &[StartSummary]) -> Vec<String> {
     let lacking = summaries.iter().enumerate().filter(|(_, summary)| summary.replaced > 0);
     lacking

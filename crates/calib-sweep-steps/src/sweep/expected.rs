@@ -1,4 +1,4 @@
-//! How long a sweep will take, before it does.
+//! Estimates the time of a sweep before it runs.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -22,7 +22,7 @@ use crate::sweep::{
     streams::Streams,
 };
 
-/// Bytes of one value's result in the file of a unit, and of each point of its learning curve.
+/// Bytes of one setting's result in the file of a unit, and of each point of its learning curve.
 const ROW_BYTES: u64 = 750;
 const POINT_BYTES: u64 = 82;
 
@@ -42,7 +42,7 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Of one sweep after the other.
+    /// Returns the total of several sweeps that run one after the other.
     pub(crate) fn in_all<'a>(sweeps: impl Iterator<Item = &'a Self>) -> Option<Self> {
         sweeps.cloned().reduce(|all, sweep| Self {
             passes: all.passes + sweep.passes,
@@ -53,7 +53,7 @@ impl Expected {
         })
     }
 
-    /// Of a sweep that was planned, with `passes` left.
+    /// Estimates a planned sweep with `passes` left.
     pub(crate) fn of(
         cost: Cost,
         plan: &SweepPlan,
@@ -61,7 +61,7 @@ impl Expected {
         sensors: usize,
         study: &Study,
     ) -> Self {
-        // Passes train those settings alone that have no run yet.
+        // Passes only train settings that have no run yet.
         let share = plan.runs_left as f64 / (plan.left * plan.candidates.len()).max(1) as f64;
         Self::new(cost.of_share(sensors, share), passes, plan.threads, plan.runs_left as u64, study)
     }
@@ -89,12 +89,12 @@ impl Expected {
     }
 }
 
-/// Bytes of so many results.
+/// Returns the bytes of this many results.
 fn result_bytes(study: &Study, results: u64) -> u64 {
     results.saturating_mul(ROW_BYTES + POINT_BYTES * study.sweep.curve_points as u64)
 }
 
-/// Bytes of so many runs, as far as they are sure to be made: of a race it is not known how many are left out.
+/// Returns the bytes of this many runs, as far as they are certain. For a race it is not known how many are left out.
 pub fn certain_bytes(study: &Study, runs: usize) -> u64 {
     match study.sweep.race {
         RaceKind::None => result_bytes(study, runs as u64),
@@ -102,13 +102,13 @@ pub fn certain_bytes(study: &Study, runs: usize) -> u64 {
     }
 }
 
-/// Refuse so many runs if the disk has no room for their results in the `directory` of the sweep.
+/// Refuses runs if the disk has no room for their results in the `directory` of the sweep.
 ///
 /// # Errors
-/// If there is clearly less room.
+/// Returns an error if there is clearly less room.
 pub(crate) fn require_room(job: &Job, runs: usize, directory: &Path) -> Result<(), StepError> {
     let needed = certain_bytes(job.study(), runs);
-    // With --force the results that are there are removed first.
+    // With --force the existing results are removed first.
     let needed = if job.policy().redoes() { disk_room::left(needed, directory) } else { needed };
     disk_room::require(
         needed,
@@ -118,10 +118,10 @@ pub(crate) fn require_room(job: &Job, runs: usize, directory: &Path) -> Result<(
     )
 }
 
-/// Say what a sweep will take that waits for the steps before it: as much as on the log itself, replayed.
+/// Estimates a sweep whose earlier steps are still to do. Its cost is taken from replaying the log.
 ///
 /// # Errors
-/// If the log cannot be read, or has not what the study sweeps.
+/// Returns an error if the log cannot be read, or lacks what the study sweeps.
 pub fn before_model(job: &Job, tally: &DryRunTally, context: &RunContext) -> Result<(), StepError> {
     let study = job.study();
     let candidates = candidates_of(study)?;
@@ -145,7 +145,7 @@ pub fn before_model(job: &Job, tally: &DryRunTally, context: &RunContext) -> Res
     let left = passes - tally.count_repeated(streams.into_iter().flatten());
     let sizes = Sizes::of(study, dataset, span, [units, passes]);
     let threads = rayon::current_num_threads();
-    // What stands in for a log is in memory itself.
+    // A substitute log is in memory itself.
     if context.stands_in().is_none() {
         Memory::of(&sizes, &agents_of(&candidates), threads).check()?;
     }
@@ -163,7 +163,7 @@ pub fn before_model(job: &Job, tally: &DryRunTally, context: &RunContext) -> Res
     Ok(())
 }
 
-/// Names of the streams that agents of a group's sensors are trained on, the same for models and deployments that share them.
+/// Returns names of the streams for a group's sensors. Models and deployments that share streams have the same names.
 fn streams_of(job: &Job, group: &StudyGroup) -> Vec<String> {
     let study = job.study();
     let deployment = job.deployment().unwrap_or_default();

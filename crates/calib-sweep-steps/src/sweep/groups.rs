@@ -1,4 +1,4 @@
-//! Sensors of a study whose returns have one discount factor: they are predicted on the same streams.
+//! Groups of sensors whose returns have the same discount factor. They are predicted on the same streams.
 
 use std::mem;
 
@@ -13,17 +13,17 @@ use crate::sweep::streams::Streams;
 pub struct StudyGroup {
     /// Their names, in the order of the study.
     pub sensors: Vec<String>,
-    /// Every candidate, with this discount factor.
+    /// Every setting, with this discount factor.
     pub candidates: Vec<Candidate>,
-    /// How long their streams are, and which windows of the log they are.
+    /// Length of their streams, and the windows of the log.
     pub streams: Streams,
 }
 
 impl StudyGroup {
-    /// The groups of a study, at least one, in the order of their first sensors.
+    /// Returns the groups of a study (at least one), in the order of their first sensors.
     ///
     /// # Errors
-    /// As [`Streams::of`].
+    /// Fails as [`Streams::of`] does.
     pub(crate) fn all(
         study: &Study,
         dataset: &Dataset,
@@ -49,19 +49,19 @@ impl StudyGroup {
         Ok(groups)
     }
 
-    /// How long the longest streams of these groups are.
+    /// Returns the span of the longest streams of these groups.
     pub(crate) fn longest(groups: &[Self]) -> Span {
         let spans = groups.iter().map(|group| group.streams.demand.span);
         spans.max_by_key(|span| span.states()).unwrap_or_else(|| unreachable!("at least one group"))
     }
 
-    /// Those of `sensors`, which come with their columns, that are of the group.
+    /// Returns those of `sensors` (name and column) that belong to the group.
     pub(crate) fn own(&self, sensors: &[(String, usize)]) -> Vec<(String, usize)> {
         sensors.iter().filter(|(sensor, _)| self.sensors.contains(sensor)).cloned().collect()
     }
 }
 
-/// Keep a note that all groups have in the first one alone, and begin the others with the sensors that they are about.
+/// Keeps a note that all groups share only in the first group. Other notes get their sensors as a prefix.
 fn tell_once(groups: &mut [StudyGroup]) {
     let all: Vec<Vec<String>> = groups.iter().map(|group| group.streams.notes.clone()).collect();
     for (number, StudyGroup { sensors, streams, .. }) in groups.iter_mut().enumerate() {
@@ -75,7 +75,7 @@ fn tell_once(groups: &mut [StudyGroup]) {
     }
 }
 
-/// The `sensors`, which come with their columns, as those of a plan whose groups have these names.
+/// Returns the `sensors` (name and column) as planned sensors, with the group that lists each name.
 pub fn planned_sensors(sensors: &[(String, usize)], groups: &[&[String]]) -> Vec<PlannedSensor> {
     let planned = sensors.iter().map(|(name, column): &(String, usize)| {
         let group = groups.iter().position(|own| own.contains(name));

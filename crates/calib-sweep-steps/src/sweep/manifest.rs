@@ -112,7 +112,7 @@ impl HeldOut {
 }
 
 impl SweepFacts {
-    /// Of a sweep that has trained nothing yet.
+    /// Returns the facts of a sweep that has trained nothing yet.
     pub(crate) fn of_nothing(
         study: &Study,
         dataset: &Dataset,
@@ -129,33 +129,33 @@ impl SweepFacts {
         }
     }
 
-    /// The files of its runs that are missing from its directory.
+    /// Returns the files of its runs that are missing from its directory.
     pub fn missing_runs(&self, directory: &Path) -> Vec<PathBuf> {
         unit_store(directory, self.arithmetic.as_deref()).missing(&self.units)
     }
 
-    /// How long the streams of a sensor are.
+    /// Returns the span of a sensor's streams.
     pub(crate) fn span_of(&self, sensor: &str) -> Span {
         self.streams_of(sensor).map_or(self.span, |other| other.span)
     }
 
-    /// What Online replays for a sensor.
+    /// Returns the windows that Online replays for a sensor.
     pub(crate) fn windows_of(&self, sensor: &str) -> &[OnlineWindow] {
         self.streams_of(sensor).map_or(&self.windows[..], |other| &other.windows[..])
     }
 
-    /// The streams of a sensor, if they are others than those of the first one.
+    /// Returns the streams of a sensor, if they differ from those of the first sensor.
     fn streams_of(&self, sensor: &str) -> Option<&OtherStreams> {
         self.other_streams.iter().find(|other| other.sensors.iter().any(|own| own == sensor))
     }
 
-    /// This `command`, on the device that the sweep was made on, if it was one.
+    /// Returns this `command`, with the device that the sweep was made on, if it was one.
     pub(crate) fn again(&self, command: &str) -> String {
         let device = self.arithmetic.as_deref().and_then(|class| class.strip_prefix("libtorch-"));
         device.map_or_else(|| command.to_owned(), |device| format!("{command} --device {device}"))
     }
 
-    /// Of runs that calib did not make, of whose data it knows nothing.
+    /// Returns the facts of runs of another program, whose data is not known.
     pub(crate) fn of_no_data(
         study: &Study,
         period: Period,

@@ -1,4 +1,4 @@
-//! Sweeps: what agents are trained in, and what is left to run.
+//! Sweeps: their environments, plans and results.
 
 pub(crate) mod constant_sensors;
 pub mod cost;

@@ -1,4 +1,4 @@
-//! What the reader of a sweep's results should know of its streams and runs.
+//! Notes on the streams and runs of a sweep, for the reader of its results.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use crate::sweep::{
     groups::StudyGroup,
 };
 
-/// The sensors that stand still in a window of what is held out, with a warning of each.
+/// Returns the sensors that are constant in a held-out window, and warns about each.
 pub(crate) fn standing_still(
     dataset: &Dataset,
     groups: &[StudyGroup],
@@ -32,7 +32,7 @@ pub(crate) fn standing_still(
     constant
 }
 
-/// The runs of each environment whose rollout left the finite numbers, and where, with a warning of each.
+/// Returns notes on the runs of each environment whose rollout ceased to be finite, and warns about each.
 pub(crate) fn failed_rollouts(
     results: &[UnitResult],
     normaliser: &Normaliser,
@@ -60,7 +60,7 @@ pub(crate) fn failed_rollouts(
     notes
 }
 
-/// What a race saved of `all` runs of a setting, in words; nothing where it dropped none.
+/// Returns a sentence on what a race saved of `all` runs. `None` if it dropped no setting.
 pub(crate) fn saved(results: &[UnitResult], all: usize) -> Option<String> {
     let made: usize = results.iter().map(|result| result.rows.len()).sum();
     (made < all).then(|| {

@@ -1,4 +1,4 @@
-//! What a sweep would do, before it does it.
+//! The plan of a sweep: its work and memory.
 
 use std::{cell::RefCell, collections::BTreeSet};
 
@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::sweep::{cost::MeasuredPasses, expected::Expected};
 
-/// Units that a dry run of several models and deployments has counted: those that are the same are run once.
+/// Units that a dry run over several models and deployments has counted. Equal units run only once.
 #[derive(Debug, Default)]
 pub struct DryRunTally {
     units: RefCell<BTreeSet<String>>,
@@ -24,25 +24,25 @@ pub struct DryRunTally {
     measured: MeasuredPasses,
 }
 
-/// What the sweep of one model in one deployment will take.
+/// The estimate for the sweep of one model in one deployment.
 #[derive(Clone, Debug)]
 pub struct PartPlan {
-    /// The model, of several.
+    /// The model, if there are several.
     pub model: Option<String>,
-    /// The deployment, of several.
+    /// The deployment, if there are several.
     pub deployment: Option<String>,
-    /// Time and memory.
+    /// Time and disk space.
     pub expected: Expected,
 }
 
 impl DryRunTally {
-    /// Count these units, and say how many had been counted before.
+    /// Counts these units, and returns how many were counted before.
     pub(crate) fn count_repeated(&self, keys: impl Iterator<Item = String>) -> usize {
         let mut counted = self.units.borrow_mut();
         keys.filter(|key| !counted.insert(key.clone())).count()
     }
 
-    /// Remember what the sweep of a job will take.
+    /// Records the estimate for the sweep of a job.
     pub(crate) fn expect(&self, job: &Job, expected: Expected) {
         let model = job.model();
         let deployment = job.deployment();
@@ -51,19 +51,19 @@ impl DryRunTally {
         self.expected.borrow_mut().push(PartPlan { model, deployment, expected });
     }
 
-    /// What passes of models and deployments before took.
+    /// Returns the timings of earlier models and deployments.
     pub(crate) fn measured(&self) -> &MeasuredPasses {
         &self.measured
     }
 
-    /// What all sweeps take together, in a line; nothing where there is only one.
+    /// Returns a line on all sweeps together. `None` if there is only one.
     pub fn in_all(&self) -> Option<String> {
         let expected = self.expected.borrow();
         let all = Expected::in_all(expected.iter().map(|part| &part.expected))?;
         (expected.len() > 1).then(|| format!("all sweeps together: {}", all.line()))
     }
 
-    /// What was remembered.
+    /// Returns the recorded estimates.
     pub fn expected(&self) -> Vec<PartPlan> {
         self.expected.borrow().clone()
     }
@@ -110,12 +110,13 @@ pub(crate) struct Memory {
     pub(crate) available: Option<u64>,
 }
 
-/// The agents of all values.
+/// Returns the agents of all settings.
 pub fn agents_of(candidates: &[Candidate]) -> Vec<AgentConfig> {
     candidates.iter().map(|candidate| candidate.agent.clone()).collect()
 }
 
-/// What agents take that learn along one stream. A program's own are its own: calib has one prediction of each for every state, and returns.
+/// Returns the memory of agents that learn along one stream. The memory of an external program is not known. For its
+/// agents calib keeps one prediction per agent and state, and the returns.
 fn agents_bytes(agents: &[AgentConfig], sensors: usize, width: usize, states: usize) -> u64 {
     if agents.iter().any(AgentConfig::is_external) {
         (states * (4 * agents.len() + 8) * sensors) as u64
@@ -124,26 +125,27 @@ fn agents_bytes(agents: &[AgentConfig], sensors: usize, width: usize, states: us
     }
 }
 
-/// What the memory of a sweep depends on.
+/// The quantities that the memory of a sweep depends on.
 pub(crate) struct Sizes {
-    /// Recorded states: of the training range, once more of the model if there is one, and held out.
+    /// Recorded states: the training range, counted twice if there is a model, and the held-out range.
     rows: usize,
-    /// Values in a state.
+    /// Number of values in a state.
     width: usize,
-    /// How long streams are.
+    /// Length of streams.
     span: Span,
     sensors: usize,
     curve_points: usize,
-    /// Units in all: one a sensor, environment and run.
+    /// All units: one per sensor, environment and run.
     units: usize,
-    /// Passes over streams that are left, each for all sensors.
+    /// Remaining passes over streams, each for all sensors.
     passes: usize,
-    /// Runs of a model whose rollouts are kept.
+    /// Runs of a model whose rollouts are kept in memory.
     predicted_runs: usize,
 }
 
 impl Sizes {
-    /// Of a sweep of `units` units of `steps` steps, of which `passes` passes over streams are still to be made.
+    /// Returns the sizes of a sweep with `units` units and streams of length `span`. `passes` passes over streams are
+    /// left.
     pub(crate) fn of(
         study: &Study,
         dataset: &Dataset,
@@ -168,7 +170,7 @@ impl Sizes {
 }
 
 impl Memory {
-    /// Of a sweep of `agents` on so many threads.
+    /// Estimates the memory of a sweep of `agents` on this many threads.
     pub(crate) fn of(sizes: &Sizes, agents: &[AgentConfig], threads: usize) -> Self {
         let &Sizes { rows, width, span, sensors, curve_points, units, passes, predicted_runs } =
             sizes;
@@ -184,26 +186,27 @@ impl Memory {
         Self { data, thread, predictions, results, total, available: memory::available() }
     }
 
-    /// The same of runs that an accelerator trains side by side, on this machine: their streams, twice on the way there, and networks where it is no other device.
+    /// Estimates the memory on this machine if an accelerator trains runs side by side. Streams are held twice on their
+    /// way there. Networks count only if the accelerator has no memory of its own.
     pub(crate) fn side_by_side(self, sizes: &Sizes, accelerator: &dyn Accelerator) -> Self {
         let states = sizes.span.states();
         let runs = sizes.passes.min(MOST_TOGETHER);
-        // Beside the states: returns of each sensor, the course, the draws.
+        // Beside the states: returns of each sensor, the learning course, and the random draws.
         let of_run = (states * (8 * sizes.width + 8 * sizes.sensors + 32)) as u64;
         let thread = accelerator.memory() + runs as u64 * of_run;
         let total = self.data + thread + self.predictions + self.results;
         Self { thread, total, ..self }
     }
 
-    /// Whether there is as much.
+    /// Whether the memory is available.
     pub(crate) fn fits(&self) -> bool {
         self.available.is_none_or(|available| self.total <= available)
     }
 
-    /// Refuse what would not fit.
+    /// Refuses a sweep that does not fit.
     ///
     /// # Errors
-    /// If there is less memory, with what to do.
+    /// Returns an error with a remedy if there is less memory.
     pub(crate) fn check(&self) -> Result<(), StepError> {
         let Some(available) = self.available.filter(|_| !self.fits()) else { return Ok(()) };
         let shared = self.data + self.predictions + self.results;
@@ -240,7 +243,7 @@ impl Memory {
 }
 
 impl SweepPlan {
-    /// Say what will be done, and refuse what would not fit.
+    /// Prints the plan, and refuses a sweep that does not fit.
     pub(crate) fn announce(&self, study: &Study, printer: &Printer) -> Result<(), StepError> {
         let shared = match self.shared {
             0 => String::new(),
@@ -306,11 +309,11 @@ mod tests {
         let memory = Memory::of(&sizes, &agents, 4);
         assert_eq!(memory.data, 1000 * 48);
         assert_eq!(memory.predictions, 16 * 100 * 10 * 4);
-        // One row a unit and value: units are of one sensor already.
+        // One row per unit and setting. Units already have a single sensor.
         assert_eq!(memory.results, 60 * 2 * (200 + 24 * 50));
         assert_eq!(memory.thread, 4 * 100 + training_bytes(&agents, 3, 10, 100));
         assert_eq!(memory.total, 48_000 + 4 * memory.thread + 64_000 + 168_000);
-        // Two passes keep no more than two threads busy, however many units they make.
+        // Two passes use at most two threads, however many units they make.
         let few = Memory::of(&Sizes { passes: 2, predicted_runs: 0, ..sizes }, &agents, 4);
         assert_eq!(few.total, 48_000 + 2 * memory.thread + 168_000);
     }

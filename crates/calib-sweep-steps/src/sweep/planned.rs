@@ -1,4 +1,4 @@
-//! `planned.json` of a sweep: what its runs are known by, so that they can be looked at while they are made.
+//! `planned.json` of a sweep: the keys of its runs, so that they can be read while the sweep runs.
 
 use std::path::Path;
 
@@ -18,49 +18,50 @@ const FORMAT: u32 = 1;
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlannedSweep {
     format: u32,
-    /// Of what the agents are trained with, if not calib's own arithmetic.
+    /// The arithmetic that trains the agents, if it is not calib's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     arithmetic: Option<String>,
-    /// The study of a sweep that was begun. A plan for a cluster has it elsewhere.
+    /// The study of a sweep that was begun. A cluster plan stores it elsewhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     study: Option<Study>,
     /// The part of each run that counts.
     pub(crate) part: Part,
     pub(crate) rule: Rule,
-    /// What each candidate is called.
+    /// The label of each setting.
     pub labels: Vec<String>,
-    /// The candidate that is the default.
+    /// Position of the default setting.
     pub default: Option<usize>,
-    /// The key of each candidate's setting.
+    /// The key of each setting.
     settings: Vec<String>,
     units: Vec<PlannedUnit>,
 }
 
-/// A run of a candidate that is there.
+/// A stored run of a setting.
 pub struct StoredRun<'p> {
-    /// The number of its unit in the plan: units of one number are on one stream.
+    /// The number of its unit in the plan. Runs with the same number are on the same stream.
     pub unit: usize,
     place: &'p Unit,
-    /// Position of its setting among the candidates.
+    /// Position of its setting.
     pub candidate: usize,
-    /// Its error in normalised units; infinite if it diverged.
+    /// Its error in normalised units. Infinite if it diverged.
     pub rmse: f64,
 }
 
 impl StoredRun<'_> {
-    /// The sensor that its agent predicts.
+    /// Returns the predicted sensor.
     pub fn sensor(&self) -> &str {
         &self.place.sensor
     }
 
-    /// What its agent is trained in.
+    /// Returns the environment of the run.
     pub fn environment(&self) -> EnvironmentId {
         self.place.environment
     }
 }
 
 impl PlannedSweep {
-    /// Those of this plan; `arithmetic` names what agents are trained with, if it is not calib's own.
+    /// Returns the settings and units of this plan. `arithmetic` names the arithmetic that trains the
+    /// agents, if it is not calib's own.
     pub fn of(
         study: &Study,
         candidates: &[Candidate],
@@ -80,29 +81,29 @@ impl PlannedSweep {
         }
     }
 
-    /// These, of a sweep that begins.
+    /// Adds the study of a sweep that begins.
     pub(crate) fn begun_for(self, study: &Study) -> Self {
         Self { study: Some(study.clone()), ..self }
     }
 
-    /// The study that the sweep was begun for; none if an earlier calib began it.
+    /// Returns the study that the sweep was begun for. `None` if an earlier calib began it.
     pub fn study(&self) -> Option<&Study> {
         self.study.as_ref()
     }
 
     /// # Errors
-    /// If it cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(crate) fn write(&self, directory: &Path) -> Result<(), StepError> {
         Ok(write_sealed_json(&directory.join(FILE), self)?)
     }
 
-    /// That of the sweep in `directory`, if it was begun.
+    /// Reads the file of the sweep in `directory`, if it was begun.
     pub fn read(directory: &Path) -> Option<Self> {
         let planned: Self = read_sealed_json(&directory.join(FILE)).ok()?;
         (planned.format == FORMAT).then_some(planned)
     }
 
-    /// The sensors, in their order.
+    /// Returns the sensors, in order.
     pub fn sensors(&self) -> Vec<&str> {
         let mut sensors: Vec<&str> =
             self.units.iter().map(|planned| planned.unit.sensor.as_str()).collect();
@@ -110,19 +111,19 @@ impl PlannedSweep {
         sensors
     }
 
-    /// Runs of a sensor in all; in a race, at most.
+    /// Returns the number of all runs of a sensor. In a race it is an upper bound.
     pub fn runs_of(&self, sensor: &str) -> usize {
         let units = self.units.iter().filter(|planned| planned.unit.sensor == sensor);
         units.count() * self.settings.len()
     }
 
-    /// The runs that are in the store of the sweep in `directory`.
+    /// Returns the stored runs of the sweep in `directory`.
     pub fn stored_in(&self, directory: &Path) -> Vec<StoredRun<'_>> {
         let store = unit_store(directory, self.arithmetic.as_deref());
         self.stored(&|unit, key| store.get(unit, key))
     }
 
-    /// The runs that `look_up` finds by unit and key.
+    /// Returns the runs that `look_up` finds by unit and key.
     pub fn stored(&self, look_up: &dyn Fn(&Unit, &str) -> Option<UnitRuns>) -> Vec<StoredRun<'_>> {
         let mut all = Vec::new();
         for (number, planned) in self.units.iter().enumerate() {
@@ -141,7 +142,7 @@ impl PlannedSweep {
         all
     }
 
-    /// Whether the rule looks at runs in this environment.
+    /// Whether the rule uses runs in this environment.
     pub fn counts(&self, environment: EnvironmentId) -> bool {
         match environment {
             EnvironmentId::Online => false,
@@ -152,7 +153,7 @@ impl PlannedSweep {
         }
     }
 
-    /// The environments that it has and that the rule looks at, once for each unit in them.
+    /// Returns the environments of the plan that the rule uses, once for each of their units.
     pub fn environments_that_count(&self) -> Vec<EnvironmentId> {
         let all = self.units.iter().map(|planned| planned.unit.environment);
         all.filter(|environment| self.counts(*environment)).collect()

@@ -1,5 +1,5 @@
-//! What was recorded of the predicted sensors in each period: thinned by the sweep, which has read it, for the report,
-//! which reads no log.
+//! Recorded values of the predicted sensors in each period. The sweep, which reads the log, thins them out for the
+//! report, which does not.
 
 use std::path::Path;
 
@@ -11,15 +11,15 @@ use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod, min_max_in_time};
 /// The file in the directory of a sweep.
 pub(crate) const RECORDED: &str = "recorded.parquet";
 
-/// Stretches of a period of which the smallest and the largest value are kept.
+/// Number of intervals of a period. The smallest and the largest value of each are kept.
 const BUCKETS: usize = 600;
 
-/// What a period is called in the file.
+/// Names of periods in the file.
 const PRETRAINING: &str = "pre-training";
 const TRAINING: &str = "training";
 const HELD_OUT: &str = "held-out";
 
-/// Write `recorded.parquet`: `sensors`, which have these columns in the states, in each part of the log that was read.
+/// Writes `recorded.parquet` for `sensors` (name and state column), with each part of the log that was read.
 pub(crate) fn write(
     directory: &Path,
     dataset: &Dataset,
@@ -44,7 +44,7 @@ pub(crate) fn write(
     write_table(table, &directory.join(RECORDED))
 }
 
-/// Values of a column in physical units, and nothing where the line breaks, at the time of the value before.
+/// Returns values of a column in physical units. `None` marks a break in the line, at the time of the value before.
 fn thinned(dataset: &Dataset, frames: &Frames, column: usize) -> Vec<(Timestamp, Option<f64>)> {
     let times = frames.timestamps();
     let secs = without_long_gaps(times.iter().map(|&time| seconds(time)), dataset.period.as_secs());
@@ -64,12 +64,12 @@ fn thinned(dataset: &Dataset, frames: &Frames, column: usize) -> Vec<(Timestamp,
     points
 }
 
-/// `times` with long gaps made short, so that stretches are not spent on what was not recorded. Gaps stay longer than a stretch.
+/// Shortens long gaps in `times`, so that no intervals are spent on them. Gaps stay longer than an interval.
 fn without_long_gaps(times: impl Iterator<Item = f64>, period: f64) -> Vec<f64> {
     let times: Vec<f64> = times.collect();
     let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
     let recorded: f64 = steps().filter(|step| *step <= 2.0 * period).sum();
-    // Our choice: the figure cuts gaps that are longer than a tenth, and what is left of one is a hundredth.
+    // Our choice: the figure cuts gaps longer than a tenth of the recorded time, to a hundredth of it.
     let long = recorded / 10.0;
     let short = recorded / 100.0;
     let mut at = times.first().copied().unwrap_or_default();
@@ -81,22 +81,22 @@ fn without_long_gaps(times: impl Iterator<Item = f64>, period: f64) -> Vec<f64> 
     shortened
 }
 
-/// Seconds since 1970.
+/// Returns the seconds since 1970.
 fn seconds(time: Timestamp) -> f64 {
     time.as_micros() as f64 / 1e6
 }
 
-/// What periods are called that have no name of their own.
+/// Names for periods without a name of their own.
 #[derive(Clone, Copy)]
 pub(crate) struct Periods<'a> {
-    /// What the training range is for, of which a part is for pre-training.
+    /// The use of the training range, if another part is used for pre-training.
     pub(crate) beside_pretraining: &'static str,
     pub(crate) held_out: &'a str,
-    /// The clock that their times are shown on.
+    /// The clock that times are shown on.
     pub(crate) clock: &'a ShownClock,
 }
 
-/// One figure a sensor, of what the sweep in `directory` has kept.
+/// Returns one figure per sensor, from the values that the sweep in `directory` stored.
 pub(crate) fn figures(
     directory: &Path,
     sensors: &[String],
@@ -132,7 +132,7 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// One sensor in one period; nothing if the period has no values.
+    /// Returns one sensor in one period. `None` if the period has no values.
     fn period(&self, period: &str, sensor: &str, names: Periods<'_>) -> Option<RecordedPeriod> {
         let own: Vec<usize> = (0..self.times.len())
             .filter(|&row| self.periods[row] == period && self.sensors[row] == sensor)
@@ -141,7 +141,7 @@ impl Rows<'_> {
         let last = *own.last()?;
         let (name, used_for) = match period {
             HELD_OUT => (names.held_out, PeriodUse::Deployment),
-            // Beside pre-training, what settings are chosen on is only a part of the training range.
+            // With pre-training, settings are chosen on only part of the training range.
             TRAINING if self.periods.iter().any(|period| period == PRETRAINING) => {
                 (names.beside_pretraining, PeriodUse::Learning)
             }

@@ -42,13 +42,13 @@ use crate::sweep::{
     tables as sweep_tables,
 };
 
-/// Where a sweep keeps its finished units; those of another arithmetic than calib's own lie apart.
+/// Returns the store of a sweep's finished units. Each arithmetic other than calib's own has its own store.
 pub fn unit_store(directory: &Path, arithmetic: Option<&str>) -> UnitStore {
     let apart = arithmetic.map_or_else(String::new, |class| format!("-{class}"));
     UnitStore::new(directory.join(format!("units{apart}")))
 }
 
-/// What a sweep came to.
+/// The result of a sweep.
 pub type SweepResult = StepResult<Swept, SweepPlan>;
 
 /// A finished sweep.
@@ -56,54 +56,55 @@ pub type SweepResult = StepResult<Swept, SweepPlan>;
 pub struct Swept {
     pub(crate) manifest: SweepManifest,
     pub(crate) directory: PathBuf,
-    /// Of how many units something was run just now.
+    /// Number of units that lacked a run.
     pub(crate) ran: usize,
-    /// Runs that were made just now.
+    /// Number of new runs.
     pub(crate) ran_runs: usize,
-    /// Whether the tables were written just now.
+    /// Whether the tables were written again.
     pub(crate) rewrote: bool,
     pub(crate) took: Duration,
 }
 
 impl Swept {
-    /// Every value that agents were trained for, in the order of the results.
+    /// Returns every setting that agents were trained with, in the order of the results.
     pub fn candidates(&self) -> &[Candidate] {
         &self.manifest.candidates
     }
 
-    /// Units (sensor, environment, run) of it.
+    /// Returns the number of units (sensor, environment, run).
     pub fn units(&self) -> usize {
         self.manifest.units.len()
     }
 
-    /// Of how many of them something was run just now; the others were there.
+    /// Returns the number of units that lacked a run. The others were complete.
     pub fn ran(&self) -> usize {
         self.ran
     }
 
-    /// Runs that were made just now: of each of those units, one for each setting that had none.
+    /// Returns the number of new runs, counting one per setting of a unit.
     pub fn ran_runs(&self) -> usize {
         self.ran_runs
     }
 
-    /// What the reader of the results should know.
+    /// Returns notes for the reader of the results.
     pub fn notes(&self) -> &[String] {
         &self.manifest.notes
     }
 
-    /// Where they are.
+    /// Returns the folder of the results.
     pub fn directory(&self) -> &Path {
         &self.directory
     }
 }
 
-/// Runs of units by unit and key, as other processes made them.
+/// Runs of units that other processes made, by unit and key.
 pub type SharedRuns = BTreeMap<(Unit, String), UnitRuns>;
 
-/// Train every candidate in every environment, on a device if one is named. A dry run says what the `tally` has counted before.
+/// Trains every setting in every environment, on a device if one is given. A dry run reports units that the `tally` has
+/// already counted.
 ///
 /// # Errors
-/// If the study, the model or the log is not what it should be, training fails, or the observer asks to stop.
+/// Returns an error if the study, the model or the log is wrong, training fails, or the observer asks to stop.
 pub fn run(
     job: &Job,
     tally: &DryRunTally,
@@ -114,10 +115,11 @@ pub fn run(
     sweep(job, tally, ResultSource { pool: None, accelerator: accelerator.as_deref() }, context)
 }
 
-/// What trains the agents of a study on a device, if one is named, before anything is read or made.
+/// Returns the accelerator for a study's agents, if a device is given. Called before anything is read or made.
 ///
 /// # Errors
-/// If this calib has no libtorch, the device is not there, or agents are not such as are trained side by side.
+/// Returns an error if this build has no libtorch, the device is not available, or the agents cannot be trained side by
+/// side.
 pub fn on_device(
     device: Option<Device>,
     study: &Study,
@@ -129,10 +131,11 @@ pub fn on_device(
     Ok(Some(torch::accelerator(device)?))
 }
 
-/// Write the results that other processes made, where nothing is left to train.
+/// Writes results that other processes made. Nothing may be left to train.
 ///
 /// # Errors
-/// [`SweepError::Incomplete`](calib_sweep::SweepError::Incomplete) if something is, before anything is written.
+/// Returns [`SweepError::Incomplete`](calib_sweep::SweepError::Incomplete) before anything is written, if a run is
+/// missing.
 pub fn put_together(
     job: &Job,
     pool: &SharedRuns,
@@ -146,12 +149,12 @@ pub fn put_together(
     )
 }
 
-/// Where results come from, if not from this program's own arithmetic.
+/// The source of results other than this program's own arithmetic.
 #[derive(Clone, Copy, Default)]
 pub struct ResultSource<'a> {
-    /// Other processes.
+    /// Runs of other processes.
     pool: Option<&'a SharedRuns>,
-    /// What trains.
+    /// The accelerator that trains agents.
     accelerator: Option<&'a dyn Accelerator>,
 }
 
@@ -187,7 +190,7 @@ fn sweep(
     if let Some(accelerator) = accelerator {
         preview.memory = preview.memory.side_by_side(&sizes, accelerator);
     }
-    // Of a program, and of another arithmetic, it is not known.
+    // The time of a program, or of another arithmetic, is not known.
     let is_own = setting.program.is_none() && accelerator.is_none();
     let is_timed = is_own && missing > shared && preview.memory.fits();
     if job.policy().is_dry() && is_timed {
@@ -199,7 +202,7 @@ fn sweep(
         return Ok(StepResult::Planned(preview));
     }
     require_room(job, left.runs, &directory)?;
-    // Nothing is given up, nor need the disk be writable, before there is something to write.
+    // Nothing is discarded, and the disk need not be writable, until there is something to write.
     let is_done = missing == 0 && stored.whole().keys().all(|unit| own.whole().contains_key(unit));
     let kept = if is_done { finished(&directory, job) } else { None };
     let planned = PlannedSweep::of(study, &setting.candidates, &plan, arithmetic).begun_for(study);
@@ -236,7 +239,7 @@ fn sweep(
     Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, rewrote, took }))
 }
 
-/// Note that agents were trained by something that rounds in its own way.
+/// Records that the agents were trained with another arithmetic, which rounds differently.
 fn note_arithmetic(facts: &mut SweepFacts, class: &str) {
     facts.arithmetic = Some(class.to_owned());
     facts.notes.push(format!(
@@ -244,7 +247,7 @@ fn note_arithmetic(facts: &mut SweepFacts, class: &str) {
     ));
 }
 
-/// How long what was planned takes, with `passes` left, by some steps of one.
+/// Estimates the time of the plan with `passes` left, by timing some steps of a pass.
 fn expected(
     job: &Job,
     setting: &SweepContext,
@@ -260,7 +263,7 @@ fn expected(
     Ok(expected)
 }
 
-/// What is told of these results.
+/// Returns the facts to store about these results.
 fn facts(
     study: &Study,
     setting: &SweepContext,
@@ -303,27 +306,27 @@ fn facts(
     })
 }
 
-/// Write what a report shows of the data, which it does not read.
+/// Writes the data that a report shows. A report does not read the log.
 fn write_data(directory: &Path, study: &Study, setting: &SweepContext) -> Result<(), StepError> {
     let SweepContext { dataset, pretrain, sensors, .. } = setting;
     recorded::write(directory, dataset, pretrain.as_ref(), sensors)?;
     if study.has_model() {
         return Ok(());
     }
-    // A model has a profile beside it.
+    // The profile of a study with a model lies beside the model.
     profile_file::write(directory, &dataset.profile)
 }
 
-/// What of a sweep is left to be trained.
+/// The remaining work of a sweep.
 #[derive(Clone, Copy)]
 struct RemainingRuns {
     units: usize,
     runs: usize,
-    /// Of the units, those that an earlier part of the same command runs.
+    /// Number of these units that an earlier part of the same command runs.
     shared: usize,
 }
 
-/// What it takes to train all `candidates` on so many `units`.
+/// Estimates the memory to train all `candidates` on these units, and returns the plan.
 fn preview(
     candidates: &[Candidate],
     sizes: &Sizes,
@@ -346,26 +349,27 @@ fn preview(
     }
 }
 
-/// What a sweep writes beside its units; of a study without a model also what its data looked like.
+/// Returns the files that a sweep writes besides its units. For a study without a model they include the profile of its
+/// data.
 fn tables(study: &Study) -> impl Iterator<Item = &'static str> {
     let profile = (!study.has_model()).then_some(PROFILE);
     sweep_tables::FILES.into_iter().chain([recorded::RECORDED, simple::FILE]).chain(profile)
 }
 
-/// Claim the directory of a sweep, and say what its runs are known by.
+/// Locks the directory of a sweep, and records the keys of its runs.
 fn begun(directory: &Path, planned: &PlannedSweep) -> Result<DirectoryLock, StepError> {
     let claim = DirectoryLock::begun(directory)?;
     planned.write(directory)?;
     Ok(claim)
 }
 
-/// The manifest of a sweep whose tables are what was written.
+/// Returns the manifest of a sweep, if its tables are intact.
 fn finished(directory: &Path, job: &Job) -> Option<SweepManifest> {
     let kept = artefact::read::<SweepManifest>(directory)?;
     (!job.policy().redoes() && kept.is_whole(directory)).then_some(kept)
 }
 
-/// What Online replays.
+/// Returns the windows that Online replays.
 fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
     match (&streams.online, &dataset.held_out) {
         (Some(windows), Some(held_out)) => online_windows(windows, held_out),
@@ -373,7 +377,7 @@ fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
     }
 }
 
-/// Write down why nothing can be scored in a deployment, so that the other ones are judged without it.
+/// Records why nothing can be scored in a deployment, so that the others are judged without it.
 fn leave_out(
     job: &Job,
     skipped: SkippedDeployment,
@@ -396,14 +400,14 @@ fn leave_out(
     Ok(StepResult::Nothing(Outcome::Negative))
 }
 
-/// Units that are left to run, and that another part of the same command runs before.
+/// Returns the number of remaining units that an earlier part of the same command runs.
 fn shared_units(plan: &Plan<'_>, stored: &StoredUnits, tally: &DryRunTally) -> usize {
     let units = plan.units();
     let left = units.iter().filter(|planned| !stored.whole().contains_key(&planned.unit));
     tally.count_repeated(left.map(|planned| planned.fingerprint(plan.settings())))
 }
 
-/// Put the runs that others have beside a sweep's own.
+/// Copies runs that other sweeps made into this sweep's store.
 fn put_shared(
     plan: &Plan<'_>,
     own: &StoredUnits,
@@ -423,18 +427,18 @@ fn put_shared(
     Ok(())
 }
 
-/// Units that need not be run.
+/// Units that need no run.
 #[derive(Default)]
 pub struct KnownUnits {
-    /// What this sweep has.
+    /// Runs in this sweep's own store.
     own: StoredUnits,
-    /// The same and what others of the study have: Online and log replay are the same for all models, members for all
-    /// deployments that give the same start states. And what other processes made.
+    /// Own runs together with those of the study's other sweeps and of other processes. All models share Online and log
+    /// replay. Deployments with the same start states share members.
     pub stored: StoredUnits,
 }
 
 impl KnownUnits {
-    /// Look in the `store` of a job, in those of other models and deployments, and in the pool.
+    /// Looks in the `store` of a job, in those of other models and deployments, and in the pool.
     pub fn of(
         plan: &Plan<'_>,
         store: &UnitStore,
@@ -469,7 +473,7 @@ fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> Result<()
     Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
 }
 
-/// How long the sweep took when it last ran anything.
+/// Returns the seconds that the sweep took when it last made runs.
 pub fn wall_secs(paths: &Layout) -> Option<f64> {
     let timings: Timings = read_json(&paths.sweep().join("timings.json")).ok()?;
     Some(timings.wall_secs)

@@ -1,4 +1,4 @@
-//! What a sweep follows from, before anything is trained.
+//! The inputs of a sweep, before anything is trained.
 
 use std::collections::BTreeMap;
 
@@ -32,47 +32,48 @@ use crate::{
     },
 };
 
-/// The environments that the agents of one group of sensors are trained in.
+/// The environments of one group of sensors.
 pub type OpenedEnvironments<'a> = Vec<Box<dyn Environment + 'a>>;
 
-/// A sweep that can be planned.
+/// The inputs of a sweep that can be planned.
 pub struct SweepContext {
-    /// None for a study without one.
+    /// The model. `None` for a study without one.
     pub model: Option<OpenModel>,
     /// The log.
     pub dataset: Dataset,
     pub(crate) pretrain: Option<PretrainPart>,
-    /// What agents are trained with, in the order of the results, with the discount factors of all sensors.
+    /// The settings, in the order of the results, with the discount factors of all sensors.
     pub candidates: Vec<Candidate>,
     /// The sensors of each discount factor, with their streams.
     pub groups: Vec<StudyGroup>,
-    /// What they are trained in.
+    /// The environments.
     pub environments: Environments,
-    /// Name and column of each.
+    /// Name and column of each sensor.
     pub sensors: Vec<(String, usize)>,
     pub(crate) constant_sensors: Vec<ConstantSensor>,
-    /// What agents start from, by sensor, if they were pre-trained.
+    /// The checkpoints of pre-trained agents, by sensor.
     pub starts: BTreeMap<String, Start>,
-    /// What trains agents, if not calib.
+    /// The external program that trains agents, if any.
     pub(crate) program: Option<ExternalAgents>,
-    /// What is to be told of them.
+    /// Notes on the agents.
     pub(crate) notes: Vec<String>,
 }
 
-/// A deployment in which nothing can be trained, and why.
+/// A deployment in which nothing can be trained, with the reason.
 pub struct SkippedDeployment {
     pub(crate) dataset: Dataset,
     pub(crate) model: Option<String>,
     pub(crate) candidates: Vec<Candidate>,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
 impl SweepContext {
-    /// Read and check everything that the sweep of a job follows from.
+    /// Reads and checks all inputs of a job's sweep.
     ///
     /// # Errors
-    /// If the study is wrong, the model is not there or of other data, the log cannot be read, or the observer asks to stop.
+    /// Returns an error if the study is wrong, the model is missing or made from other data, the log cannot be read, or
+    /// the observer asks to stop.
     pub fn of(
         job: &Job,
         context: &RunContext,
@@ -113,15 +114,15 @@ impl SweepContext {
         }))
     }
 
-    /// How long the longest streams are.
+    /// Returns the span of the longest streams.
     pub fn span(&self) -> Span {
         StudyGroup::longest(&self.groups)
     }
 
-    /// The environments of each group of sensors, opened.
+    /// Opens the environments of each group of sensors.
     ///
     /// # Errors
-    /// As [`EnvironmentSpec::open`](super::environments::EnvironmentSpec::open).
+    /// Fails as [`EnvironmentSpec::open`](super::environments::EnvironmentSpec::open) does.
     pub fn open(&self, study: &Study) -> Result<Vec<OpenedEnvironments<'_>>, StepError> {
         let groups = self.groups.iter().enumerate();
         groups
@@ -129,10 +130,10 @@ impl SweepContext {
             .collect()
     }
 
-    /// What their passes take, by some steps of one.
+    /// Measures the cost of passes, by timing some steps of one.
     ///
     /// # Errors
-    /// If the sweep has no environments, agents cannot be trained, or the `monitor` asks to stop.
+    /// Returns an error if the sweep has no environments, agents cannot be trained, or the `monitor` asks to stop.
     pub fn cost(
         &self,
         study: &Study,
@@ -145,7 +146,7 @@ impl SweepContext {
         Cost::measure(TrainedInPass::of(study, self), &environments, measured, monitor)
     }
 
-    /// The environments of a group, whose streams are so long.
+    /// Opens the environments of a group, with streams of this length.
     fn open_of(
         &self,
         study: &Study,
@@ -162,7 +163,7 @@ impl SweepContext {
         open_all(&self.environments.described[group], sources, parameters)
     }
 
-    /// What simple predictors come to over the recorded windows of the environments.
+    /// Returns the errors of simple predictors on the recorded windows of the environments.
     pub(crate) fn simple_errors(
         &self,
         environments: &[OpenedEnvironments<'_>],
@@ -183,7 +184,7 @@ impl SweepContext {
         Ok(all)
     }
 
-    /// Runs in all: of every value, for every sensor, in every environment.
+    /// Returns the number of all runs: one per setting, sensor, environment and run number.
     pub(crate) fn runs(&self) -> usize {
         let groups = self.groups.iter().zip(&self.environments.described);
         let units = groups.map(|(group, described)| {
@@ -193,7 +194,7 @@ impl SweepContext {
         units.sum::<usize>() * self.candidates.len()
     }
 
-    /// The plan of a sweep in these environments.
+    /// Returns the plan of a sweep in these environments.
     pub fn plan<'a>(
         &'a self,
         study: &Study,
@@ -222,12 +223,12 @@ impl SweepContext {
     }
 }
 
-/// Root of the agents' seeds.
+/// Returns the root of the agents' seeds.
 pub fn agent_seed(study: &Study) -> Seed {
     Seed::new(study.seed).child("agent")
 }
 
-/// The plan as a race, where the study has one.
+/// Turns the plan into a race, if the study has one.
 pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Plan<'a> {
     match study.sweep.race {
         RaceKind::None => plan,
@@ -235,7 +236,7 @@ pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Plan<'a> {
     }
 }
 
-/// The values that a study sweeps.
+/// Returns the settings that a study sweeps.
 pub(crate) fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
     ensure!(
         !study.is_of_acting_agents(),
@@ -248,7 +249,8 @@ pub(crate) fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> 
     Ok(candidates(&study.sweep, &study.agent, seed)?)
 }
 
-/// What is read, and the groups of sensors with their streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
+/// Reads the log, and returns the groups of sensors with their streams. Instead of the groups it returns the reason for
+/// leaving a deployment out: the log lacks its period, or no step of it can be scored.
 pub(crate) fn scorable(
     job: &Job,
     candidates: &[Candidate],

@@ -1,4 +1,4 @@
-//! Simple predictors of a sweep's sensors, in a file beside its tables.
+//! Simple predictors of a sweep's sensors, stored in a file beside its tables.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -11,27 +11,27 @@ use calib_sweep::{
 };
 use serde::{Deserialize, Serialize};
 
-/// Where they are.
+/// The file name.
 pub(crate) const FILE: &str = "simple.json";
 
-/// What simple predictors came to, and those of them that can be deployed.
+/// Errors of simple predictors, and predictors that can be deployed.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SimpleErrors {
-    /// The table of runs that they stand beside; none where a manifest says so.
+    /// Fingerprint of the table of runs that they belong to. `None` if a manifest records it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) runs: Option<Fingerprint>,
-    /// What a normalised return is multiplied by to give a discounted mean of the sensor, in its own unit.
+    /// Factor from a normalised return to a discounted mean of the sensor, in its own unit.
     pub(crate) units: BTreeMap<String, f64>,
-    /// Fitted on all of the training range.
+    /// Predictors that are fitted on the whole training range.
     pub(crate) fitted: Vec<FittedSimple>,
-    /// Which of them `agent.baseline = "best"` is, by sensor.
+    /// The predictor that `agent.baseline = "best"` stands for, by sensor.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) best: BTreeMap<String, SimplePredictor>,
     pub(crate) scores: Vec<SimpleScore>,
 }
 
 impl SimpleErrors {
-    /// Fit and score every simple predictor of these sensors over recorded windows.
+    /// Fits and scores every simple predictor of these sensors on recorded windows.
     pub(crate) fn measure(
         baselines: &Baselines<'_>,
         windows: &[RecordedWindow],
@@ -61,7 +61,7 @@ impl SimpleErrors {
         })
     }
 
-    /// Add what they came to for other sensors.
+    /// Adds the results for other sensors.
     pub(crate) fn add(&mut self, others: Self) {
         self.units.extend(others.units);
         self.fitted.extend(others.fitted);
@@ -69,7 +69,8 @@ impl SimpleErrors {
         self.scores.extend(others.scores);
     }
 
-    /// What agents with `agent.baseline = "best"` start from, as a line; none where no agent does.
+    /// Returns a line on the predictors that agents with `agent.baseline = "best"` start from. `None` if
+    /// there are no such agents.
     pub(crate) fn starts(&self) -> Option<String> {
         (!self.best.is_empty()).then(|| {
             format!(
@@ -79,7 +80,7 @@ impl SimpleErrors {
         })
     }
 
-    /// What agents with `agent.baseline = "best"` start from, in words.
+    /// Returns the predictors that agents with `agent.baseline = "best"` start from, in words.
     pub fn best_told(&self) -> String {
         let told = self.best.iter().map(|(sensor, best)| format!("{} for {sensor}", best.label()));
         told.collect::<Vec<_>>().join(", ")
@@ -89,10 +90,10 @@ impl SimpleErrors {
         Ok(write_sealed_json(&directory.join(FILE), self)?)
     }
 
-    /// Those that were written into the directory of a sweep.
+    /// Reads the file in the directory of a sweep.
     ///
     /// # Errors
-    /// If they are not there, or damaged.
+    /// Returns an error if it is missing or damaged.
     pub fn read(directory: &Path) -> Result<Self, StepError> {
         Ok(read_sealed_json(&directory.join(FILE))?)
     }

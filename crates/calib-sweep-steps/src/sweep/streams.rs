@@ -1,4 +1,4 @@
-//! How long the streams of a sweep are, and which windows of the log they replay.
+//! The length of a sweep's streams, and the windows of the log that they replay.
 
 use calib_agent::{Part, ReturnMoments};
 use calib_base::{
@@ -19,11 +19,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::sweep::groups::StudyGroup;
 
-/// What streams a sweep has, and why they are not what the study says.
+/// The streams of a sweep, with notes where they differ from the study.
 pub struct Streams {
-    /// Steps of a stream, and the part of them that counts.
+    /// The span of a stream, and the part that counts.
     pub demand: ScoringDemand,
-    /// Windows of the held-out range; none without one.
+    /// Windows of the held-out range. `None` without a held-out range.
     pub(crate) online: Option<Windows>,
     /// Windows of the log.
     pub(crate) log: Windows,
@@ -31,10 +31,11 @@ pub struct Streams {
 }
 
 impl Streams {
-    /// The streams for returns of this discount factor.
+    /// Returns the streams for returns with this discount factor.
     ///
     /// # Errors
-    /// [`StepError::Unscorable`] if no step of the held-out range could be scored, which is better known before any is trained on.
+    /// Returns [`StepError::Unscorable`] if no step of the held-out range can be scored. This is better known before
+    /// any training.
     pub(crate) fn of(study: &Study, dataset: &Dataset, gamma: f64) -> Result<Self, StepError> {
         let sweep = &study.sweep;
         let mut notes = Vec::new();
@@ -71,7 +72,7 @@ impl Streams {
     }
 }
 
-/// Why a study without a model has nothing to choose by.
+/// Returns the error for a study without a model that has nothing to choose by.
 fn nothing_decides(demand: ScoringDemand) -> StepError {
     let ScoringDemand { span, gamma, .. } = demand;
     StepError::Unscorable(format!(
@@ -83,16 +84,17 @@ fn nothing_decides(demand: ScoringDemand) -> StepError {
     ))
 }
 
-/// Refuse a study whose only held-out range could not be scored, before a model is built. What there are several of is left out one by one.
+/// Refuses a study whose only held-out range cannot be scored, before a model is built. With several deployments, each
+/// is checked later and left out by itself.
 ///
 /// # Errors
-/// [`StepError::Unscorable`], or a log that cannot be read.
+/// Returns [`StepError::Unscorable`], or an error if the log cannot be read.
 pub fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
     let study = job.study();
     if !study.deployments.is_empty() || job.layout().model().join(MANIFEST).exists() {
         return Ok(());
     }
-    // The steps that follow say again what there is to say.
+    // Later steps repeat these messages.
     let silent = &context.silent();
     let Parts { dataset, .. } = partition::load(job, silent)?;
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
@@ -134,7 +136,7 @@ fn held_out_windows(
     Ok(windows)
 }
 
-/// What is scored, in words.
+/// Returns the words for the scored part of a run.
 pub(crate) const fn part_name(part: Part) -> &'static str {
     match part {
         Part::WholeRun => "all steps",
@@ -152,7 +154,7 @@ pub struct OnlineWindow {
     pub(crate) times: [Timestamp; 2],
 }
 
-/// The windows of the held-out range, with their times.
+/// Returns the windows of the held-out range, with their times.
 pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<OnlineWindow> {
     let time = |row: usize| held_out.timestamps()[row];
     windows
@@ -165,8 +167,8 @@ pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<Online
         .collect()
 }
 
-/// The scale of every sensor's errors: what its return spreads over the training range, for each discount factor that a candidate
-/// gives it.
+/// Returns the scale of every sensor's errors: the standard deviation of its return over the training range, for each
+/// discount factor that a setting gives it.
 pub(crate) fn error_scales(
     dataset: &Dataset,
     sensors: &[(String, usize)],

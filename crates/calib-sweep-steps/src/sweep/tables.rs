@@ -1,4 +1,4 @@
-//! A sweep's results as tidy tables.
+//! The results of a sweep as tidy tables.
 
 use std::{collections::BTreeSet, path::Path};
 
@@ -10,10 +10,10 @@ use serde_json::Value;
 
 use crate::sweep::SweepFacts;
 
-/// Where runs and learning curves are written.
+/// The files of runs and of learning curves.
 pub(crate) const FILES: [&str; 2] = ["runs.parquet", "curves.parquet"];
 
-/// `runs.parquet`, one row a run, and `curves.parquet`, one row a point of a learning curve.
+/// Writes `runs.parquet`, one row per run, and `curves.parquet`, one row per point of a learning curve.
 pub(crate) fn write(
     directory: &Path,
     sweep: &SweepFacts,
@@ -31,10 +31,11 @@ fn runs_table(sweep: &SweepFacts, results: &[UnitResult]) -> Table {
     with_errors(table, sweep, sweep.study.part(), &rows)
 }
 
-/// The same of agents that calib does not know: labels, and the values that were swept in the place of calib's agent.
+/// Returns the table of runs for agents of other programs. It has labels and the swept values in place of calib's
+/// agent fields.
 ///
 /// # Errors
-/// If a swept field has the name of another column.
+/// Returns an error if a swept field has the name of another column.
 pub(crate) fn external_runs(
     sweep: &SweepFacts,
     part: Part,
@@ -73,7 +74,7 @@ pub(crate) fn external_runs(
     Ok(with_errors(table, sweep, part, &rows))
 }
 
-/// Columns that every table of runs has, with what was measured of each run.
+/// Columns that every table of runs has, with the measurements of each run.
 pub(crate) const MEASURED: [&str; 16] = [
     "seed",
     "start_row",
@@ -99,7 +100,7 @@ fn rows_of(results: &[UnitResult]) -> Vec<Row<'_>> {
     results.iter().flat_map(|result| result.rows.iter().map(move |row| (result, row))).collect()
 }
 
-/// Which run each row is of.
+/// Returns the columns that identify the run of each row.
 fn named(rows: &[Row<'_>]) -> Table {
     Table::new()
         .with("environment", rows.iter().map(|(r, _)| r.unit.environment.to_string()).collect())
@@ -108,7 +109,7 @@ fn named(rows: &[Row<'_>]) -> Table {
         .with("candidate", rows.iter().map(|(_, row)| row.candidate as u32).collect())
 }
 
-/// What each run came to.
+/// Adds the results of each run.
 fn with_errors(table: Table, sweep: &SweepFacts, part: Part, rows: &[Row<'_>]) -> Table {
     let candidates = &sweep.candidates;
     let table = table
@@ -148,14 +149,14 @@ fn with_errors(table: Table, sweep: &SweepFacts, part: Part, rows: &[Row<'_>]) -
     table
 }
 
-/// The error of each part of a run, whichever is scored.
+/// The error columns for each part of a run, whichever is scored.
 const PARTS: [(&str, Part); 3] = [
     ("rmse_whole_run", Part::WholeRun),
     ("rmse_after_first_quarter", Part::AfterFirstQuarter),
     ("rmse_final_quarter", Part::FinalQuarter),
 ];
 
-/// Every field of the agent as a column of its own, with the discount factor of the sensor.
+/// Adds every field of the agent as a column, with the discount factor of the sensor.
 fn with_agent_columns(mut table: Table, candidates: &[Candidate], rows: &[Row<'_>]) -> Table {
     let agents: Vec<_> = candidates.iter().map(|candidate| candidate.agent.fields()).collect();
     let fields: Vec<String> =
@@ -176,7 +177,7 @@ fn with_agent_columns(mut table: Table, candidates: &[Candidate], rows: &[Row<'_
     table
 }
 
-/// The discount factor of each row's sensor.
+/// Returns the discount factor of each row's sensor.
 fn gammas(candidates: &[Candidate], rows: &[Row<'_>]) -> Vec<f64> {
     let gammas = rows
         .iter()
@@ -184,7 +185,7 @@ fn gammas(candidates: &[Candidate], rows: &[Row<'_>]) -> Vec<f64> {
     gammas.collect()
 }
 
-/// One row a point of a learning curve.
+/// Returns a table with one row per point of a learning curve.
 pub(crate) fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> Table {
     let mut points = Vec::new();
     for result in results {

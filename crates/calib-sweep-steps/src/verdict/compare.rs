@@ -35,20 +35,20 @@ use crate::verdict::{
     learning, recorded_together, report, report_cache, report_data,
 };
 
-/// The verdicts on several models and deployments, beside each other.
+/// The verdicts on several models and deployments, side by side.
 #[derive(Debug)]
 pub struct Compared {
     pub(crate) summaries: Summaries,
-    /// In the order in which they were judged.
+    /// The models and deployments, in the order of judgement.
     pub(crate) places: Vec<SummaryPlace>,
-    /// What models chose, as a table for a terminal.
+    /// The choices of the models, as a table for a terminal.
     pub(crate) choices: String,
     pub(crate) notes: Vec<String>,
     pub(crate) report: PathBuf,
     pub(crate) outcome: Outcome,
 }
 
-/// Where the summary of a model in a deployment is, and what the two are called together.
+/// The place of a summary: its model and deployment, and their joint name.
 #[derive(Debug)]
 pub(crate) struct SummaryPlace {
     pub(crate) name: String,
@@ -57,22 +57,23 @@ pub(crate) struct SummaryPlace {
 }
 
 impl Compared {
-    /// What is said of each sensor for one model in one deployment, of several.
+    /// Returns the verdicts on each sensor for one model in one deployment. The model or the deployment is one
+    /// of several.
     pub fn verdicts(&self, model: &str, deployment: Option<&str>) -> &[SensorVerdict] {
         self.summary(model, deployment).map_or(&[], |summary| &summary.verdicts)
     }
 
-    /// The verdicts as `summary.json` has them, which is what `--json` prints.
+    /// Returns the verdicts as `summary.json` stores them, which `--json` prints.
     pub fn summaries(&self) -> &Summaries {
         &self.summaries
     }
 
-    /// The report on all of them.
+    /// Returns the path of the common report.
     pub fn report(&self) -> &Path {
         &self.report
     }
 
-    /// The summary of a place.
+    /// Returns the summary of a place.
     pub(crate) fn at(&self, place: &SummaryPlace) -> Option<&Summary> {
         self.summary(&place.model, place.deployment.as_deref())
     }
@@ -115,14 +116,14 @@ pub(crate) struct DeploymentSummary {
     models: BTreeMap<String, Summary>,
 }
 
-/// A model in a deployment, with all that is known of it.
+/// A model in a deployment, with all results about it.
 pub(crate) struct JudgedModel {
     pub(crate) model: Option<String>,
     pub(crate) deployment: Option<String>,
     pub(crate) judged: Judged,
     pub(crate) report: Report,
     pub(crate) rollouts: Option<RolloutManifest>,
-    /// Distances of its rollouts from what was recorded.
+    /// Distances of its rollouts from the recorded log.
     pub(crate) pairs: Vec<Pair>,
     pub(crate) one_step: Option<OneStepModel>,
     starts: Vec<FirstRollouts>,
@@ -161,17 +162,17 @@ impl JudgedModel {
         self.rollouts.as_ref()?.comparison.as_ref()
     }
 
-    /// What its model is called.
+    /// Returns the name of its model.
     pub(crate) fn model_name(&self) -> &str {
         self.judged.job.model_name()
     }
 
-    /// What its deployment is called; nothing where there is only one.
+    /// Returns the name of its deployment. Empty if there is only one.
     pub(crate) fn deployment_name(&self) -> &str {
         self.deployment.as_deref().unwrap_or_default()
     }
 
-    /// A sensor in its deployment.
+    /// Returns the name of a sensor with its deployment.
     pub(crate) fn in_deployment(&self, sensor: &str) -> String {
         match &self.deployment {
             Some(deployment) => format!("{sensor} ({deployment})"),
@@ -180,15 +181,15 @@ impl JudgedModel {
     }
 }
 
-/// Judge the finished sweeps of `parts`, each by itself and all in one report, which warns of models that were
-/// `left_out`.
+/// Judges the finished sweeps of `parts`, each by itself and all in one report. The report warns about models
+/// that were `left_out`.
 pub(crate) fn run(
     job: &Job,
     parts: &[Job],
     left_out: &[String],
     context: &RunContext,
 ) -> Result<StepResult<Compared>, StepError> {
-    // The study without any model says where the common results lie.
+    // The folder of the common results is that of the study without a model.
     let paths = job.layout();
     if job.policy().is_dry() {
         context.say(&format!("dry run: would write {}", paths.report().display()));
@@ -240,7 +241,7 @@ pub(crate) fn run(
     Ok(StepResult::Made(Compared { summaries, places, choices, notes, report, outcome }))
 }
 
-/// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.
+/// Refuses sweeps if only some were made on a device, because devices round differently.
 fn same_arithmetic(names: &[String], parts: &[JudgedModel]) -> Result<(), StepError> {
     let first = trained_by(&parts[0]);
     for (name, part) in names.iter().zip(parts) {
@@ -254,13 +255,13 @@ fn same_arithmetic(names: &[String], parts: &[JudgedModel]) -> Result<(), StepEr
     Ok(())
 }
 
-/// The class of the device that a sweep was made on, for messages.
+/// Returns the class of the device that a sweep was made on, for messages.
 fn trained_by(part: &JudgedModel) -> String {
     let class = part.judged.manifest.arithmetic.clone();
     class.unwrap_or_else(|| "calib itself".to_owned())
 }
 
-/// Write the figures, the page and the summary, unless they are there and show the same.
+/// Writes the figures, the page and the summary, unless the existing ones show the same.
 fn write(job: &Job, whole: &Report, summaries: &Summaries) -> Result<(), StepError> {
     let paths = job.layout();
     report_cache::keep(job, whole, summaries, || {
@@ -271,8 +272,8 @@ fn write(job: &Job, whole: &Report, summaries: &Summaries) -> Result<(), StepErr
     })
 }
 
-/// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.
-/// The names of the files.
+/// Writes sensitivity figures with all models, one per sensor and deployment and one with all, and rollouts of
+/// all models. Returns the file names.
 fn write_figures(paths: &Layout, whole: &Report) -> Result<Vec<String>, StepError> {
     let directory = paths.evaluate().join(report::FIGURES);
     let mut written = Vec::new();
@@ -312,7 +313,7 @@ fn summaries(
     Summaries { format: 3, tool: TOOL, title, models, deployments, what_to_deploy, comparisons }
 }
 
-/// The parts of each deployment, in the order in which deployments come first.
+/// Groups the parts by deployment, in the order in which deployments first appear.
 pub(crate) fn by_deployment(parts: &[JudgedModel]) -> Vec<Vec<&JudgedModel>> {
     let mut groups: Vec<Vec<&JudgedModel>> = Vec::new();
     for part in parts {
@@ -324,7 +325,8 @@ pub(crate) fn by_deployment(parts: &[JudgedModel]) -> Vec<Vec<&JudgedModel>> {
     groups
 }
 
-/// Verdicts sensor by sensor, all rank curves over the same Online errors, distances side by side.
+/// Assembles the report: verdicts by sensor, all rank curves over the same Online errors, distances side by
+/// side.
 fn whole(
     job: &Job,
     parts: &[JudgedModel],
@@ -376,11 +378,11 @@ fn whole(
             }));
         }
     }
-    // Parts that learned from, or were judged by, different times have no line in common.
+    // If parts learned from or were judged on different periods, they have no common subtitle.
     if parts.iter().any(|part| part.report.subtitle != whole.subtitle) {
         whole.subtitle = None;
     }
-    // A model is one thing, in however many deployments.
+    // The jumps of a model are the same in all deployments.
     for part in &deployments[0] {
         whole.jumps.extend(part.report.jumps.clone());
     }
@@ -404,12 +406,13 @@ fn whole(
     Ok(whole)
 }
 
-/// Every model's rollouts from the same starts: a figure a sensor, and a deployment where starts follow from it.
+/// Returns every model's rollouts from the same starts: one figure per sensor, and per deployment if the starts
+/// depend on it.
 fn rollout_grids(study: &Study, deployments: &[Vec<&JudgedModel>]) -> Vec<RolloutGrid> {
     let mut grids = Vec::new();
     for sensor in &study.sweep.sensors {
         for (number, group) in deployments.iter().enumerate() {
-            // Rollouts that deployments share stand in the first one's place only, without its name.
+            // Rollouts that deployments share appear only once, with the first, and without its name.
             for follows in [true, false] {
                 let own = group.iter().filter(|part| {
                     part.judged.study().starts_follow_from_deployment() == follows
@@ -432,7 +435,7 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&JudgedModel>]) -> Vec<Rollou
     grids
 }
 
-/// The panel of one sensor in one deployment: Online, and the worst ranks of all models.
+/// Returns the panel of one sensor in one deployment: the Online errors, and the worst ranks of all models.
 fn sensitivity(sensor: &str, group: &[&JudgedModel]) -> Option<Sensitivity> {
     let all: Vec<Sensitivity> = group
         .iter()
@@ -443,11 +446,11 @@ fn sensitivity(sensor: &str, group: &[&JudgedModel]) -> Option<Sensitivity> {
     let mut whole = all.first()?.clone();
     whole.sensor = group[0].in_deployment(sensor);
     whole.worst_ranks = all.iter().flat_map(|figure| figure.worst_ranks.clone()).collect();
-    // Online and the log are the same for all; what models chose by is not.
+    // All models share Online and the log. The evidence that each model chose by differs.
     whole.errors.retain(|curve| !is_evidence(curve));
     let evidence = all.iter().flat_map(|figure| &figure.errors).filter(|curve| is_evidence(curve));
     whole.errors.extend(evidence.cloned());
-    // No model's choice is marked before others'.
+    // If choices differ, none is marked.
     whole.chosen = whole.chosen.filter(|_| all.iter().all(|figure| figure.chosen == whole.chosen));
     Some(whole)
 }

@@ -1,11 +1,11 @@
-//! What models chose in each deployment, beside each other in the terminal.
+//! The choices of models in each deployment, side by side in the terminal.
 
 use calib_base::output::{percent, significant, table};
 
 use crate::verdict::compare::{JudgedModel, by_deployment};
 
-/// What each model chose, how that did Online, and how far its rollouts are from what was recorded; what was chosen in each deployment
-/// where there is no model.
+/// Returns a table of each model's choice, its error Online, and the distance of its rollouts from the recorded log.
+/// Without a model it has the choice in each deployment.
 pub(crate) fn choices(parts: &[JudgedModel]) -> String {
     let deployments = by_deployment(parts);
     let has_models = parts.iter().any(|part| part.judged.study().has_model());
@@ -47,7 +47,7 @@ pub(crate) fn choices(parts: &[JudgedModel]) -> String {
     table(&header, &rows)
 }
 
-/// How many rollouts stop moving, and half of them by which step.
+/// Returns how many rollouts freeze, and the median step at which they do.
 fn collapse(part: &JudgedModel, sensor: &str) -> Option<String> {
     let collapse = &part.rollouts.as_ref()?.collapse;
     let own = collapse.sensors.iter().find(|known| known.sensor == sensor)?;

@@ -1,4 +1,4 @@
-//! Every two models of a study, deployment by deployment and over all of them.
+//! Comparison of every two models of a study, in each deployment and over all of them.
 
 use std::path::PathBuf;
 
@@ -22,7 +22,8 @@ pub(crate) struct Comparisons {
 }
 
 impl Comparisons {
-    /// Those of rollouts, of all deployments together where there are several.
+    /// Returns the comparisons of rollouts. With several deployments, those over all deployments
+    /// together.
     pub(crate) fn of_all_rollouts(&self) -> Vec<&PairedModels> {
         let most = self.rollouts.iter().map(|group| group.deployments.len()).max();
         let widest = self.rollouts.iter().filter(|group| Some(group.deployments.len()) == most);
@@ -47,7 +48,7 @@ pub(crate) struct SharedRollouts<'a> {
     deployments: Vec<String>,
 }
 
-/// The groups of all parts, by deployment.
+/// Returns the groups of all parts, by deployment.
 pub(crate) fn groups<'a>(deployments: &'a [Vec<&'a JudgedModel>]) -> Vec<SharedRollouts<'a>> {
     let mut groups: Vec<(Vec<PathBuf>, SharedRollouts<'a>)> = Vec::new();
     for parts in deployments {
@@ -65,7 +66,7 @@ pub(crate) fn groups<'a>(deployments: &'a [Vec<&'a JudgedModel>]) -> Vec<SharedR
 }
 
 impl<'a> SharedRollouts<'a> {
-    /// Its models whose rollouts were compared.
+    /// Returns its models whose rollouts were compared.
     pub(crate) fn compared(&self) -> Vec<ComparedModel<'a>> {
         self.parts
             .iter()
@@ -77,7 +78,7 @@ impl<'a> SharedRollouts<'a> {
             .collect()
     }
 
-    /// Its models whose one-step errors are known.
+    /// Returns its models whose one-step errors are known.
     pub(crate) fn predicting(&self) -> Vec<&OneStepModel> {
         self.parts.iter().filter_map(|part| part.one_step.as_ref()).collect()
     }
@@ -97,7 +98,8 @@ impl Pooled {
     }
 }
 
-/// The rollouts of each model in all deployments; those that deployments share count once.
+/// Returns the rollouts of each model in all deployments. Rollouts that deployments share count
+/// once.
 pub(crate) fn pooled(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Pooled>, StepError> {
     let mut models: Vec<Vec<&JudgedModel>> = Vec::new();
     for part in deployments.iter().flatten().filter(|part| part.comparison().is_some()) {
@@ -125,7 +127,7 @@ fn within<T>(deployments: &[String], compared: Vec<T>) -> impl Iterator<Item = I
     compared.into_iter().map(|compared| In { deployments: deployments.to_vec(), compared })
 }
 
-/// Every two models in every group, and in all deployments where there are several groups.
+/// Compares every two models in every group. With several groups, also in all deployments together.
 pub(crate) fn comparisons(deployments: &[Vec<&JudgedModel>]) -> Result<Comparisons, StepError> {
     let mut all = Comparisons::default();
     let groups = groups(deployments);

@@ -1,4 +1,4 @@
-//! Tables of several models and deployments, beside each other.
+//! Tables of several models and deployments, side by side.
 
 use std::path::PathBuf;
 
@@ -16,7 +16,8 @@ use crate::verdict::{
     report,
 };
 
-/// Distances of rollouts, start states, collapse and representations; `deployments` are all parts, by deployment.
+/// Returns tables of rollout distances, start states, frozen rollouts and representations. `deployments` are all parts,
+/// by deployment.
 pub(crate) fn tables(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Table>, StepError> {
     let mut tables = Vec::new();
     // Deployments that share all rollouts have one table.
@@ -68,7 +69,7 @@ pub(crate) fn tables(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Table>, St
     Ok(tables)
 }
 
-/// What to know before relying on any of it; each once, with where it holds unless that is everywhere.
+/// Returns the warnings of all parts, each once. A warning that does not hold everywhere names the parts.
 pub(crate) fn warnings(parts: &[JudgedModel]) -> Vec<String> {
     let mut all: Vec<&String> = Vec::new();
     for warning in parts.iter().flat_map(|part| &part.report.warnings) {
@@ -88,8 +89,8 @@ pub(crate) fn warnings(parts: &[JudgedModel]) -> Vec<String> {
         .collect()
 }
 
-/// The parts for which something holds: nothing to say if these are all; else deployments or models where it holds for
-/// all of one or for none.
+/// Returns the names of the parts for which `holds` is true. Empty if these are all parts. Uses deployments or models
+/// alone if the condition depends only on them.
 fn places(parts: &[JudgedModel], holds: impl Fn(&&JudgedModel) -> bool) -> String {
     if parts.iter().all(|part| holds(&part)) {
         return String::new();
@@ -122,8 +123,8 @@ fn places(parts: &[JudgedModel], holds: impl Fn(&&JudgedModel) -> bool) -> Strin
         .join("; ")
 }
 
-/// The data that the models of one deployment were built from: that of the model that saw most, with what each saw where
-/// they differ; and fingerprints.
+/// Returns the data that the models of one deployment were built from, and their fingerprints. The data is that of the
+/// model with the most rows, with the states of each model if they differ.
 pub(crate) fn data_of_models(group: &[&JudgedModel]) -> (Option<DataProfile>, String) {
     let most =
         group.iter().filter_map(|part| part.report.data.as_ref()).max_by_key(|data| data.rows);

@@ -1,4 +1,4 @@
-//! What people call sensors, and what these are measured in.
+//! Labels and units of sensors.
 
 use std::collections::BTreeMap;
 
@@ -7,15 +7,16 @@ use calib_data::{Description, Profile, read_tags};
 use calib_report::Report;
 use calib_study::Job;
 
-/// What is known of each channel: what the study says in `[sensors]`, or else the list of tags, or else the header of the log.
+/// The description of each channel: from `[sensors]` in the study, then from the list of tags, then from the header of
+/// the log.
 #[derive(Clone, Debug, Default)]
 pub struct Descriptions(BTreeMap<String, Description>);
 
 impl Descriptions {
-    /// Of the channels of a log.
+    /// Returns the descriptions of a log's channels.
     ///
     /// # Errors
-    /// A list of tags that cannot be read.
+    /// Returns an error if the list of tags cannot be read.
     pub fn of(job: &Job, profile: &Profile) -> Result<Self, StepError> {
         let study = job.study();
         let tags = match &study.evaluate.tags {
@@ -28,7 +29,7 @@ impl Descriptions {
         let nothing = Description::default();
         let described = profile.channels.iter().map(|channel| {
             let given = study.sensors.get(&channel.name).cloned().unwrap_or_default();
-            // A list of tags knows the angle, and not the two channels that are made of it.
+            // A list of tags has the angle, but not the two channels that are made of it.
             let tag = tags.get(&channel.name).cloned().or_else(|| {
                 let angle = channel.angle.as_ref()?;
                 Some(angle.described(tags.get(&angle.channel)?))
@@ -39,7 +40,7 @@ impl Descriptions {
         Ok(Self(described.filter(|(_, description)| !description.is_empty()).collect()))
     }
 
-    /// What the header of a log says of its channels.
+    /// Returns the descriptions in the header of a log.
     pub fn of_log(profile: &Profile) -> Self {
         let all = profile
             .channels
@@ -48,7 +49,7 @@ impl Descriptions {
         Self(all.filter(|(_, description)| !description.is_empty()).collect())
     }
 
-    /// What stands in brackets behind the name of a sensor: its label and its unit.
+    /// Returns the words in brackets after the name of a sensor: its label and its unit.
     pub fn words(&self, sensor: &str) -> Option<String> {
         let Description { unit, label } = self.0.get(sensor)?;
         match (label, unit) {
@@ -57,7 +58,7 @@ impl Descriptions {
         }
     }
 
-    /// Put it into the figures and the table of channels of a report on one model and deployment.
+    /// Adds the descriptions to the figures and the table of channels in a report on one model and deployment.
     pub(crate) fn put_into(&self, report: &mut Report) {
         for figure in &mut report.recorded {
             figure.unit = self.words(&figure.sensor);
@@ -71,7 +72,7 @@ impl Descriptions {
     }
 }
 
-/// Names in `[sensors]` that the log does not have.
+/// Returns the names in `[sensors]` that the log does not have.
 pub fn unknown<'a>(sensors: &'a BTreeMap<String, Description>, profile: &Profile) -> Vec<&'a str> {
     let names = sensors.keys().map(String::as_str);
     names.filter(|name| profile.channels.iter().all(|channel| channel.name != *name)).collect()

@@ -88,7 +88,8 @@ impl SensorChoice {
 }
 
 impl Summary {
-    /// Of these verdicts, whose numbers count `candidates`; `rows` are the same verdicts in words.
+    /// Creates the summary of these verdicts. Their indices refer to `candidates`, and `rows` are the same verdicts in
+    /// words.
     pub(crate) fn new(
         title: String,
         verdicts: Vec<SensorVerdict>,
@@ -138,17 +139,17 @@ fn choices(
     choices.collect()
 }
 
-/// A finished sweep, and what follows from it.
+/// A judged sweep, with everything derived from it.
 pub struct Judged {
-    /// What was judged.
+    /// The job that was judged.
     pub job: Job,
-    /// What is told of its sweep.
+    /// The manifest of its sweep.
     pub manifest: SweepManifest,
     /// The results of all units.
     pub results: Vec<UnitResult>,
-    /// What `summary.json` says of it.
+    /// The contents of `summary.json`.
     pub summary: Summary,
-    /// What was recorded of each sensor.
+    /// The recorded values of each sensor.
     pub(crate) recorded: Vec<RecordedFigure>,
     /// The verdicts in words.
     pub(crate) rows: Vec<calib_report::Verdict>,
@@ -157,12 +158,12 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// The study of the model and deployment that are judged.
+    /// Returns the study of the judged model and deployment.
     pub fn study(&self) -> &Study {
         self.job.study()
     }
 
-    /// Where its results lie.
+    /// Returns the layout of its results.
     pub(crate) fn paths(&self) -> &Layout {
         self.job.layout()
     }
@@ -172,31 +173,31 @@ impl Judged {
 #[derive(Debug)]
 pub struct Judgement {
     pub(crate) summary: Summary,
-    /// The report, if one was to be written.
+    /// The report, if one was requested.
     pub(crate) report: Option<PathBuf>,
 }
 
 impl Judgement {
-    /// What is said of each sensor.
+    /// Returns the verdict on each sensor.
     pub fn verdicts(&self) -> &[SensorVerdict] {
         &self.summary.verdicts
     }
 
-    /// The verdicts as `summary.json` has them, which is what `--json` prints.
+    /// Returns the verdicts as `summary.json` stores them, which `--json` prints.
     pub fn summary(&self) -> &Summary {
         &self.summary
     }
 
-    /// The report, if one was to be written.
+    /// Returns the path of the report, if one was requested.
     pub fn report(&self) -> Option<&Path> {
         self.report.as_deref()
     }
 }
 
-/// Judge a finished sweep and write the report; nothing is written in a dry run.
+/// Judges a finished sweep and writes the report. A dry run writes nothing.
 ///
 /// # Errors
-/// As [`judge`]; also if the report cannot be written.
+/// Fails as [`judge`] does, and if the report cannot be written.
 pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Judgement>, StepError> {
     let monitor = context.progress();
     let judged = judge(job, context, &*monitor)?;
@@ -211,7 +212,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Judgement>, Ste
     Ok(StepResult::Made(Judgement { summary: judged.summary, report: Some(page) }))
 }
 
-/// Whether what decides prefers some value to another for every sensor.
+/// Returns the outcome: done if the evidence prefers some setting for every sensor.
 pub(crate) fn told(summary: &Summary) -> Outcome {
     if summary.verdicts.iter().all(SensorVerdict::tells_apart) {
         Outcome::Done
@@ -220,20 +221,21 @@ pub(crate) fn told(summary: &Summary) -> Outcome {
     }
 }
 
-/// Why a deployment is not judged, if it is not.
+/// Returns the reason why a deployment is not judged, if there is one.
 ///
 /// # Errors
-/// If the sweep is not finished, or not of this study.
+/// Returns an error if the sweep is not finished, or not of this study.
 pub fn left_out(job: &Job, context: &RunContext) -> Result<Option<String>, StepError> {
     let name = job.deployment().unwrap_or_default();
     let reason = finished_sweep(job, context)?.facts.left_out;
     Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
 }
 
-/// Judge a finished sweep; nothing is written.
+/// Judges a finished sweep. Nothing is written.
 ///
 /// # Errors
-/// If the sweep is not finished, not of this study or damaged, nothing of it can be judged, or the `monitor` asks to stop.
+/// Returns an error if the sweep is not finished, not of this study or damaged, if nothing in it can be judged, or if
+/// the `monitor` asks to stop.
 pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Judged, StepError> {
     let study = job.study();
     let paths = job.layout();
@@ -325,7 +327,7 @@ fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<S
     ))
 }
 
-/// What the agents of a study predict of states that are so far apart: a sentence for each discount factor.
+/// Returns one sentence per discount factor on what the agents predict. `state_secs` is the time between states.
 fn predicts(study: &Study, state_secs: f64) -> String {
     let gammas = study.gammas();
     let sentences = gammas.iter().map(|&gamma| {
@@ -342,7 +344,7 @@ fn predicts(study: &Study, state_secs: f64) -> String {
     sentences.collect::<Vec<String>>().join(" ")
 }
 
-/// What these agents, which have this discount factor, predict of states that are so far apart.
+/// Returns a sentence on what these agents predict with this discount factor. `state_secs` is the time between states.
 fn predicted_by(agents: &str, gamma: f64, state_secs: f64) -> String {
     let state = span(state_secs);
     if gamma == 0.0 {
@@ -354,10 +356,10 @@ fn predicted_by(agents: &str, gamma: f64, state_secs: f64) -> String {
     )
 }
 
-/// What a finished sweep says about a sensor by the errors over `part` of each run.
+/// Returns the verdict of a finished sweep on a sensor, by the errors over `part` of each run.
 ///
 /// # Errors
-/// If the results do not have the runs that the rule looks at.
+/// Returns an error if the results lack runs that the rule needs.
 pub fn verdict_of(
     sensor: &str,
     part: Part,
@@ -374,7 +376,7 @@ pub fn verdict_of(
     Ok(verdict)
 }
 
-/// What a sensor is judged by, if it `stands_still` or not.
+/// Returns how a sensor is judged. `stands_still` says that it is constant.
 pub(crate) fn judging<'a>(
     study: &Study,
     part: Part,
@@ -393,17 +395,17 @@ pub(crate) fn judging<'a>(
     }
 }
 
-/// What a choice is that was made from rollouts that start at the nearest states to those of the deployment.
+/// The warning about a choice from rollouts that start at the nearest states to those of the deployment.
 const LOOKED_AHEAD: &str = "the sweep's rollouts start at the recorded states that are nearest to those of the deployment: this \
      choice has looked into what it is judged on, as no choice can that is made before; sweep.start = \"recent\" is what is \
      known beforehand";
 
-/// Whether a sweep was finished with the study as it is now.
+/// Whether a sweep was finished with the current study.
 pub fn is_swept(job: &Job, context: &RunContext) -> bool {
     finished_sweep(job, context).is_ok()
 }
 
-/// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
+/// Returns a note if rollouts of another study are left out of the report. They do not prevent the verdict.
 fn stale_rollouts(job: &Job, model: Option<&str>) -> Result<Vec<String>, StepError> {
     let Some(model) = model else { return Ok(Vec::new()) };
     let directory = job.layout().rollout();
@@ -422,7 +424,7 @@ fn stale_rollouts(job: &Job, model: Option<&str>) -> Result<Vec<String>, StepErr
     )])
 }
 
-/// The manifest of a sweep that was made with this study and the model as it is now.
+/// Returns the manifest of a sweep that was made with the current study and model.
 fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, StepError> {
     let paths = job.layout();
     let again = job.command(StepKind::Sweep);
@@ -441,7 +443,7 @@ fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, Step
     Ok(manifest)
 }
 
-/// Whether a log that may be another than the one that was swept holds the same states.
+/// Checks that a log that may have changed since the sweep still has the same states.
 fn check_log(job: &Job, swept: &SweepFacts, context: &RunContext) -> Result<(), StepError> {
     if job.reads_the_log_of(&swept.study) {
         return Ok(());

@@ -1,4 +1,4 @@
-//! What `evaluate` comes to.
+//! The result of `evaluate`.
 
 use calib_base::{StepError, log::context::RunContext, outcome::StepResult};
 use calib_study::Job;
@@ -10,19 +10,21 @@ use crate::verdict::{
     evaluate::{self, Judgement},
 };
 
-/// The verdicts on a study; as JSON, what `summary.json` has.
+/// The verdicts on a study. As JSON it is the contents of `summary.json`.
 #[derive(Debug)]
 pub enum Evaluation {
-    /// It has one model and one deployment, or one of each was chosen.
+    /// The study has one model and one deployment, or one of each was selected.
     Judged(Box<Judgement>),
-    /// It has several.
+    /// The study has several models or deployments.
     Compared(Box<Compared>),
 }
 
-/// Judge the finished sweeps of the `parts` of a job, and write the reports, which warn of models that were `left_out`.
+/// Judges the finished sweeps of the `parts` of a job, and writes the reports. They warn about models that were
+/// `left_out`.
 ///
 /// # Errors
-/// If a sweep is not finished, not of this study or damaged, a report cannot be written, or the observer asks to stop.
+/// Returns an error if a sweep is not finished, not of this study or damaged, a report cannot be written, or the
+/// observer asks to stop.
 pub fn run(
     job: &Job,
     parts: &[Job],
@@ -39,7 +41,7 @@ pub fn run(
 }
 
 impl Evaluation {
-    /// What is said of each sensor, of all models and deployments in the order in which they were judged.
+    /// Returns the verdict on each sensor, for all models and deployments in the order of judgement.
     pub fn verdicts(&self) -> Vec<&SensorVerdict> {
         match self {
             Self::Judged(judged) => judged.verdicts().iter().collect(),

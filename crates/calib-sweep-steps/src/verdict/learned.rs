@@ -1,4 +1,4 @@
-//! What the agents of a sweep learned from: the states of its model, or of the replayed log where there is none.
+//! The training data of a sensor's agents: the states of the model, or of the replayed log without one.
 
 use calib_base::{
     Context as _, StepError, artefact, ensure,
@@ -11,7 +11,7 @@ use calib_study::{Job, StepKind};
 
 use crate::sweep::{LearnedStates, SweepManifest};
 
-/// What the data looked like.
+/// Returns the profile of the data.
 pub(crate) fn profile(job: &Job) -> Result<Profile, StepError> {
     let paths = job.layout();
     if job.study().has_model() {
@@ -21,10 +21,10 @@ pub(crate) fn profile(job: &Job) -> Result<Profile, StepError> {
     }
 }
 
-/// The data, and what was kept of it.
+/// The data, and the parts of it that were kept.
 pub(crate) struct Learned {
     pub(crate) profile: Profile,
-    /// None for a study without one.
+    /// The manifest of the model. `None` for a study without one.
     pub(crate) model: Option<ModelManifest>,
     pub(crate) rows: usize,
     pub(crate) segments: usize,
@@ -34,10 +34,10 @@ pub(crate) struct Learned {
 }
 
 impl Learned {
-    /// Of a finished sweep.
+    /// Returns the training data of a finished sweep.
     ///
     /// # Errors
-    /// If the model is not there, or the profile is not what was written.
+    /// Returns an error if the model is missing, or the profile is damaged.
     pub(crate) fn of(job: &Job, sweep: &SweepManifest) -> Result<Self, StepError> {
         if job.study().has_model() { Self::of_model(job) } else { Self::of_log(job, sweep) }
     }
@@ -76,7 +76,8 @@ impl Learned {
         Ok(Self { profile, model: None, rows, segments, period, times })
     }
 
-    /// Times of the first and the last state: agents may be pre-trained on the rest of the training range.
+    /// Returns the times of the first and the last state. Agents may be pre-trained on the rest of the training
+    /// range.
     pub(crate) fn times(&self) -> [Timestamp; 2] {
         let train = &self.profile.train;
         self.times.unwrap_or([train.start, train.end])

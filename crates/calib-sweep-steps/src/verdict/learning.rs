@@ -13,7 +13,7 @@ use crate::verdict::{
     verdict_rows::{field, setting},
 };
 
-/// One figure for each sensor and environment in which values were swept: Online, then the members.
+/// Returns one figure per sensor and environment: Online first, then the members.
 pub(crate) fn curves(
     job: &Job,
     candidates: &[Candidate],
@@ -58,7 +58,7 @@ pub(crate) fn curves(
     Ok(figures)
 }
 
-/// An environment as the report has it; `model` is what the model is called where there are several.
+/// Returns an environment as the report shows it. `model` is the name of the model, if there are several.
 fn shown(environment: EnvironmentId, model: Option<&str>) -> LearningEnvironment {
     match environment {
         EnvironmentId::Online => LearningEnvironment::Online,
@@ -69,8 +69,8 @@ fn shown(environment: EnvironmentId, model: Option<&str>) -> LearningEnvironment
     }
 }
 
-/// What is run once for all models is the first one's; every other curve is that of a model. With several deployments
-/// the report shows Online only: members' curves are in the report of each.
+/// Returns the curves of several models. Runs that all models share come from the first model. With several
+/// deployments the report shows Online only, and each deployment's own report shows the curves of members.
 pub(crate) fn of_several(
     study: &Study,
     parts: &[JudgedModel],
@@ -104,8 +104,8 @@ pub(crate) fn of_several(
         .collect()
 }
 
-/// The points of one value over its `runs`. A run that diverged has an infinite error from then on; where its curve
-/// would have gone on is told by `all` runs in the same environment.
+/// Returns the points of one setting over its `runs`. A diverged run has an infinite error at all later steps. The
+/// curves of `all` runs in the same environment show at which steps.
 fn points(runs: &[&RunRow], all: &[&RunRow]) -> Result<Vec<(usize, Summary)>, StepError> {
     let mut steps: Vec<usize> =
         all.iter().flat_map(|row| &row.curve).map(|point| point.step).collect();

@@ -1,4 +1,4 @@
-//! Verdicts, of one model and of several, and the report that shows them.
+//! Verdicts on one model or several, and their report.
 
 pub mod compare;
 pub(crate) mod compare_choices;

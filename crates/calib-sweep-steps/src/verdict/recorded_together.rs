@@ -1,10 +1,10 @@
-//! What was recorded of a sensor, in all models and deployments of a study.
+//! Recorded values of a sensor, over all models and deployments of a study.
 
 use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod};
 
 use crate::verdict::compare::JudgedModel;
 
-/// One figure a sensor of all parts of a study: what any model was learned from, and every deployment.
+/// Returns one figure per sensor for all parts of a study: the training periods of all models, and every deployment.
 pub(crate) fn of_parts(
     sensors: &[String],
     deployments: &[Vec<&JudgedModel>],
@@ -23,9 +23,9 @@ pub(crate) fn of_parts(
         .collect()
 }
 
-/// Of the same sensor in several models and deployments: each period that a model was learned from, once, in the order of
-/// time, then each deployment. A period that not all `models` share is called after those that do; `deployments` are
-/// in the order of time.
+/// Merges figures of the same sensor in several models and deployments. Each training period of a model appears once,
+/// in time order, followed by each deployment. A period that not all `models` share is named after those that do.
+/// `deployments` are in time order.
 fn together(
     models: &[(&str, &RecordedFigure)],
     deployments: &[&RecordedFigure],

@@ -1,4 +1,4 @@
-//! The report: results as typed rows for the page.
+//! Assembles the report: results as typed rows for the page.
 
 use std::{io::Write as _, path::Path};
 
@@ -42,7 +42,7 @@ use crate::{
     },
 };
 
-/// Write the summary, the figures and `report.html`, unless they are there and show the same.
+/// Writes the summary, the figures and `report.html`, unless the existing ones show the same.
 pub(crate) fn write(
     job: &Job,
     report: &Report,
@@ -84,18 +84,18 @@ fn write_all(
     Ok(names(written))
 }
 
-/// What is written beside the figures.
+/// The file beside the figures.
 pub(crate) const SUMMARY: &str = "summary.json";
 /// The folder of the figures.
 pub(crate) const FIGURES: &str = "figures";
 
-/// The names of the summary and of these figures.
+/// Returns the names of the summary and of these figures.
 pub(crate) fn names(figures: Vec<String>) -> Vec<String> {
     let figures = figures.into_iter().map(|name| format!("{FIGURES}/{name}"));
     figures.chain([SUMMARY.to_owned()]).collect()
 }
 
-/// Write `report.html`.
+/// Writes `report.html`.
 pub(crate) fn write_page(paths: &Layout, report: &Report) -> Result<(), StepError> {
     let html = report.html()?;
     if let Some(directory) = paths.report().parent().filter(|directory| directory.is_dir()) {
@@ -104,7 +104,7 @@ pub(crate) fn write_page(paths: &Layout, report: &Report) -> Result<(), StepErro
     Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
 }
 
-/// Write the figures that show all sensors, or all models, beside each other; the names of the files.
+/// Writes the figures with all sensors, or all models, side by side. Returns the file names.
 pub(crate) fn write_comparisons(
     directory: &Path,
     report: &Report,
@@ -126,7 +126,7 @@ pub(crate) fn write_comparisons(
     Ok(written)
 }
 
-/// Everything that is known of a finished sweep and its model.
+/// Assembles the report on a finished sweep and its model.
 pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
     assembled(judged).with_context(|| {
         let page = judged.paths().report();
@@ -180,13 +180,13 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
     Ok(report)
 }
 
-/// What the reader must know of the model, where the choice follows from it.
+/// Returns warnings about the model, if the choice depends on it.
 fn warnings_of_model(study: &Study, model: Option<&ModelManifest>) -> Vec<String> {
     let model = model.filter(|_| study.evaluate.rule != Rule::LogReplay);
     model.map_or_else(Vec::new, |model| build_model::warnings(model))
 }
 
-/// What the rollouts were like, and the representations that could be used.
+/// Returns tables of the rollouts and of the available representations.
 fn tables(
     job: &Job,
     model: Option<&ModelManifest>,
@@ -201,7 +201,7 @@ fn tables(
         let one_step = OneStepModel::read(name, job, &rollouts.model)?;
         tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
         let members = rollouts.members.len();
-        // Beside no other model the means are all there is to show.
+        // With a single model, only the means are shown.
         let compared = rollouts.comparison.as_ref();
         let compared = compared.map(|own| ComparedModel::new(name, members, own, &[]));
         tables.extend(comparison::report_tables(compared.as_slice())?);
@@ -212,7 +212,8 @@ fn tables(
     Ok(tables)
 }
 
-/// How many start states each member lacks, and how far what stands for them is; none where all are there.
+/// Returns a table of how many start states each member lacks, and of the distance to their replacements.
+/// `None` if none is missing.
 pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Table> {
     let all = rollouts.members.iter().map(|member| &member.starts);
     if all.clone().all(|starts| starts.mean_distance.is_none()) {
@@ -239,7 +240,7 @@ pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
     })
 }
 
-/// The representations that could be used, if the study has any.
+/// Returns a table of the available representations, if the study has any.
 pub(crate) fn representation_table(study: &Study, paths: &Layout) -> Option<Table> {
     (study.has_model() && study.representation.kind != RepresentationKind::None)
         .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
@@ -247,7 +248,7 @@ pub(crate) fn representation_table(study: &Study, paths: &Layout) -> Option<Tabl
         .map(|manifest| represent::report_table(&manifest))
 }
 
-/// The rollouts over what was recorded, and all starts that they were made from.
+/// Returns figures of the rollouts over the recorded log, and of all their starts.
 pub(crate) fn rollout_figures(
     paths: &Layout,
     manifest: &RolloutManifest,
@@ -283,7 +284,8 @@ fn jumps(name: &str, model: &ModelManifest, run: usize) -> Vec<JumpStatistics> {
         .collect()
 }
 
-/// The steps that make the report of studies that differ in their models only, but for the log.
+/// Returns the steps that make the report of studies that differ only in their models. The step that makes
+/// the log is not included.
 pub fn steps(models: &[&Study]) -> Vec<StepKind> {
     let made_of_log = StepKind::ALL.into_iter().filter(|step| *step > StepKind::Prepare);
     made_of_log.filter(|step| models.iter().any(|study| study.needs(*step))).collect()
@@ -307,7 +309,7 @@ fn reproduction(
     })
 }
 
-/// What to type, one command a line.
+/// Returns the commands to type, one per line.
 pub(crate) fn command_lines(job: &Job, steps: &[StepKind], sweep: &SweepFacts) -> String {
     let lines = steps.iter().map(|step| match step {
         StepKind::Sweep => sweep.again(&job.reproduction(*step)),

@@ -1,4 +1,4 @@
-//! A report is written when what it shows has changed, and not otherwise: drawing takes longer than judging.
+//! Writes a report only when its content has changed, because drawing takes longer than judging.
 
 use std::{
     path::{Path, PathBuf},
@@ -16,10 +16,10 @@ use serde::{Deserialize, Serialize};
 /// `manifest.json` of the verdicts and figures of a study.
 type ReportManifest = Artefact<ReportFacts>;
 
-/// What is told of a report. The page beside the directory is one of its files.
+/// The facts about a report. The page beside the directory counts as one of its files.
 #[derive(Serialize, Deserialize)]
 struct ReportFacts {
-    /// Fingerprint of all that the report shows.
+    /// Fingerprint of all content of the report.
     key: String,
 }
 
@@ -43,13 +43,13 @@ pub fn is_judged_since(job: &Job, folders: &[PathBuf]) -> bool {
     })
 }
 
-/// When the step of a folder was finished.
+/// Returns when the step of a folder was finished.
 fn finished(folder: &Path) -> Option<SystemTime> {
     folder.join(MANIFEST).metadata().and_then(|file| file.modified()).ok()
 }
 
-/// Let `write` write the figures and the `summary` of a report, whose names in the directory it returns, and the page beside
-/// the directory, unless they are there and show the same.
+/// Calls `write` to write the figures and the `summary` of a report, and the page beside the directory. `write` returns
+/// the file names in the directory. It is not called if the existing files show the same.
 pub(crate) fn keep(
     job: &Job,
     report: &Report,
@@ -57,23 +57,23 @@ pub(crate) fn keep(
     write: impl FnOnce() -> Result<Vec<String>, StepError>,
 ) -> Result<(), StepError> {
     let directory = job.layout().evaluate();
-    // Rows of a report are shown to the last digit, and so are they here.
+    // The debug format has all digits, as the report does.
     let key = artefact::key(&(ReportFacts::FORMAT, TOOL, format!("{report:?}"), summary))?;
     let page = job.layout().report();
     let page_name = page.file_name().map(|name| format!("../{}", name.to_string_lossy()));
     let kept = artefact::read::<ReportManifest>(&directory);
     let is_kept = kept.as_ref().is_some_and(|kept| kept.key == key && kept.is_whole(&directory));
-    // A verdict that is older than its sweep would look as if it were still to be made.
+    // A verdict older than its sweep would look unfinished, so it is written again.
     let parts = job.parts(Scope::Deployment)?;
     let sweeps = parts.iter().map(|part| part.layout().sweep());
-    // Runs that calib did not make have no sweep.
+    // Runs of other programs have no sweep.
     let sweeps: Vec<PathBuf> = sweeps.filter(|folder| folder.join(MANIFEST).exists()).collect();
     if is_kept && is_judged_since(job, &sweeps) && !job.policy().redoes() {
         return Ok(());
     }
     let mut claim = DirectoryLock::new(&directory, Below::Ours)?;
     if let Some(kept) = kept {
-        // A calib that noted nothing has written the page as well.
+        // An earlier calib without such records also wrote the page.
         claim.record().add(kept.files.into_keys().filter(|name| name.starts_with("../")))?;
     }
     claim.record().note(page_name.clone())?;

@@ -1,4 +1,4 @@
-//! What the report says about the data.
+//! Facts about the data in the report.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use calib_report::{Channel, ChannelStatus, DataProfile};
 
 use crate::verdict::{evaluate::Judged, learned::Learned};
 
-/// What was learned from, and what it was judged by.
+/// Returns a line on the training data and the held-out data.
 pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
     let clock = &judged.clock;
     let period = format!("Learned from {}", clock.range(learned.times()));
@@ -25,10 +25,10 @@ pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
     }
 }
 
-/// What of the held-out rows was replayed: windows may be fewer than fit, and the rest of the range has judged nothing.
+/// Returns how much of the held-out rows was replayed. There may be fewer windows than fit, and the rest is not used.
 fn windows(judged: &Judged, held_out_rows: u64) -> String {
     let steps = judged.manifest.span.steps;
-    // Sensors with a longer horizon may have fewer.
+    // Sensors with a longer horizon may have fewer windows.
     let sensors = judged.study().sweep.sensors.iter();
     let counts: BTreeSet<usize> =
         sensors.map(|sensor| judged.manifest.windows_of(sensor).len()).collect();
@@ -48,10 +48,10 @@ fn windows(judged: &Judged, held_out_rows: u64) -> String {
     )
 }
 
-/// Gaps that take a larger share of the steps are told. Our choice.
+/// Gaps that take a larger share of the steps are reported. Our choice.
 const LOST_TO_GAPS: f64 = 0.1;
 
-/// The share of the windows' steps that are scored, of those that would be without gaps.
+/// Returns the share of the windows' steps that are scored, relative to windows without gaps.
 fn share_beside_gaps(judged: &Judged) -> Option<f64> {
     let study = judged.job.study();
     let mut verdicts = judged.summary.verdicts.iter();
@@ -66,7 +66,7 @@ fn share_beside_gaps(judged: &Judged) -> Option<f64> {
     (all > 0).then(|| scored as f64 / all as f64)
 }
 
-/// What the data looked like, and what was kept of it.
+/// Returns the profile of the data, and of the parts that were kept.
 pub(crate) fn data_profile(learned: &Learned, judged: &Judged) -> DataProfile {
     let profile = &learned.profile;
     let train = &profile.train;
@@ -101,7 +101,7 @@ fn fact(name: &str, number: u64) -> (String, String) {
 
 const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];
 
-/// What is known of the deployment that was judged by.
+/// Returns facts about the deployment that was used for judging.
 pub(crate) fn deployment_facts(judged: &Judged) -> Vec<(String, String)> {
     let Some(held_out) = &judged.manifest.held_out else { return Vec::new() };
     let values = [calib_report::count(held_out.rows), judged.clock.range(held_out.times)];

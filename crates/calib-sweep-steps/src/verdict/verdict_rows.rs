@@ -1,4 +1,4 @@
-//! Verdicts and sensitivity curves of a sweep as the report's rows.
+//! Verdicts and sensitivity curves of a sweep as rows of the report.
 
 use calib_agent::{Part, SimplePredictor};
 use calib_report::{
@@ -15,13 +15,13 @@ use serde_json::Value;
 
 use crate::sweep::{SweepFacts, streams::part_name};
 
-/// The swept field, or all of them where there are several.
+/// Returns the swept field, or all of them if there are several.
 pub(crate) fn field(candidates: &[Candidate]) -> String {
     let fields = candidates[0].values.iter().map(|(field, _)| field.as_str());
     fields.collect::<Vec<_>>().join(", ")
 }
 
-/// The value of a candidate: a number where one numeric field is swept, else its label.
+/// Returns a setting for display: a number if a single numeric field is swept, otherwise its label.
 pub(crate) fn setting(candidate: &Candidate) -> Setting {
     match candidate.values.as_slice() {
         [(_, value)] => single(value),
@@ -29,12 +29,12 @@ pub(crate) fn setting(candidate: &Candidate) -> Setting {
     }
 }
 
-/// The verdict on one sensor in words: what to deploy, then the reasons.
+/// Returns the verdict on one sensor in words: what to deploy, then the reasons.
 pub(crate) fn advice(verdict: &Verdict) -> Vec<String> {
     [verdict.headline()].into_iter().chain(verdict.reasons()).collect()
 }
 
-/// What the report says of a sensor, of which this share of held-out values is `outside_training`.
+/// Returns the report row of a sensor. `outside_training` is the share of held-out values outside the training range.
 pub(crate) fn verdict_row(
     verdict: &SensorVerdict,
     outside_training: Option<f64>,
@@ -116,11 +116,12 @@ pub(crate) fn verdict_row(
     }
 }
 
-/// Other ways to choose, and what they would have cost.
+/// Returns other ways to choose, with their regrets.
 fn alternatives(verdict: &SensorVerdict, candidates: &[Candidate]) -> Vec<Alternative> {
     let baselines = verdict.truth.iter().flat_map(|truth| &truth.baselines);
     baselines
-        // By another mean of the same errors it would be a second choice by log replay, which nobody could tell apart.
+        // Left out if log replay decides: this baseline averages the same errors differently, and would look like a
+        // second log replay.
         .filter(|other| {
             other.baseline != ChoiceBaseline::LogReplay || verdict.rule != Rule::LogReplay
         })
@@ -132,7 +133,7 @@ fn alternatives(verdict: &SensorVerdict, candidates: &[Candidate]) -> Vec<Altern
         .collect()
 }
 
-/// A part of a run, as a heading.
+/// Returns the heading for a part of a run.
 const fn run_part(part: Part) -> &'static str {
     match part {
         Part::WholeRun => "whole run",
@@ -141,7 +142,7 @@ const fn run_part(part: Part) -> &'static str {
     }
 }
 
-/// A simple predictor beside the chosen agent.
+/// Compares a simple predictor with the chosen agent.
 fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts) -> Simpler {
     let unit = sweep.simple.units.get(&verdict.sensor);
     let scale = ErrorScale::find(&sweep.scales, &verdict.sensor, &sweep.candidates[verdict.chosen]);
@@ -158,12 +159,12 @@ fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts
     }
 }
 
-/// The simple predictor that the default or the choice is, where it learns nothing more and is to be used as it is.
+/// Returns the simple predictor that the default or the choice equals, if it learns nothing more and is to be used.
 pub(crate) fn frozen(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<SimplePredictor> {
     start_of(&sweep.candidates[verdict.learning_off?], verdict, sweep)
 }
 
-/// The simple predictor that an agent starts from; of `baseline = "best"` the one that it is for this sensor.
+/// Returns the simple predictor that an agent starts from. For `baseline = "best"` it is the best one for this sensor.
 fn start_of(
     candidate: &Candidate,
     verdict: &SensorVerdict,
@@ -175,7 +176,8 @@ fn start_of(
     })
 }
 
-/// That the best value is the last of a grid of numbers, on which side better ones may lie. A step size of 0 has nothing below it.
+/// Returns a note if the best setting is at an end of a numeric grid, beyond which better ones may lie. Nothing lies
+/// below a step size of 0.
 fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
     let candidates = &sweep.candidates;
     let numbers: Vec<f64> =
@@ -222,7 +224,7 @@ fn agreement(
         part: part_name(verdict.part).to_owned(),
         windows: truth.windows.len(),
         runs: truth.scores.runs,
-        // Of every window the best value has no regret: where all have none, all have the same error.
+        // The best setting of a window has no regret there. If no setting has any regret, all errors are equal.
         values: truth.regrets.as_deref().map_or(Separation::Apart, separation),
         stands_still: sweep.standing_still.contains(&verdict.sensor),
         chosen_error: choice.online_error,
@@ -234,13 +236,13 @@ fn agreement(
         against_default: choice.against_default,
         spearman: choice.spearman,
         kendall: choice.kendall,
-        // All values are among as many best.
+        // With as many best settings as there are settings, a hit means nothing.
         top_k: (study.evaluate.top_k < candidates.len())
             .then_some(TopK { k: study.evaluate.top_k, hit: choice.top_k_hit }),
     }
 }
 
-/// The sensitivity curves of a sensor.
+/// Returns the sensitivity curves of a sensor.
 pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &str) -> Sensitivity {
     let candidates = &sweep.candidates[..];
     let mut errors = Vec::new();
@@ -249,7 +251,7 @@ pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &s
         errors.extend(simple_line(verdict, sweep));
     }
     let evidence = evidence(verdict, model);
-    // Where log replay decides alone, what decides is drawn, and its mean over windows would be all but the same curve.
+    // If log replay decides alone, the evidence is drawn. The mean over windows would be nearly the same curve.
     let replay = verdict.log_replay.as_ref();
     if let Some(replay) = replay.filter(|_| evidence.is_none() || verdict.selection.is_some()) {
         errors.push(error_curve(replay, "log replay", ErrorSource::LogReplay));
@@ -274,7 +276,7 @@ pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &s
     }
 }
 
-/// Errors in one environment: over its windows, or over the runs where there is one window.
+/// Returns the errors in one environment: over its windows, or over the runs if there is one window.
 fn error_curve(scores: &EnvironmentScores, label: &str, source: ErrorSource) -> ErrorCurve {
     ErrorCurve {
         label: label.to_owned(),
@@ -288,8 +290,8 @@ fn error_curve(scores: &EnvironmentScores, label: &str, source: ErrorSource) -> 
     }
 }
 
-/// The error of the simple predictor that the verdict names, which is the same for all values: the one to use, or else the one that the
-/// log prefers.
+/// Returns the error of the simple predictor that the verdict names, as a line over all settings. It is the predictor
+/// to use, or else the one that the log prefers.
 fn simple_line(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<ErrorCurve> {
     let start = frozen(verdict, sweep);
     let started = verdict.simple.iter().find(|simple| Some(simple.predictor) == start);
@@ -305,7 +307,7 @@ fn simple_line(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<ErrorCurve
     })
 }
 
-/// The swept hyperparameters, if there are several.
+/// Returns the swept hyperparameters, if there are several.
 fn dimensions(candidates: &[Candidate]) -> Vec<Dimension> {
     let fields = &candidates[0].values;
     if fields.len() < 2 {
@@ -321,12 +323,12 @@ fn dimensions(candidates: &[Candidate]) -> Vec<Dimension> {
         .collect()
 }
 
-/// A value of one hyperparameter: a number, or a name.
+/// Returns a value of one hyperparameter: a number, or a name.
 fn single(value: &Value) -> Setting {
     value.as_f64().map_or_else(|| Setting::Name(calib_sweep::written(value)), Setting::Number)
 }
 
-/// The curve that decided, where values are chosen by their mean logarithms: geometric means of the errors.
+/// Returns the curve that decided, if settings are chosen by mean logarithms: geometric means of the errors.
 fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
     if !verdict.rule.is_by_logarithms() {
         return None;
@@ -338,7 +340,7 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
     let summaries = verdict.scores.iter().enumerate().map(|(value, &mean_log)| {
         let mean = mean_log.exp();
         let diverged = usize::from(mean.is_infinite());
-        // What a race dropped was not measured on all streams, and cannot be compared.
+        // A setting that a race dropped was not measured on all streams, and cannot be compared.
         let is_dropped = verdict.dropped.iter().any(|dropped| dropped.candidate == value);
         (!is_dropped).then_some(Summary {
             mean,
@@ -362,7 +364,7 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
     })
 }
 
-/// Whether any of these numbers differs from another. A single one has none to differ from.
+/// Returns whether any of these numbers differ. A single number counts as different.
 fn separation(numbers: &[f64]) -> Separation {
     let differ = numbers.len() < 2 || numbers.windows(2).any(|pair| pair[0] != pair[1]);
     if differ { Separation::Apart } else { Separation::Alike }

@@ -1,4 +1,4 @@
-//! The evidence of several deployments together, and what the study's rule chooses from it.
+//! The common evidence of several deployments, and the choice of the study's rule from it.
 
 use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
@@ -8,7 +8,7 @@ use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, verdict};
 
 use crate::verdict::compare::JudgedModel;
 
-/// What the study's rule chooses from the members of all deployments and the replayed log.
+/// Returns the choice of the study's rule from the members of all deployments and the replayed log.
 pub(super) fn choice(
     sensor: &str,
     parts: &[&JudgedModel],
@@ -29,9 +29,9 @@ pub(super) fn choice(
     Ok(verdict(sensor, &manifest.candidates, &evidence, &judging)?.chosen)
 }
 
-/// The results of several deployments as of one: members are members of their own, what deployments share counts once, and what was
-/// held out is left out. A value that a race dropped in one of them made too few runs to be compared, unless all values were dropped
-/// somewhere.
+/// Merges the results of several deployments. Each deployment keeps its own members, shared results count once, and
+/// held-out results are left out. A setting that a race dropped in one deployment made too few runs to compare, so it
+/// is left out too. If every setting was dropped somewhere, all are kept.
 fn evidence(
     deployments: &[&[UnitResult]],
     raced: &BTreeSet<usize>,
@@ -51,7 +51,7 @@ fn evidence(
             if raced.len() < values {
                 own.rows.retain(|row| !raced.contains(&row.candidate));
             }
-            // Not by keys: a race may have left other values in it, which are trained on the same stream.
+            // Not by keys: a race may have left other settings there, which are trained on the same stream.
             match seen.entry((unit, result.seed, result.start_row)) {
                 Entry::Occupied(same) => {
                     let place: &usize = same.get();
@@ -82,9 +82,9 @@ mod tests {
 
     use super::*;
 
-    /// One run of each of three values in a member, with these errors.
+    /// Returns one run of each of three settings in a member, with these errors.
     ///
-    /// What starts elsewhere is another stream: rows are told by the key here.
+    /// The start row depends on the key, so that each key has its own stream.
     fn result(member: usize, key: &str, errors: [f64; 3]) -> UnitResult {
         UnitResult {
             key: key.to_owned(),
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn one_value_for_all_is_what_the_rule_chooses_from_all_evidence() {
-        // The best of the first is bad in the second, and the other way round.
+        // The best setting of the first is bad in the second, and vice versa.
         let first = [result(0, "a", [0.1, 0.2, 0.3])];
         let second = [result(0, "b", [0.3, 0.2, 0.1])];
         let both = evidence(&[&first, &second], &BTreeSet::new(), 3);
@@ -139,7 +139,8 @@ mod tests {
             [0, 1].map(EnvironmentId::Member)
         );
         assert_eq!(chosen(Rule::WorstRank, &both), 1, "second in both, never third");
-        // By logarithms: ln 0.1 + ln 0.3 is less than 2 ln 0.2, so that the first and the last are better, and the first comes first.
+        // By logarithms: ln 0.1 + ln 0.3 is less than 2 ln 0.2. So the first and the last setting are better, and the
+        // first one wins the tie.
         assert_eq!(chosen(Rule::Pooled, &both), 0);
         let second = [result(0, "b", [0.3, 0.2, 0.05])];
         let both = evidence(&[&first, &second], &BTreeSet::new(), 3);

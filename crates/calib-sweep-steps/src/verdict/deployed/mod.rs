@@ -1,4 +1,4 @@
-//! What to deploy where a study has several deployments: a choice for each, and one for all of them.
+//! What to deploy if a study has several deployments: a choice for each, and one for all.
 
 mod evidence;
 
@@ -56,12 +56,12 @@ pub(crate) struct Choice {
 }
 
 impl Deployed {
-    /// Whether deployments want different values.
+    /// Whether the choices of the deployments differ.
     fn disagrees(&self) -> bool {
         self.choices.iter().any(|choice| choice.chosen != self.choices[0].chosen)
     }
 
-    /// Whether no value learns the sensor anywhere.
+    /// Whether no setting learns the sensor in any deployment.
     fn is_not_learnt(&self) -> bool {
         self.choices.iter().all(Choice::is_not_learnt)
     }
@@ -72,13 +72,13 @@ impl Choice {
         self.grade == Grade::NotLearnt
     }
 
-    /// Whether its regret says nothing: what stands still has one, of 0.
+    /// Whether the regret is meaningless: nothing was learned, or the sensor is constant, with regret 0.
     fn says_nothing(&self) -> bool {
         let stands_still = self.grade == Grade::Unchecked && self.regret.is_some();
         self.is_not_learnt() || stands_still
     }
 
-    /// "1e-4 (2.3 %, good)": the value, what it costs, and how far it can be relied on.
+    /// Returns the choice with its regret and grade, such as "1e-4 (2.3 %, good)".
     fn text(&self) -> String {
         let word = self.grade.word();
         match (self.grade, self.regret) {
@@ -94,7 +94,7 @@ impl Choice {
     }
 }
 
-/// Sensor by sensor and model by model; nothing where there are no several deployments.
+/// Returns one row per sensor and model. Empty unless there are several deployments.
 pub(crate) fn all(parts: &[JudgedModel]) -> Result<Vec<Deployed>, StepError> {
     let deployments = by_deployment(parts);
     if deployments.len() < 2 {
@@ -146,12 +146,12 @@ fn of_sensor(sensor: &str, parts: &[&JudgedModel]) -> Result<Option<Deployed>, S
     }))
 }
 
-/// What the agent of a candidate is given.
+/// Returns the swept values of a setting.
 fn values(candidate: &Candidate) -> Map<String, Value> {
     candidate.values.iter().cloned().collect()
 }
 
-/// The largest cost, if all are known.
+/// Returns the largest regret, if all are known.
 fn largest(regrets: &[Option<f64>]) -> Option<f64> {
     let all: Option<Vec<f64>> = regrets.iter().copied().collect();
     all?.into_iter().reduce(f64::max)
@@ -174,7 +174,7 @@ fn row(deployed: &Deployed) -> Vec<String> {
         .collect()
 }
 
-/// "1e-4 (at most 25 %; not learned in july)".
+/// Returns the choice for all deployments, such as "1e-4 (at most 25 %; not learned in july)".
 fn for_all_text(deployed: &Deployed) -> String {
     if deployed.is_not_learnt() {
         return Grade::NotLearnt.word().to_owned();
@@ -198,7 +198,7 @@ fn for_all_text(deployed: &Deployed) -> String {
     }
 }
 
-/// Print the choices side by side; nothing where there are no several deployments.
+/// Prints the choices side by side. Prints nothing unless there are several deployments.
 pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> Result<(), StepError> {
     if rows.is_empty() {
         return Ok(());
@@ -218,7 +218,7 @@ pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> Result<(), StepError
     printer.lines(&table(&header, &rows.iter().map(row).collect::<Vec<_>>()))
 }
 
-/// The same for the report.
+/// Returns the same table for the report.
 pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
     let evidence = if rows.first()?.is_by_model {
         "from the models of all deployments and the replayed log"
