@@ -7,14 +7,14 @@ use crate::{
     message::nearest,
 };
 
-/// More runs or rollouts than anybody asks for.
+/// Upper limit for numbers of runs and rollouts, far above any practical use.
 const MANY_RUNS: usize = 100_000;
 
-/// More steps than anybody asks for: three years at 1 Hz.
+/// Upper limit for numbers of steps, far above any practical use: three years at 1 Hz.
 const MANY_STEPS: usize = 100_000_000;
 
 impl Study {
-    /// Check what the types alone do not.
+    /// Checks the constraints that the types do not express.
     pub(crate) fn check(&self) -> Result<(), Problem> {
         self.data.check()?;
         self.check_simulate()?;
@@ -41,7 +41,7 @@ impl Study {
                  program's parameters in [agent.parameters] and the values to try in [sweep.grid], and leave these two out"
             );
         }
-        // The upper ends are far beyond use; they turn a slip of the finger into a message.
+        // The upper limits are far above any practical use. They catch typing errors.
         let counts = [
             ("sweep.steps", self.sweep.steps, 2, MANY_STEPS),
             ("sweep.member_runs", self.sweep.member_runs, 1, MANY_RUNS),
@@ -80,7 +80,7 @@ impl Study {
         self.check_angles()
     }
 
-    /// Refuse discount factors of sensors that are not predicted.
+    /// Checks that no sensor has a discount factor without being predicted.
     fn check_gammas(&self) -> Result<(), Problem> {
         let sensors: Vec<&str> = self.sweep.sensors.iter().map(String::as_str).collect();
         for name in self.agent.gammas.keys() {
@@ -94,7 +94,8 @@ impl Study {
         Ok(())
     }
 
-    /// Refuse names of angles where one of their two channels is meant. What patterns of `data.angles` match is known with the log.
+    /// Refuses the name of an angle where one of its two channels is meant.
+    /// The matches of the patterns in `data.angles` are unknown before the log is read.
     fn check_angles(&self) -> Result<(), Problem> {
         let mut named: Vec<(&str, &String)> = Vec::new();
         named.extend(self.sweep.sensors.iter().map(|name| ("sweep.sensors", name)));
@@ -113,7 +114,7 @@ impl Study {
         Ok(())
     }
 
-    /// Whether something decides where there is no model.
+    /// Checks that a study without a model has another way to choose a setting.
     fn check_without_model(&self) -> Result<(), Problem> {
         if self.has_model() {
             return Ok(());

@@ -5,12 +5,12 @@ use calib_data::DataConfig;
 use crate::{Job, Study, StudyError};
 
 impl Job {
-    /// The `[data]` section to read with: `${NAME}` is replaced by what `variable` says of the environment, and relative
-    /// paths start from the study file. The study itself keeps what was written, so that results do not depend on where
-    /// it is run from.
+    /// Returns the `[data]` section with paths that can be opened.
+    /// `variable` looks up environment variables and replaces `${NAME}`. Relative paths start from the study file.
+    /// The study itself keeps the paths as written, so that results do not depend on the working directory.
     ///
     /// # Errors
-    /// A path that is empty, or names a variable that is not set.
+    /// If a path is empty, or names a variable that is not set.
     pub fn data_to_read(
         &self,
         variable: impl Fn(&str) -> Option<String>,
@@ -36,28 +36,28 @@ impl Job {
         Ok(data)
     }
 
-    /// Whether the log is surely that of another study: the same paths, none of which follows from the environment.
+    /// Whether both studies certainly read the same log: equal paths, and no path contains an environment variable.
     pub fn reads_the_log_of(&self, other: &Study) -> bool {
         let paths = &self.study().data.path;
         *paths == other.data.path && !paths.0.iter().any(|path| path.contains("${"))
     }
 
-    /// A path that the study gives, from the folder that the study lies in.
+    /// Resolves a path that the study gives, relative to the folder of the study file.
     pub fn beside(&self, path: impl AsRef<Path>) -> PathBuf {
         self.folder().join(path)
     }
 
-    /// The folder that the study lies in. Empty for a bare file name, so that paths below it stay as short as they were
-    /// written.
+    /// Returns the folder of the study file. It is empty for a bare file name, so that paths below it stay as short
+    /// as they were written.
     fn folder(&self) -> &Path {
         self.layout().study().parent().unwrap_or(Path::new(""))
     }
 }
 
-/// A path with `${NAME}` replaced by what `variable` says of the environment.
+/// Replaces each `${NAME}` in a path by the environment variable that `variable` looks up.
 ///
 /// # Errors
-/// What is wrong with it: a variable that is not set, or `${` without `}`.
+/// If a variable is not set, or `${` has no closing `}`. The error is the message.
 pub fn with_variables(
     path: &str,
     variable: impl Fn(&str) -> Option<String>,
@@ -68,7 +68,7 @@ pub fn with_variables(
     })
 }
 
-/// Why a path cannot be expanded.
+/// Reason why a path cannot be expanded.
 enum Reason {
     Unclosed,
     /// This variable is not set.

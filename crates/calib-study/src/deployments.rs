@@ -1,4 +1,4 @@
-//! Named test windows: `[deployments.NAME]` says when an agent would have been deployed.
+//! Named held-out periods: `[deployments.NAME]` gives the time at which an agent starts at the plant.
 
 use calib_data::{Moment, TimeRange};
 
@@ -9,7 +9,7 @@ use crate::{
 };
 
 impl Study {
-    /// Names of the deployments in the order of time.
+    /// Returns the names of the deployments in order of time.
     pub fn deployment_names(&self) -> Vec<String> {
         let mut all: Vec<(&String, &TimeRange)> = self.deployments.iter().collect();
         all.sort_by_key(|(name, range)| {
@@ -20,8 +20,8 @@ impl Study {
         all.into_iter().map(|(name, _)| name.clone()).collect()
     }
 
-    /// The study of the one deployment called `name`, which is then what is held out; without a name all deployments
-    /// stay in it.
+    /// Makes the deployment called `name` the held-out period of the study, and removes all deployments.
+    /// Without a name, all deployments stay.
     pub(crate) fn choose_deployment(&mut self, name: Option<&str>) -> Result<(), Problem> {
         let Some(name) = name else { return Ok(()) };
         let names = self.deployment_names();
@@ -36,7 +36,7 @@ impl Study {
         Ok(())
     }
 
-    /// Whether names can be those of directories, and windows lie outside everything that is learnt from.
+    /// Checks that each name can be the name of a directory, and that no deployment overlaps a training period.
     pub(crate) fn check_deployments(&self) -> Result<(), Problem> {
         if self.deployments.is_empty() {
             return Ok(());
@@ -77,12 +77,12 @@ impl Study {
     }
 }
 
-/// Whether an instant can lie in both ranges.
+/// Whether two time ranges share an instant.
 fn overlap(one: &TimeRange, other: &TimeRange) -> bool {
     !is_before(one, other) && !is_before(other, one)
 }
 
-/// Whether `one` ends before `other` starts, or just then.
+/// Whether `one` ends before `other` starts, or exactly then.
 fn is_before(one: &TimeRange, other: &TimeRange) -> bool {
     let end = one.end.as_ref();
     end.zip(other.start.as_ref()).is_some_and(|(end, start)| end.instant() <= start.instant())

@@ -2,7 +2,7 @@ use std::{fmt, io, path::PathBuf};
 
 use crate::source::Place;
 
-/// Why a study cannot be used: what is wrong, where, what was expected, and what to do.
+/// Reason why a study cannot be used. The message gives the place, the expectation and the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// The file cannot be read.
@@ -11,56 +11,56 @@ pub enum StudyError {
         path.display()
     )]
     Unreadable {
-        /// The file.
+        /// Path of the study file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// Something that stands in the file.
+    /// A mistake in the text of the file.
     #[error("{place}: {message}")]
     Written {
-        /// Where it stands.
+        /// Position in the file.
         place: Box<Place>,
-        /// What is wrong, what was expected, and what to do.
+        /// The mistake, the expectation and the remedy.
         message: String,
     },
-    /// Something that does not stand in the file: it is missing there, or was given beside it.
+    /// A mistake outside the text of the file: a missing key, or an option given on the command line.
     #[error("{study}: {message}")]
     Given {
-        /// The file, with what was given beside it.
+        /// The file, followed by the options that were given with it.
         study: String,
-        /// What is wrong, what was expected, and what to do.
+        /// The mistake, the expectation and the remedy.
         message: String,
     },
-    /// Something that is of no file.
+    /// An invalid value that belongs to no file.
     #[error("{0}")]
     Value(String),
-    /// The study was drawn from a protocol.
+    /// A mistake in a study that was drawn from a protocol.
     #[error("{plant} as the protocol draws it")]
     Drawn {
-        /// The plant that the study stands for.
+        /// Name of the plant that the study describes.
         plant: String,
-        /// What is wrong with it.
+        /// The mistake in the drawn study.
         source: Box<StudyError>,
     },
-    /// A variable of the environment that a path names, and that is not set.
+    /// An environment variable that a path names is not set.
     #[error(
         "{}: data.path = \"{path}\": the environment variable {name} is not set; \
          set it to the folder of the data, or say --set data.path=FOLDER",
         study.display()
     )]
     UnsetVariable {
-        /// The file.
+        /// Path of the study file.
         study: PathBuf,
         /// The path that names the variable.
         path: String,
-        /// The name of the variable.
+        /// Name of the variable.
         name: String,
     },
 }
 
 impl StudyError {
-    /// Where in the file it stands, if it does: file, line, column, and the line itself with carets below what is meant.
+    /// Returns the position in the file, with the line and carets below the mistake. `None` outside a file.
     pub fn place(&self) -> Option<&Place> {
         match self {
             Self::Written { place, .. } => Some(place),
@@ -70,31 +70,32 @@ impl StudyError {
     }
 }
 
-/// What is wrong, before it is known where that stands. It is no [`std::error::Error`], so that each of these can become one.
+/// A mistake whose position is not known yet. It does not implement
+/// [`std::error::Error`], so that every such error converts to it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Problem {
-    /// The key that it is about, where it is known; else the message tells it.
+    /// The key at fault, if known. Otherwise the message names it.
     key: Option<String>,
-    /// Sections that the message is about, from the outside.
+    /// The enclosing sections, outermost first.
     sections: Vec<String>,
     message: String,
 }
 
 impl Problem {
-    /// Something is wrong. Where no key is given by [`Problem::of_key`], the first word of the message may be one.
+    /// Creates a problem. Without a key from [`Problem::of_key`], the first word of the message may be the key.
     pub(crate) fn new(message: impl Into<String>) -> Self {
         Self { key: None, sections: Vec::new(), message: message.into() }
     }
 
-    /// With `key`, from the section that it is [`within`](Self::within).
+    /// Creates a problem with `key`, relative to the section that [`within`](Self::within) adds.
     pub(crate) fn of_key(key: impl Into<String>, message: impl Into<String>) -> Self {
         Self { key: Some(key.into()), ..Self::new(message) }
     }
 
-    /// In a section, such as `profiles.tiny`.
+    /// Adds an enclosing section, such as `profiles.tiny`.
     pub(crate) fn within(mut self, section: &str) -> Self {
         let key = self.key.take().or_else(|| self.told_key());
-        // Some messages name their key with the section that it is in.
+        // Some messages name their key together with its section.
         let is_told = key
             .as_deref()
             .is_some_and(|key| key.strip_prefix(section).is_some_and(|rest| rest.starts_with('.')));
@@ -108,13 +109,13 @@ impl Problem {
         self
     }
 
-    /// After some words.
+    /// Puts `words` and a colon before the message.
     pub(crate) fn after(mut self, words: &str) -> Self {
         self.message = format!("{words}: {}", self.message);
         self
     }
 
-    /// The keys that it may be about, the most precise one first.
+    /// Returns the keys that may be at fault: the most precise one first, then its sections.
     pub(crate) fn keys(&self) -> Vec<String> {
         let key = self.key.clone().or_else(|| self.told_key());
         let mut keys = Vec::new();
@@ -126,7 +127,7 @@ impl Problem {
         keys
     }
 
-    /// The key that the message names: what stands in the first backticks, or else at its beginning.
+    /// Finds the key that the message names: in the first backticks, or at the beginning.
     fn told_key(&self) -> Option<String> {
         let text = match self.sections.first() {
             Some(section) => self.message.strip_prefix(&format!("[{section}]: ")),
@@ -141,7 +142,7 @@ impl Problem {
     }
 }
 
-/// A key without the number of an entry of a list: `reward.power` of `reward[0].power`.
+/// Removes the index of a list entry from a key: `reward[0].power` becomes `reward.power`.
 fn without_entry(word: &str) -> String {
     let parts = word.split_once('[').and_then(|(list, rest)| Some((list, rest.split_once(']')?)));
     match parts {
@@ -152,7 +153,7 @@ fn without_entry(word: &str) -> String {
     }
 }
 
-/// Whether a word can be a key, with or without the sections that it is in.
+/// Whether a word can be a key, with or without its sections.
 fn is_key(word: &str) -> bool {
     !word.is_empty()
         && word
@@ -172,7 +173,7 @@ impl From<Problem> for StudyError {
     }
 }
 
-/// An error of another package with all its causes, each told once.
+/// Converts the error of another package, with all its causes, each mentioned once.
 impl<E: std::error::Error> From<E> for Problem {
     fn from(error: E) -> Self {
         let mut message = error.to_string();
@@ -188,12 +189,12 @@ impl<E: std::error::Error> From<E> for Problem {
     }
 }
 
-/// Return with a [`Problem`] whose message is formatted.
+/// Returns a [`Problem`] with a formatted message from the enclosing function.
 macro_rules! refuse {
     ($($format:tt)*) => { return Err($crate::error::Problem::new(format!($($format)*))) };
 }
 
-/// Return with a [`Problem`] unless a condition holds.
+/// Returns a [`Problem`] from the enclosing function unless a condition holds.
 macro_rules! require {
     ($holds:expr, $($format:tt)*) => { if !$holds { $crate::error::refuse!($($format)*); } };
 }

@@ -1,26 +1,26 @@
-//! What to type to go on with a job.
+//! Commands that a message suggests to continue a job.
 
 use std::borrow::Cow;
 
 use crate::{Job, Request, Rollouts, Scope, StepKind};
 
 impl Job {
-    /// What to type to take `step` on this job: the same study with all that was given beside it, and the same results.
+    /// Returns the command that runs `step` on this job, with the same options and the same output folder.
     /// It can be pasted into a shell.
     pub fn command(&self, step: StepKind) -> String {
         let output = self.written.request.output.as_ref();
-        // A log lies where the study says.
+        // The study itself gives the path of a simulated log.
         let output = output.filter(|_| step != StepKind::Simulate);
         let output = output.map(|path| ["--output".to_owned(), path.display().to_string()]);
         shell_words(self.words(step).into_iter().chain(output.into_iter().flatten()))
     }
 
-    /// What to type to take every step.
+    /// Returns the command that runs every step.
     pub fn run_command(&self) -> String {
         self.command(StepKind::Prepare)
     }
 
-    /// What makes the same results anywhere: [`Job::command`] without the place that they were to go to.
+    /// Returns the command that reproduces the results anywhere: [`Job::command`] without the output folder.
     pub fn reproduction(&self, step: StepKind) -> String {
         shell_words(self.words(step))
     }
@@ -47,10 +47,10 @@ impl Job {
     }
 }
 
-/// Words as one types them in a shell.
+/// Joins words into a command line, with the quotes that a shell needs.
 pub fn shell_words<I: IntoIterator<Item: AsRef<str>>>(words: I) -> String {
     let quoted = words.into_iter().map(|word| {
-        // Only a word with a null character cannot be typed, and none can be given either.
+        // Quoting fails only for a word with a null character, which no command line can contain.
         shlex::try_quote(word.as_ref()).map_or_else(|_| word.as_ref().to_owned(), Cow::into_owned)
     });
     quoted.collect::<Vec<_>>().join(" ")

@@ -1,4 +1,4 @@
-//! What a result follows from: the one notion of "the same" that every step asks.
+//! Inputs of a result. Every step uses them to decide whether a stored result is up to date.
 
 use std::{collections::BTreeMap, fmt};
 
@@ -12,19 +12,19 @@ use serde_json::Value;
 
 use crate::{StepKind, Study, overrides};
 
-/// The keys of a study that a result follows from, each with its value. What changes no byte of it is not among them: the
-/// folder that the log lies in (the log is known by its fingerprint), the search structure, what another kind of model uses.
+/// Keys of a study that affect a result, each with its value. Keys that change no byte of the result are left out:
+/// the folder of the log (a fingerprint identifies its content), the search structure, and keys of other kinds of model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Inputs(BTreeMap<String, Value>);
 
-/// A key that a result follows from, and that has another value now.
+/// A key that affects a result and whose value has changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// Such as `agent.gamma`.
+    /// The key, such as `agent.gamma`.
     pub key: String,
-    /// What the result was made with; nothing if the study did not have the key.
+    /// Value that the result was made with; `None` if the study did not have the key.
     pub made: Option<Value>,
-    /// What the study says now.
+    /// Value in the current study.
     pub now: Option<Value>,
 }
 
@@ -35,13 +35,13 @@ impl fmt::Display for Difference {
     }
 }
 
-/// The value as JSON, or that there is none.
+/// Formats the value as JSON, or says that there is no value.
 fn told(value: Option<&Value>) -> String {
     value.map_or_else(|| "nothing".to_owned(), ToString::to_string)
 }
 
 impl Study {
-    /// What the result of a step follows from.
+    /// Returns the keys and values that affect the result of a step.
     pub fn inputs(&self, step: StepKind) -> Inputs {
         let mut inputs = Inputs::default();
         match step {
@@ -61,14 +61,14 @@ impl Study {
         inputs
     }
 
-    /// The keys in which a result of `step` that was made of the study `made` would be another one now.
+    /// Returns the keys whose change since the study `made` affects the result of `step`.
     pub fn differences(&self, step: StepKind, made: &Self) -> Vec<Difference> {
         self.inputs(step).differences(&made.inputs(step))
     }
 }
 
 impl Inputs {
-    /// Where these differ from those that something was `made` with, in the order of the keys.
+    /// Compares these inputs with those of an earlier result, `made`, in the order of the keys.
     fn differences(&self, made: &Self) -> Vec<Difference> {
         let keys: std::collections::BTreeSet<&String> =
             self.0.keys().chain(made.0.keys()).collect();
@@ -81,9 +81,9 @@ impl Inputs {
             .collect()
     }
 
-    /// Every key of a section, or of the table at `key`.
+    /// Adds every key of a section, or of the table at `key`.
     fn add(&mut self, key: &str, section: &impl Serialize) {
-        // A study that was read can be written.
+        // Serialising cannot fail for a study that was read from a file.
         let value = serde_json::to_value(section).unwrap_or_default();
         self.flatten(key.to_owned(), value);
     }
@@ -106,14 +106,14 @@ impl Inputs {
         self.0.retain(|key, _| !keys.iter().any(|parent| overrides::is_inside(key, parent)));
     }
 
-    /// A log as it is cleaned. Where it lies does not matter: its content is known by its fingerprint.
+    /// Adds the keys that affect a cleaned log. Its path is left out, because a fingerprint identifies its content.
     fn prepared(&mut self, study: &Study) {
         self.add("data", &study.data);
         self.remove(&["data.path"]);
         self.add("preprocess", &study.preprocess);
     }
 
-    /// The states that everything is learnt from.
+    /// Adds the keys that select the states used for training.
     fn training(&mut self, study: &Study) {
         self.prepared(study);
         self.remove(&["data.held_out"]);
@@ -155,7 +155,7 @@ impl Inputs {
         }
     }
 
-    /// What the kind of network does not use is left out.
+    /// Leaves out the keys that this kind of network does not use.
     fn of_network(&mut self, study: &Study) {
         let unused = DynamicsConfig::default();
         match study.model.kind {
@@ -177,7 +177,7 @@ impl Inputs {
         self.add("agent", &pretrain.agent(&study.agent));
         self.remove(&["agent.learning_rate"]);
         self.add("pretrain", pretrain);
-        // How fine-tuning begins; and what was taken from elsewhere is known by what it is.
+        // The moments affect fine-tuning only. The content of a checkpoint identifies it, not its path.
         self.remove(&["pretrain.moments", "pretrain.checkpoint"]);
         if pretrain.period.is_some() || study.model.period.is_some() {
             self.remove(&["pretrain.fraction"]);
@@ -201,11 +201,11 @@ impl Inputs {
         self.add("agent", &study.agent);
         self.remove(&["agent.timeout_secs"]);
         self.add("sweep", &study.sweep);
-        // As `rollout.start` here, whichever of both says so.
+        // `sweep.start` and `rollout.start` mean the same here, so only `rollout.start` stays.
         self.remove(&["sweep.start"]);
         if study.has_model() {
             self.add("rollout", &study.sweep_starts());
-            // Only the starts of rollouts: their lengths and numbers are the sweep's own.
+            // Only the start states matter. The sweep has its own lengths and numbers of rollouts.
             self.remove(&["rollout.steps", "rollout.rollouts", "rollout.dtw_steps"]);
         } else {
             self.remove(&["sweep.member_runs", "sweep.network_runs"]);
@@ -219,7 +219,7 @@ impl Inputs {
         self.add("seed", &study.seed);
     }
 
-    /// A verdict about agents that act. Nothing is held out of a log of decisions, and it has models of its own.
+    /// Adds the keys that affect a verdict about acting agents. It has its own models and no held-out period.
     fn acted(&mut self, study: &Study) {
         self.prepared(study);
         self.remove(&["data.held_out"]);
@@ -230,7 +230,7 @@ impl Inputs {
         let model = study.control.as_ref().map(|control| &control.model);
         if model.is_some_and(|model| model.distance == Distance::Laplacian) {
             self.add("representation", &study.representation);
-            // It says what a model without actions has.
+            // This key chooses the representation of a model without actions.
             self.remove(&["representation.kind"]);
         }
         if study.is_of_acting_agents() && study.agent.is_external() {
@@ -245,7 +245,7 @@ impl Inputs {
         self.add("evaluate.resamples", &study.evaluate.resamples);
     }
 
-    /// What stands for the deployment.
+    /// Adds the keys that select the held-out period.
     fn held_out(&mut self, study: &Study) {
         self.add("data.held_out", &study.data.held_out);
     }

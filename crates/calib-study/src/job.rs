@@ -9,8 +9,8 @@ use crate::{
     written::{RESULTS, WrittenStudy},
 };
 
-/// A study that was resolved: the file as it was read once, the model and deployment that are chosen of it, where
-/// results lie, and what may be done about them. Every step of a command has it from the one before.
+/// A resolved study: the text of the file, the chosen model and deployment, the folders of the results, and the
+/// policy for existing results. All steps of a command share it.
 #[derive(Clone, Debug)]
 pub struct Job {
     pub(crate) written: Arc<WrittenStudy>,
@@ -21,19 +21,19 @@ pub struct Job {
 }
 
 impl Job {
-    /// Read the study file that `request` names, lay what it asks for over it, check every section, and say where results
-    /// lie.
+    /// Reads the study file that `request` names, applies the profile and the overrides, checks every section, and
+    /// finds the folders of the results.
     ///
     /// # Errors
-    /// A file that cannot be read, a key that does not exist, a value that is not valid: each with its place.
+    /// If the file cannot be read, a key does not exist, or a value is not valid. The error gives the place.
     pub fn resolve(request: Request) -> Result<Self, StudyError> {
         Self::of(WrittenStudy::read(request)?)
     }
 
-    /// As [`Job::resolve`], of a `text` that stands in the file, or is going to.
+    /// Resolves `text` as if it were the content of the study file, as [`Job::resolve`] does.
     ///
     /// # Errors
-    /// A key that does not exist, or a value that is not valid.
+    /// If a key does not exist, or a value is not valid.
     pub fn of_text(request: Request, text: String) -> Result<Self, StudyError> {
         Self::of(WrittenStudy::of_text(request, text)?)
     }
@@ -53,10 +53,10 @@ impl Job {
         Ok(Self { written, study: Arc::new(study), layout, model, deployment })
     }
 
-    /// Another choice of the same study; `None` is all of it.
+    /// Chooses another model and deployment of the same study; `None` stands for all of them.
     ///
     /// # Errors
-    /// A name that the study does not have, or a value that is not valid there.
+    /// If the study has no model or deployment of that name, or a value is not valid there.
     pub fn choose(
         &self,
         model: Option<&str>,
@@ -67,7 +67,7 @@ impl Job {
         Self::choose_of(Arc::clone(&self.written), model, deployment)
     }
 
-    /// What to write instead of keys that have a new name, a sentence each with its place.
+    /// Returns one sentence for each renamed key in the file, with its place and the new name.
     pub fn renamed_keys(&self) -> Vec<String> {
         self.written
             .source
@@ -79,7 +79,7 @@ impl Job {
             .collect()
     }
 
-    /// The same under another policy.
+    /// Returns the same job with another policy.
     #[must_use]
     pub fn under(&self, policy: Policy) -> Self {
         let mut written = WrittenStudy::clone(&self.written);
@@ -87,66 +87,66 @@ impl Job {
         Self { written: Arc::new(written), ..self.clone() }
     }
 
-    /// The study of the model and deployment that are chosen.
+    /// The study of the chosen model and deployment.
     pub fn study(&self) -> &Study {
         &self.study
     }
 
-    /// The study as it was written, with all its models and deployments.
+    /// Returns the study as written, with all its models and deployments.
     ///
     /// # Errors
-    /// A value that is valid only with a model or deployment.
+    /// If a value is valid only together with a model or a deployment.
     pub fn whole(&self) -> Result<Study, StudyError> {
         self.written.study(None, None)
     }
 
-    /// What was asked for.
+    /// The request that this job was resolved from.
     pub fn request(&self) -> &Request {
         &self.written.request
     }
 
-    /// What stood in the study file when it was read.
+    /// The text of the study file when it was read.
     pub fn text(&self) -> &str {
         self.written.text()
     }
 
-    /// Where results lie.
+    /// The folders of the results.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// What may be done about them.
+    /// The policy for existing and missing results.
     pub fn policy(&self) -> Policy {
         self.written.request.policy
     }
 
-    /// The profile that was laid over the study.
+    /// Name of the profile that was applied to the study.
     pub fn profile(&self) -> Option<&str> {
         self.written.request.profile.as_deref()
     }
 
-    /// The model that is chosen, of several.
+    /// Name of the chosen model, if the study has several.
     pub fn model(&self) -> Option<&str> {
         self.model.as_deref()
     }
 
-    /// What the model is called: as the study calls it, or by its kind where it has one only.
+    /// Name of the model: the one in the study, or its kind if the study has only one model.
     pub fn model_name(&self) -> &str {
         self.model().unwrap_or_else(|| self.study().model_name())
     }
 
-    /// The deployment that is chosen, of several.
+    /// Name of the chosen deployment, if the study has several.
     pub fn deployment(&self) -> Option<&str> {
         self.deployment.as_deref()
     }
 
-    /// What the study is called in reports: its title, or the name of its file, or where that says nothing the name of its log,
-    /// or else its sensors.
+    /// Returns the title for reports: the title in the study, the name of its file, the name of its log, or its sensors.
+    /// Names that would fit any study are skipped.
     pub fn title(&self) -> String {
         self.own_title().unwrap_or_else(|| self.sensors())
     }
 
-    /// The same, where the study, its file or its log has a name.
+    /// Returns the title unless only the sensors are left to name the study.
     pub fn own_title(&self) -> Option<String> {
         let title = self.study.evaluate.title.clone();
         title
@@ -154,7 +154,7 @@ impl Job {
             .or_else(|| self.log_name())
     }
 
-    /// The last part of the path of the log that is a name rather than a pattern or a word for any log.
+    /// Returns the last part of the log's path that identifies it: neither a pattern nor a general word such as `data`.
     fn log_name(&self) -> Option<String> {
         let [path] = &self.study.data.path.0[..] else { return None };
         let parts = Path::new(path).components().rev();
@@ -167,7 +167,7 @@ impl Job {
         stems.into_iter().find(|stem| says_something(stem))
     }
 
-    /// "PIT300, TIT101 and 3 more sensors".
+    /// Lists the sensors: "PIT300, TIT101 and 3 more sensors".
     fn sensors(&self) -> String {
         const NAMED: usize = 3;
         let sensors = &self.study.sweep.sensors;
@@ -184,7 +184,7 @@ impl Job {
     }
 }
 
-/// Whether a file's name tells its content from that of any other study or log.
+/// Whether a file name identifies its study or log. General words and patterns do not.
 fn says_something(stem: &str) -> bool {
     const ANY: [&str; 10] =
         ["study", "log", "logs", "data", "results", "raw", "input", "history", "export", "test"];
@@ -196,7 +196,7 @@ fn file_stem(request: &Request) -> Option<String> {
     request.study.file_stem().map(|stem| stem.to_string_lossy().into_owned())
 }
 
-/// Where the results of a model and a deployment lie.
+/// Returns the folders of the results of a model and a deployment.
 fn layout(
     written: &WrittenStudy,
     study: &Study,

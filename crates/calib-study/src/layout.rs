@@ -2,45 +2,45 @@ use std::path::{Path, PathBuf};
 
 use crate::{Scope, StepKind};
 
-/// Where the files of a study lie.
+/// Paths of the results of a study.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     study: PathBuf,
-    /// Of the study, or of one of its models.
+    /// Folder of the results of the study, or of one of its models.
     root: PathBuf,
     model: Option<String>,
     deployment: Option<(String, Rollouts)>,
 }
 
-/// Whose rollouts a deployment has.
+/// Owner of the rollouts that a deployment uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rollouts {
-    /// Its own, because start states follow from it.
+    /// The deployment has its own rollouts, because their start states follow from it.
     OfDeployment,
-    /// Those of the model, which are the same for every deployment.
+    /// All deployments share the rollouts of the model.
     OfModel,
 }
 
 impl Layout {
-    /// The layout below `root` of the results of the file `study`.
+    /// Creates the layout of the results of the study file `study` in the folder `root`.
     pub fn new(study: PathBuf, root: PathBuf) -> Self {
         Self { study, root, model: None, deployment: None }
     }
 
-    /// The layout of one of several models of the study.
+    /// Returns the layout of one of the study's models.
     #[must_use]
     pub fn of_model(self, name: &str) -> Self {
         let root = self.root.join("models").join(name);
         Self { root, model: Some(name.to_owned()), ..self }
     }
 
-    /// The layout of one of several deployments of the study, or of one of its models.
+    /// Returns the layout of one deployment of the study, or of one of its models.
     #[must_use]
     pub fn of_deployment(self, name: &str, rollouts: Rollouts) -> Self {
         Self { deployment: Some((name.to_owned(), rollouts)), ..self }
     }
 
-    /// The directories of what a step makes for the study's other models, each model by itself.
+    /// Returns the result folders of a step for the other models of the study, one per model.
     pub fn of_other_models(&self, step: StepKind) -> Vec<PathBuf> {
         let roots = folders(&self.of_study().join("models")).into_iter();
         let roots = roots.filter(|root| *root != self.root);
@@ -50,7 +50,7 @@ impl Layout {
         all
     }
 
-    /// The sweeps of the study's other models and deployments, as far as there are any.
+    /// Returns the existing sweep folders of the study's other models and deployments.
     pub fn other_sweeps(&self) -> Vec<PathBuf> {
         let study = self.of_study();
         let roots: Vec<PathBuf> =
@@ -65,12 +65,12 @@ impl Layout {
         sweeps
     }
 
-    /// Whose rollouts the deployment has, of several.
+    /// The owner of the deployment's rollouts; `None` if no deployment is chosen.
     pub(crate) fn rollouts(&self) -> Option<Rollouts> {
         self.deployment.as_ref().map(|(_, rollouts)| *rollouts)
     }
 
-    /// The directory of all results of the study, all models and deployments.
+    /// The folder of all results of the study, with all its models and deployments.
     pub fn of_study(&self) -> &Path {
         match self.model {
             Some(_) => self.root.ancestors().nth(2).unwrap_or(&self.root),
@@ -78,7 +78,7 @@ impl Layout {
         }
     }
 
-    /// The directory of what follows from the deployment.
+    /// Returns the folder of the results that depend on the deployment.
     fn of_deployed(&self) -> PathBuf {
         match &self.deployment {
             Some((name, _)) => self.root.join("deployments").join(name),
@@ -86,21 +86,22 @@ impl Layout {
         }
     }
 
-    /// The study file.
+    /// Path of the study file.
     pub fn study(&self) -> &Path {
         &self.study
     }
 
-    /// The directory of all results.
+    /// The folder of the results of the study, or of one of its models.
     pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// The directory of what a step makes; of a simulated log, which lies where the study says, that of all results.
+    /// Returns the result folder of a step. For `Simulate` it is the folder of
+    /// all results: the study gives the log's path.
     pub fn directory(&self, step: StepKind) -> PathBuf {
         let shares_rollouts = matches!(self.deployment, Some((_, Rollouts::OfModel)));
         let parent = match step.scope() {
-            // What acts has no part in the models that are compared, and a study of one has no others.
+            // Acting agents do not use the compared models, and a study of acting agents has none.
             Scope::Study if step == StepKind::Control => self.root.clone(),
             Scope::Study => self.of_study().to_owned(),
             Scope::Rollouts if shares_rollouts => self.root.clone(),
@@ -110,68 +111,68 @@ impl Layout {
         parent.join(step.folder().unwrap_or_default())
     }
 
-    /// Representations of the states.
+    /// Folder of the representation of the states.
     pub fn representation(&self) -> PathBuf {
         self.directory(StepKind::Represent)
     }
 
-    /// The calibration model.
+    /// Folder of the calibration model.
     pub fn model(&self) -> PathBuf {
         self.directory(StepKind::BuildModel)
     }
 
-    /// Rollouts of the model.
+    /// Folder of the model's rollouts.
     pub fn rollout(&self) -> PathBuf {
         self.directory(StepKind::Rollout)
     }
 
-    /// Logs as they were prepared; all models and deployments of the study share them.
+    /// Folder of the prepared log; all models and deployments of the study share it.
     pub fn dataset(&self) -> PathBuf {
         self.directory(StepKind::Prepare)
     }
 
-    /// Pre-trained agents; the models of a study share them.
+    /// Folder of the pre-trained agents; all models of the study share them.
     pub fn pretrain(&self) -> PathBuf {
         self.directory(StepKind::Pretrain)
     }
 
-    /// Runs of the sweep.
+    /// Folder of the sweep's training runs.
     pub fn sweep(&self) -> PathBuf {
         self.directory(StepKind::Sweep)
     }
 
-    /// The verdict about agents that act.
+    /// Folder of the verdict about acting agents.
     pub fn control(&self) -> PathBuf {
         self.directory(StepKind::Control)
     }
 
-    /// The model with actions of a log of decisions.
+    /// Folder of the model with actions, built from a log of decisions.
     pub fn control_model(&self) -> PathBuf {
         self.root.join("control-model")
     }
 
-    /// Runs of agents that act, while a sweep of them is not finished.
+    /// Folder of the training runs of acting agents while their sweep is unfinished.
     pub fn control_units(&self) -> PathBuf {
         self.root.join("control-units")
     }
 
-    /// The representation of the states of a log of decisions.
+    /// Folder of the representation of the states of a log of decisions.
     pub fn control_representation(&self) -> PathBuf {
         self.root.join("control-representation")
     }
 
-    /// Verdict and figures.
+    /// Folder of the verdict and its figures.
     pub fn evaluate(&self) -> PathBuf {
         self.directory(StepKind::Evaluate)
     }
 
-    /// The report.
+    /// Path of the report.
     pub fn report(&self) -> PathBuf {
         self.of_deployed().join("report.html")
     }
 }
 
-/// The folders in `directory`, none if it does not exist.
+/// Returns the folders in `directory`, or an empty list if it does not exist.
 fn folders(directory: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
     entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect()

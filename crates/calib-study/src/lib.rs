@@ -1,13 +1,13 @@
-//! A study: one TOML file that says what to compute, resolved once and checked before anything runs.
+//! A study is one TOML file that says what to compute. It is resolved once and checked before anything runs.
 //!
-//! - [`Study`]: every section of the file as the package that uses it knows it.
-//! - [`Job`]: a study with the choice of a profile, a model and a deployment, with what is laid over it, where its results
-//!   lie ([`Layout`]), and what may be done about those that are there ([`Policy`]). The file is read **once**, by
-//!   [`Job::resolve`]: whoever edits it meanwhile changes the next command, not this one.
-//! - [`Job::parts`]: the same of each model and deployment. [`Job::command`]: what to type to go on with this one.
+//! - [`Study`]: every section of the file, in the type of the package that uses it.
+//! - [`Job`]: a study with a chosen profile, model and deployment, its overrides, the paths of its results ([`Layout`]),
+//!   and the rules for existing results ([`Policy`]). [`Job::resolve`] reads the file **once**: a later edit affects the
+//!   next command, not this one.
+//! - [`Job::parts`]: one job per model and deployment. [`Job::command`]: the command that continues this job.
 //! - [`StudyError`]: what is wrong, where it stands, what was expected, and the nearest key.
 //! - [`schema`]: every key with its type, default and meaning, for editors.
-//! - [`Study::inputs`]: what a result follows from, so that one that is there is known to be of another study, and in which keys.
+//! - [`Study::inputs`]: the keys that affect a result. They tell in which keys a stored result differs from the study.
 //! - [`Protocol`]: the plants and tasks of several studies, drawn from one seed.
 //!
 //! ```

@@ -1,12 +1,12 @@
-//! serde's messages, told as a person would.
+//! Translation of serde's error messages into the words of a study's user.
 
-/// Keys that are gone, each with what became of it and what to do.
+/// Removed keys, each with the reason and the remedy.
 const REMOVED: [(&str, &str); 1] = [(
     "race_error_rate",
     "the race by certainty is gone, and its error rate with it. Leave the key out",
 )];
 
-/// What keys are called elsewhere, and the keys of a study that are meant.
+/// Common names of other tools, each with the key of a study that it means.
 const MEANT_KEYS: [(&str, &str); 8] = [
     ("horizon", "agent.gamma"),
     ("discount", "agent.gamma"),
@@ -18,7 +18,7 @@ const MEANT_KEYS: [(&str, &str); 8] = [
     ("step_size", "agent.learning_rate"),
 ];
 
-/// What kinds of models are called elsewhere, and the values of `model.kind` that are meant.
+/// Common names of models, each with the value of `model.kind` that it means.
 const MEANT_KINDS: [(&str, &str); 6] = [
     ("neighbors", "knn"),
     ("neighbours", "knn"),
@@ -28,7 +28,7 @@ const MEANT_KINDS: [(&str, &str); 6] = [
     ("recurrent", "gru"),
 ];
 
-/// What the values of `model.kind` are.
+/// Descriptions of the values of `model.kind`.
 const KINDS: [(&str, &str); 5] = [
     ("knn", "nearest neighbours"),
     ("nn", "a network"),
@@ -37,7 +37,7 @@ const KINDS: [(&str, &str); 5] = [
     ("none", "no model"),
 ];
 
-/// The key of a study that somebody means who calls it so: `model.neighbors` for `k`.
+/// Returns the key of a study for the name that other tools use: `model.neighbors` for `k`.
 pub fn meant_key(name: &str) -> Option<&'static str> {
     entry(&MEANT_KEYS, name)
 }
@@ -46,7 +46,7 @@ fn entry(table: &'static [(&'static str, &'static str)], name: &str) -> Option<&
     table.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, meant)| *meant)
 }
 
-/// Rewrite "unknown field `x`, expected one of `a`, `b`" so that it names the nearest valid key.
+/// Rewrites "unknown field `x`, expected one of `a`, `b`" so that it names the nearest valid key.
 pub(crate) fn friendly(message: &str) -> String {
     let Some(rest) = message.strip_prefix("unknown field `") else {
         return friendly_variant(message);
@@ -60,7 +60,7 @@ pub(crate) fn friendly(message: &str) -> String {
         return format!("unknown key `{key}`; no keys are known here");
     }
     let nearest = match meant_key(key) {
-        // Beside its own section the last part of its name is enough.
+        // The last part of the key is enough within its own section.
         Some(meant) => {
             let last = meant.rsplit('.').next().unwrap_or(meant);
             Some(if valid.contains(&last) { last } else { meant })
@@ -72,7 +72,7 @@ pub(crate) fn friendly(message: &str) -> String {
     format!("unknown key `{key}`{nearest} (known keys: {})", valid.join(", "))
 }
 
-/// What is wrong with a setting that a program passed on as JSON. The place in the JSON is left out, because nobody wrote it.
+/// Describes an error in a setting that a program passed as JSON. The position is left out, because no user wrote the JSON.
 pub fn setting_error(error: &serde_json::Error) -> String {
     let message = error.to_string();
     let place = format!(" at line {} column {}", error.line(), error.column());
@@ -81,7 +81,8 @@ pub fn setting_error(error: &serde_json::Error) -> String {
         .replacen("(known keys:", "(known settings:", 1)
 }
 
-/// What is wrong with options of a function, as serde's TOML tells it: what it expected, and in a further line which option has another value.
+/// Describes an error in the options of a function. `text` is serde's TOML message: the
+/// expectation, then a line that names the option at fault.
 pub fn option_error(text: &str) -> String {
     let text = text.trim_end();
     let (message, option) = match text.rsplit_once("\nin `") {
@@ -122,7 +123,7 @@ fn friendly_variant(message: &str) -> String {
     format!("unknown value \"{value}\"{nearest} (known values: {})", valid.join(between))
 }
 
-/// Rewrite "invalid type: string "x", expected f64" in the words of whoever writes a study.
+/// Rewrites "invalid type: string "x", expected f64" in the words of a study's user.
 fn friendly_type(message: &str) -> Option<String> {
     let rest = ["invalid type: ", "invalid value: "]
         .iter()
@@ -131,7 +132,7 @@ fn friendly_type(message: &str) -> Option<String> {
     Some(format!("expected {}, got {}", in_words(expected), value(got)))
 }
 
-/// What a type is for whoever writes a study.
+/// Describes a type in the words of a study's user.
 fn in_words(expected: &str) -> &str {
     match expected {
         "f32" | "f64" => "a number",
@@ -141,14 +142,14 @@ fn in_words(expected: &str) -> &str {
         "a string" | "path string" => "text",
         "a sequence" => "a list",
         "a map" => "a section",
-        // Where one of a few names belongs, and there is no name at all.
+        // serde expects a name from a fixed list here, and found something that is not a string.
         "string only" => "one of the names that `calib explain` lists for the key, in quotes",
         other if other.starts_with("struct ") => "a section",
         other => other,
     }
 }
 
-/// What stands there, without the name of its type.
+/// Returns the value in a message without the name of its type.
 fn value(got: &str) -> String {
     match got {
         "sequence" => "a list".to_owned(),
@@ -161,12 +162,12 @@ fn value(got: &str) -> String {
     }
 }
 
-/// The words between backticks.
+/// Returns the words between backticks.
 fn quoted(text: &str) -> Vec<&str> {
     text.split('`').skip(1).step_by(2).collect()
 }
 
-/// The most similar word, if it is similar at all.
+/// Returns the most similar word, or `None` if no word is similar enough.
 pub(crate) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
     let similarity =
         |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());

@@ -21,8 +21,8 @@ pub struct ModelSection {
 }
 
 impl ModelSection {
-    /// The same section with the search structure left to calib: what tables, draws and all that follows from them depend
-    /// on.
+    /// Returns the section with the default search structure. Tables, sampled transitions and all results that
+    /// depend on them are the same for every structure.
     #[must_use]
     pub fn of_any_index(&self) -> Self {
         let config = ModelConfig { index: IndexKind::Auto, ..self.config };
@@ -43,7 +43,7 @@ impl JsonSchema for ModelSection {
         "ModelSection".into()
     }
 
-    /// That of the keys about neighbours, with the kind and the period.
+    /// Returns the schema of `ModelConfig` with the kind and the period added.
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let mut schema = ModelConfig::json_schema(generator);
         let mut period = generator.subschema_for::<Option<TimeRange>>();
@@ -68,7 +68,7 @@ impl JsonSchema for ModelSection {
     }
 }
 
-/// Every key of the section as it is written: flattening would lose what is said of unknown keys, and where they are.
+/// Lists every key of the section. Flattening would lose the messages about unknown keys and their places.
 macro_rules! written_keys {
     ($($(#[$attribute:meta])* $key:ident: $kind:ty),* $(,)?) => {
         #[derive(Deserialize)]

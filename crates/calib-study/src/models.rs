@@ -1,4 +1,4 @@
-//! Several models in one study: `[models.NAME]` says how each differs from the rest of the file.
+//! Several models in one study: `[models.NAME]` says how each model differs from the rest of the file.
 
 use toml::{Table, Value};
 
@@ -8,20 +8,20 @@ use crate::{
     overlay::{self, check_names, lay_over, take},
 };
 
-/// The sections in which models may differ. Whatever else is swept, scored or read must be the same for all, or
-/// their results could not stand beside each other.
+/// Sections in which models may differ. Everything else that is swept, scored or read must be the same for all
+/// models. Otherwise their results could not be compared.
 pub(crate) const SECTIONS: [&str; 4] = ["representation", "model", "dynamics", "rollout"];
 
-/// The key under which they lie.
+/// Key of the section that holds the models.
 pub(crate) const KEY: &str = "models";
 
-/// The key that says which of them are compared.
+/// Key that lists the models to compare.
 const COMPARED: &str = "compare";
 
-/// Models times deployments of a study, at most. Each is looked at before anything is made.
+/// Upper limit for models times deployments of a study. Each part is resolved before any work begins.
 const MOST_PARTS: usize = 1_000;
 
-/// Names of the models that are compared, in alphabetical order.
+/// Returns the names of the compared models in alphabetical order.
 pub(crate) fn names(table: &Table) -> Vec<String> {
     let all = overlay::names(table, KEY);
     match compared(table) {
@@ -33,7 +33,7 @@ pub(crate) fn names(table: &Table) -> Vec<String> {
 }
 
 impl Study {
-    /// Names of the models that are compared, in alphabetical order; none where one was chosen.
+    /// Returns the names of the compared models in alphabetical order; empty if a model was chosen.
     pub fn compared_models(&self) -> Vec<String> {
         self.models
             .keys()
@@ -43,12 +43,12 @@ impl Study {
     }
 }
 
-/// What `compare` lists, if it is given.
+/// Returns the list in `compare`, if the key is given.
 fn compared(table: &Table) -> Option<Vec<&str>> {
     Some(table.get(COMPARED)?.as_array()?.iter().filter_map(Value::as_str).collect())
 }
 
-/// Leave the one model called `name` in the study; without a name they stay beside it.
+/// Applies the model called `name` to the study, and removes all models. Without a name, all models stay.
 pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<(), Problem> {
     let Some(name) = name else { return Ok(()) };
     let own = take(table, KEY, "--model", name)?;
@@ -57,7 +57,7 @@ pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<(), Proble
     Ok(())
 }
 
-/// Whether every name can be that of a directory, and the models differ only in what makes a model.
+/// Checks that each name can be the name of a directory, and that models differ only in the allowed sections.
 pub(crate) fn check(table: &Table) -> Result<(), Problem> {
     let all = overlay::names(table, KEY);
     check_names(KEY, &all)?;
@@ -96,7 +96,7 @@ pub(crate) fn check(table: &Table) -> Result<(), Problem> {
     Ok(())
 }
 
-/// Whether agents learn from whatever precedes `model.period`.
+/// Whether agents learn from all training rows before `model.period`.
 fn is_pretrained_before_the_model(table: &Table) -> bool {
     let pretrain = |key| value(Some(table), "pretrain", key);
     let trained = pretrain("epochs").and_then(Value::as_integer).is_some_and(|epochs| epochs > 0);

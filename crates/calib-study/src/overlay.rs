@@ -1,10 +1,10 @@
-//! Parts of a study that replace others: `[models.NAME]`, `[profiles.NAME]`.
+//! Parts of a study that replace other parts: `[models.NAME]`, `[profiles.NAME]`.
 
 use toml::{Table, Value};
 
 use crate::error::{Problem, refuse};
 
-/// Every key of `own` replaces that of `table`; sections are laid over each other.
+/// Replaces every key of `table` that `own` has. Sections are merged key by key.
 pub(crate) fn lay_over(table: &mut Table, own: Table) {
     for (key, value) in own {
         match (table.get_mut(&key), value) {
@@ -16,7 +16,7 @@ pub(crate) fn lay_over(table: &mut Table, own: Table) {
     }
 }
 
-/// Names in the section `key`, in alphabetical order.
+/// Returns the names in the section `key` in alphabetical order.
 pub(crate) fn names(table: &Table, key: &str) -> Vec<String> {
     let section = table.get(key).and_then(Value::as_table);
     let mut names: Vec<String> =
@@ -25,7 +25,8 @@ pub(crate) fn names(table: &Table, key: &str) -> Vec<String> {
     names
 }
 
-/// Take what the section `key` says of `name`, which was chosen by `option`; the section is removed.
+/// Removes the section `key` and returns its entry `name`. `option` is
+/// the command-line option that chose it.
 pub(crate) fn take(
     table: &mut Table,
     key: &str,
@@ -49,7 +50,7 @@ pub(crate) fn take(
     }
 }
 
-/// Whether every name in the section `key` can be that of a directory.
+/// Checks that each name in the section `key` can be the name of a directory.
 pub(crate) fn check_names<'a>(
     key: &str,
     names: impl IntoIterator<Item = &'a String>,
@@ -60,7 +61,7 @@ pub(crate) fn check_names<'a>(
     }
 }
 
-/// Whether it can be the name of a directory on every system.
+/// Whether the name is a valid directory name on every operating system.
 fn is_directory_name(name: &str) -> bool {
     !name.is_empty()
         && name

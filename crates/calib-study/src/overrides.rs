@@ -1,4 +1,4 @@
-//! What is laid over a study, key by key: `--set section.key=value`.
+//! Overrides of single keys of a study: `--set section.key=value`.
 
 use std::path::Path;
 
@@ -11,10 +11,11 @@ use crate::{
     written::typed,
 };
 
-/// A study of the log at `path` alone, with every other key at its default or as `overrides` say.
+/// Returns a study of the log at `path`. All other keys have their
+/// defaults or the values in `overrides`.
 ///
 /// # Errors
-/// A key that does not exist, or a value that is not valid.
+/// If a key does not exist, or a value is not valid.
 pub fn of_data(path: &Path, overrides: &[String]) -> Result<Study, StudyError> {
     let mut table = Table::new();
     overrides.iter().try_for_each(|text| apply(&mut table, text))?;
@@ -28,7 +29,7 @@ pub fn of_data(path: &Path, overrides: &[String]) -> Result<Study, StudyError> {
     Ok(study)
 }
 
-/// The key of `section.key=value`.
+/// Returns the key of `section.key=value`.
 pub(crate) fn key(text: &str) -> &str {
     text.split('=').next().unwrap_or_default().trim()
 }
@@ -38,7 +39,7 @@ pub(crate) fn is_inside(key: &str, parent: &str) -> bool {
     key.strip_prefix(parent).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Apply one `section.key=value`; the value is TOML, or else plain text.
+/// Applies one `section.key=value`. The value is TOML, or plain text if it is not valid TOML.
 pub(crate) fn apply(table: &mut Table, text: &str) -> Result<(), Problem> {
     let expected = "expected section.key=value, such as agent.gamma=0.9";
     let (keys, value) =
@@ -66,7 +67,7 @@ pub(crate) fn apply(table: &mut Table, text: &str) -> Result<(), Problem> {
     Ok(())
 }
 
-/// A value that is not TOML is plain text, unless it was clearly meant to be TOML.
+/// Accepts a value that is not TOML as plain text, unless it was clearly meant to be TOML.
 fn plain_text(text: &str, value: &str) -> Result<Value, Problem> {
     require!(
         !value.starts_with(['[', '{', '"', '\''])

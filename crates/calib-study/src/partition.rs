@@ -3,24 +3,24 @@ use serde::Serialize;
 
 use crate::Study;
 
-/// Which part of the training range the calibration model is built from, and which one is for pre-training.
+/// Division of the training range between the calibration model and pre-training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum Partition {
-    /// No agent is pre-trained: all of the training range, or this part of it, is for the model.
+    /// No pre-training. The model uses the whole training range, or this part.
     Model(Option<TimeRange>),
-    /// Agents are pre-trained on one part, and the model is built from another.
+    /// Agents are pre-trained on one part, and the model is built from another part.
     Divided {
         /// Share of the time span for pre-training, unless periods are given.
         fraction: f64,
-        /// For pre-training.
+        /// Period for pre-training.
         pretrain: Option<TimeRange>,
-        /// For the calibration model.
+        /// Period for the calibration model.
         model: Option<TimeRange>,
     },
 }
 
 impl Study {
-    /// How the training range is divided.
+    /// Returns the division of the training range.
     pub fn partition(&self) -> Partition {
         let on_its_clock =
             |period: &Option<TimeRange>| period.as_ref().map(|range| self.data.on_its_clock(range));

@@ -1,13 +1,13 @@
-//! The models and deployments of a study, each as a job of its own.
+//! One job per model and deployment of a study.
 
 use crate::{Job, Scope, StudyError};
 
 impl Job {
-    /// Each of the models that the study compares, with the deployment that is chosen; the job itself where a model is
-    /// chosen, or there is only one, which has no name.
+    /// Returns one job per compared model, with the chosen deployment. Returns the job itself if a model is chosen,
+    /// or if the study has only one model, which has no name.
     ///
     /// # Errors
-    /// A value that is not valid in a model.
+    /// If a value is not valid in a model.
     pub fn models(&self) -> Result<Vec<Self>, StudyError> {
         let names = match self.model {
             Some(_) => Vec::new(),
@@ -19,10 +19,10 @@ impl Job {
         names.iter().map(|name| self.choose(Some(name), self.deployment())).collect()
     }
 
-    /// The jobs that a step of this scope is taken on: the job itself, if the study has no several.
+    /// Returns the jobs that a step of this scope runs on: the job itself if the study has no several parts.
     ///
     /// # Errors
-    /// A value that is not valid in one of them, or a deployment where there are none.
+    /// If a value is not valid in one of the jobs, or a deployment is chosen where the scope has none.
     pub fn parts(&self, scope: Scope) -> Result<Vec<Self>, StudyError> {
         match scope {
             Scope::Study => {
@@ -55,7 +55,7 @@ impl Job {
             .collect()
     }
 
-    /// Nothing that comes before rollouts knows of deployments.
+    /// Refuses a chosen deployment. Steps before the rollouts do not depend on deployments.
     ///
     /// # Errors
     /// If a deployment is chosen.
@@ -70,27 +70,27 @@ impl Job {
         }
     }
 
-    /// The same without any deployment chosen.
+    /// Returns the same job without a chosen deployment.
     ///
     /// # Errors
-    /// A value that is valid only in a deployment.
+    /// If a value is valid only together with a deployment.
     pub fn before_deployment(&self) -> Result<Self, StudyError> {
         self.choose(self.model(), None)
     }
 
-    /// What this part of the study is called: `model a, deployment april`.
+    /// Returns the name of this part of the study: `model a, deployment april`.
     pub fn name(&self) -> String {
         let model = self.model.as_ref().map(|name| format!("model {name}"));
         let deployment = self.deployment.as_ref().map(|name| format!("deployment {name}"));
         model.into_iter().chain(deployment).collect::<Vec<_>>().join(", ")
     }
 
-    /// Whether both choose the same model and deployment, if any.
+    /// Whether both jobs have the same model and deployment chosen, if any.
     pub fn is_same_part(&self, other: &Self) -> bool {
         self.model == other.model && self.deployment == other.deployment
     }
 
-    /// What would choose one of several `parts`: `--model NAME (a, b)`.
+    /// Lists the options that would choose one of several `parts`: `--model NAME (a, b)`.
     pub fn missing_names(&self, parts: &[Self]) -> Vec<String> {
         let names = |name_of: fn(&Self) -> Option<&str>| {
             let mut once: Vec<&str> = Vec::new();
@@ -111,7 +111,7 @@ impl Job {
     }
 }
 
-/// The first of those parts that share their rollouts, which is then all of them.
+/// Keeps the first of the parts that share their rollouts. It then has no deployment.
 fn once_where_shared(parts: Vec<Job>) -> Result<Vec<Job>, StudyError> {
     let mut directories = Vec::new();
     let mut kept = Vec::new();
@@ -151,7 +151,7 @@ mod tests {
             "model b, deployment july",
         ];
         assert_eq!(names(job.parts(Scope::Deployment)), all);
-        // Rollouts from random starts are the same for every deployment.
+        // All deployments share rollouts from random start states.
         assert_eq!(names(job.parts(Scope::Rollouts)), ["model a", all[2], all[3]]);
         let one = job.choose(Some("b"), Some("july")).expect("valid");
         assert_eq!(names(one.parts(Scope::Deployment)), ["model b, deployment july"]);

@@ -64,7 +64,7 @@ impl PretrainConfig {
         self.epochs > 0 || self.checkpoint.is_some()
     }
 
-    /// Epochs, early stopping and validation.
+    /// Returns the settings for epochs, early stopping and validation.
     pub fn settings(&self) -> PretrainSettings {
         PretrainSettings {
             epochs: self.epochs,
@@ -73,12 +73,12 @@ impl PretrainConfig {
         }
     }
 
-    /// The agent as it is pre-trained: that of `[agent]` with the step size of pre-training.
+    /// Returns the agent of `[agent]` with the step size of pre-training.
     pub fn agent(&self, agent: &AgentConfig) -> AgentConfig {
         AgentConfig { learning_rate: self.learning_rate, ..agent.clone() }
     }
 
-    /// Check every value on its own.
+    /// Checks every value by itself.
     pub(crate) fn check(&self) -> Result<(), Problem> {
         require!(
             (1e-45..=1e38).contains(&self.learning_rate),
@@ -105,7 +105,7 @@ impl PretrainConfig {
     }
 }
 
-/// Whether it is a fraction that leaves something on both sides.
+/// Whether the fraction leaves something on both sides.
 fn is_proper(fraction: f64) -> bool {
     fraction > 0.0 && fraction < 1.0
 }

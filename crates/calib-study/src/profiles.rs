@@ -1,4 +1,4 @@
-//! The same study at another size: `[profiles.NAME]` is laid over the whole file.
+//! The same study at other sizes: `[profiles.NAME]` replaces keys of the whole file.
 
 use toml::{Table, Value};
 
@@ -7,13 +7,13 @@ use crate::{
     overlay::{check_names, lay_over, names, take},
 };
 
-/// The key under which they lie.
+/// Key of the section that holds the profiles.
 pub(crate) const KEY: &str = "profiles";
 
-/// The key of a profile that names the one that it is laid over.
+/// Key with which a profile names the profile that it extends.
 pub(crate) const BASE: &str = "base";
 
-/// Names that the results of a profile cannot have, because those of the study have them.
+/// Names that a profile cannot have, because the study has folders of these names in its results.
 const TAKEN: [&str; 12] = [
     "control",
     "control-model",
@@ -29,16 +29,16 @@ const TAKEN: [&str; 12] = [
     "sweep",
 ];
 
-/// Where the results of a profile go.
+/// Place of the results of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Results {
-    /// Where those of the study go, or where the profile itself says.
+    /// The folder of the study's results, or the one that the profile gives.
     AsWritten,
-    /// To a folder called as the profile, in that of the study.
+    /// A folder with the name of the profile, inside the folder of the study's results.
     InOwnFolder,
 }
 
-/// Lay the profile called `name` over the study, without which it stays as it is; profiles themselves are removed.
+/// Applies the profile called `name` to the study, if one is given, and removes all profiles.
 pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<ChosenProfile, Problem> {
     let Some(name) = name else {
         table.remove(KEY);
@@ -53,15 +53,15 @@ pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<ChosenProf
     Ok(ChosenProfile { results, laid_over })
 }
 
-/// A profile that was laid over a study, or none.
+/// The profile that was applied to a study. It is empty if no profile was chosen.
 #[derive(Clone, Debug)]
 pub(crate) struct ChosenProfile {
     pub(crate) results: Results,
-    /// What it says, with what it is based on.
+    /// Keys of the profile, merged with those of the profiles that it extends.
     pub(crate) laid_over: Table,
 }
 
-/// What a profile says, laid over what the one says that it is based on; `above` are those that led to it, itself last.
+/// Merges a profile with the profiles that it extends. `above` lists the profiles that led here, this one last.
 fn with_base(table: &Table, mut own: Table, above: &mut Vec<String>) -> Result<Table, Problem> {
     let name = above.last().cloned().unwrap_or_default();
     let base = match own.remove(BASE) {
@@ -83,7 +83,7 @@ fn with_base(table: &Table, mut own: Table, above: &mut Vec<String>) -> Result<T
     Ok(whole)
 }
 
-/// Whether the study is one with each of its profiles, as far as `is_study` can tell.
+/// Checks that the study is valid with each of its profiles, as far as `is_study` can check.
 pub(crate) fn check(
     table: &Table,
     is_study: impl Fn(Table) -> Result<(), Problem>,
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(error, "--profile large: the study's profiles are other, tiny");
     }
 
-    /// A study with a profile that is based on another, followed by `tail`.
+    /// Returns a study with a profile that extends another one, followed by `tail`.
     fn based(tail: &str) -> Table {
         let text = format!(
             "seed = 1\n[profiles.tiny]\noutput = \"there\"\nseed = 2\nsweep = {{ steps = 3 }}\n\

@@ -1,4 +1,4 @@
-//! A protocol: the plants and tasks of several studies, drawn from one seed, named before any of them is run.
+//! A protocol: the plants and tasks of several studies, drawn from one seed and named before any study runs.
 
 mod template;
 
@@ -22,23 +22,23 @@ use crate::{
 };
 use template::Template;
 
-/// The section that makes a file a protocol.
+/// Section that makes a file a protocol.
 pub(crate) const KEY: &str = "validity";
 
 /// The `[validity]` section of a protocol.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Protocol {
-    /// Root of all that is drawn (default 0).
+    /// Root seed of all draws (default 0).
     pub seed: u64,
-    /// Whether rollouts are made and compared with what was recorded, and a report is written for every plant, beside the sweep
-    /// that a choice needs (default: yes).
+    /// Whether each plant also gets rollouts, compared with the record, and a report (default: yes).
+    /// The choice itself needs only the sweep.
     pub rollouts: bool,
-    /// The fewest held-out windows by which a plant is judged (default 2: one does not show how much windows differ).
+    /// Fewest held-out windows for judging a plant (default 2: one window does not show how much windows differ).
     pub least_windows: usize,
     /// The plants.
     plants: Vec<Plants>,
-    /// What is drawn for every plant.
+    /// Keys that are drawn for every plant.
     task: Draws,
 }
 
@@ -54,51 +54,51 @@ impl Default for Protocol {
     }
 }
 
-/// A `[[validity.plants]]`: plants that one study stands for.
+/// A `[[validity.plants]]` entry: the plants that share one study.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Plants {
-    /// The study, from the folder of the protocol.
+    /// Path of the study, relative to the folder of the protocol.
     study: PathBuf,
-    /// So many plants, each simulated anew (default: one, and its name has no number).
+    /// Number of plants, each simulated with its own seed (default: one plant, whose name has no number).
     repeat: Option<usize>,
-    /// What is drawn for each of them, instead of what is drawn of the same key for every plant.
+    /// Keys that are drawn for each of these plants. They replace the same keys of the common draws.
     #[serde(default)]
     draw: Table,
 }
 
-/// What is drawn.
+/// Keys to draw.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Draws {
-    /// Key of the study → list or range.
+    /// Maps a key of the study to its list or range.
     draw: Table,
 }
 
-/// A study that a protocol draws.
+/// A study drawn from a protocol.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnStudy {
-    /// What the plant is called, and the file without `.toml`.
+    /// Name of the plant, and of the file without `.toml`.
     pub plant: String,
-    /// The study as it is to be written, with a comment of what was drawn.
+    /// Text of the study, with a comment that lists the drawn values.
     pub text: String,
 }
 
-/// More plants than anybody runs.
+/// Upper limit for the number of plants, far above any practical use.
 const MANY_PLANTS: usize = 10_000;
 
 impl Protocol {
-    /// The protocol that the file `path` is; none if it is something else.
+    /// Reads the protocol in the file `path`; `None` if the file is not a protocol.
     ///
     /// # Errors
-    /// A key that does not exist or a value that is not valid, with its line.
+    /// If a key does not exist or a value is not valid. The error gives the line.
     pub fn find(path: &Path) -> Result<Option<Self>, StudyError> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct File {
             validity: Protocol,
         }
-        // What cannot be read, or is no TOML, is told of when it is read as a study.
+        // Reading the file as a study reports files that cannot be read or are not TOML.
         let Ok(text) = written::text_of(path) else { return Ok(None) };
         if !toml::from_str::<Table>(&text).is_ok_and(|table| table.contains_key(KEY)) {
             return Ok(None);
@@ -121,11 +121,11 @@ impl Protocol {
         Ok(())
     }
 
-    /// The studies that this protocol, the file `path`, stands for, to be written to `folder`, with `overrides` over what is drawn.
-    /// Every value follows from the protocol's seed, the name and number of the plant, and the key alone.
+    /// Returns the studies of this protocol, which is the file `path`, for the folder `folder`. `overrides` replace drawn values.
+    /// A value depends only on the protocol's seed, the name and number of the plant, and the key.
     ///
     /// # Errors
-    /// A study that cannot be read, a key that cannot be drawn, plants of one name.
+    /// If a study cannot be read, a key cannot be drawn, or two plants have the same name.
     pub fn draw(
         &self,
         path: &Path,
@@ -175,16 +175,16 @@ impl Protocol {
     }
 }
 
-/// What is wrong with a protocol.
+/// Returns the error for a problem in a protocol.
 fn given(path: &Path, problem: &Problem) -> StudyError {
     StudyError::Given { study: path.display().to_string(), message: problem.to_string() }
 }
 
 impl DrawnStudy {
-    /// The study, as it will be in `folder`.
+    /// Resolves the study as a file in `folder`.
     ///
     /// # Errors
-    /// A key that does not exist, or a value that is not valid.
+    /// If a key does not exist, or a value is not valid.
     pub fn job(&self, folder: &Path) -> Result<Job, StudyError> {
         let request = Request::new(folder.join(format!("{}.toml", self.plant)));
         Job::of_text(request, self.text.clone()).map_err(|source| StudyError::Drawn {
@@ -194,13 +194,13 @@ impl DrawnStudy {
     }
 }
 
-/// Every key of a study with its default, as far as it has one.
+/// Returns the defaults of all keys of a study that have one.
 fn defaults() -> Result<serde_json::Value, Problem> {
     let simulate = Some(SimulateConfig::default());
     Ok(serde_json::to_value(Study { simulate, ..Study::default() })?)
 }
 
-/// The lists and ranges of a section, by the keys of the study: `"agent.gamma" = …` and `[… .agent] gamma = …` mean the same.
+/// Returns the lists and ranges of a section by study key. `"agent.gamma" = …` and `[… .agent] gamma = …` mean the same.
 fn axes(draws: &Table) -> Result<BTreeMap<String, Axis>, Problem> {
     let mut axes = BTreeMap::new();
     let mut pending: Vec<(String, &Table)> = vec![(String::new(), draws)];
@@ -222,7 +222,7 @@ fn axes(draws: &Table) -> Result<BTreeMap<String, Axis>, Problem> {
     Ok(axes)
 }
 
-/// The file of a drawn study.
+/// Returns the text of the file of a drawn study.
 fn text(
     protocol: &Path,
     seed: u64,

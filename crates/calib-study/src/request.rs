@@ -2,65 +2,65 @@ use std::path::PathBuf;
 
 use crate::Share;
 
-/// What is asked for: a study file, and what is given beside it.
+/// A request: a study file and the options given with it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Request {
-    /// The file.
+    /// Path of the study file.
     pub study: PathBuf,
-    /// What is laid over it, in order: `section.key=value`.
+    /// Overrides in the order of their application: `section.key=value`.
     pub set: Vec<String>,
-    /// The `NAME` of `[profiles.NAME]`.
+    /// Name of the profile, the `NAME` of `[profiles.NAME]`.
     pub profile: Option<String>,
-    /// The `NAME` of `[models.NAME]`; without it all of them.
+    /// Name of the model, the `NAME` of `[models.NAME]`; all models if `None`.
     pub model: Option<String>,
-    /// The `NAME` of `[deployments.NAME]`; without it all of them.
+    /// Name of the deployment, the `NAME` of `[deployments.NAME]`; all deployments if `None`.
     pub deployment: Option<String>,
-    /// Where results go, whatever the study says.
+    /// Folder of the results; it replaces the one in the study.
     pub output: Option<PathBuf>,
-    /// What may be done.
+    /// Policy for existing and missing results.
     pub policy: Policy,
 }
 
 impl Request {
-    /// The whole study of a file, as it is written.
+    /// Creates a request for the whole study in a file, as written.
     pub fn new(study: impl Into<PathBuf>) -> Self {
         Self { study: study.into(), ..Self::default() }
     }
 }
 
-/// What may be done about results.
+/// Policy for results.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Policy {
-    /// About those that are there.
+    /// Treatment of existing results.
     pub existing: Existing,
-    /// About those that are missing.
+    /// Treatment of missing results.
     pub writes: Writes,
-    /// What of them is made here, where others make the rest.
+    /// This process's share of the work, if several processes divide it.
     pub share: Option<Share>,
 }
 
-/// What is done about results that are there.
+/// Treatment of existing results.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Existing {
-    /// What is up to date stays.
+    /// Results that are up to date are kept.
     #[default]
     Keep,
-    /// Everything is made again.
+    /// All results are computed again.
     Redo,
 }
 
-/// Whether anything is written.
+/// Treatment of missing results.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Writes {
-    /// What is missing is made.
+    /// Missing results are computed and written.
     #[default]
     Missing,
-    /// It is said what would be made.
+    /// Nothing is written. calib only reports what it would compute.
     Nothing,
 }
 
 impl Policy {
-    /// Whether everything is made again.
+    /// Whether all results are computed again.
     pub fn redoes(self) -> bool {
         self.existing == Existing::Redo
     }

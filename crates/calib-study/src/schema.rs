@@ -1,4 +1,4 @@
-//! What editors know of a study: every key with its type, its default and what it means, from the same structs that read it.
+//! JSON Schema of a study for editors: every key with type, default and meaning, derived from the structs that read it.
 
 use calib_plant::ChangeOptions;
 use schemars::{JsonSchema as _, Schema, SchemaGenerator, generate::SchemaSettings, json_schema};
@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 use crate::{SimulateConfig, Study, models, profiles};
 
-/// The JSON Schema of a study file.
+/// Returns the JSON Schema of a study file.
 pub fn schema() -> Value {
     let mut settings = SchemaSettings::draft07();
     settings.inline_subschemas = false;
@@ -22,17 +22,17 @@ pub fn schema() -> Value {
     schema
 }
 
-/// `[profiles.NAME]`.
+/// Returns the schema of `[profiles.NAME]`.
 pub(crate) fn profiles(_: &mut SchemaGenerator) -> Schema {
     json_schema!({ "type": "object", "additionalProperties": { "$ref": "#/definitions/Profile" } })
 }
 
-/// `[models.NAME]`.
+/// Returns the schema of `[models.NAME]`.
 pub(crate) fn models(_: &mut SchemaGenerator) -> Schema {
     json_schema!({ "type": "object", "additionalProperties": { "$ref": "#/definitions/Model" } })
 }
 
-/// Every key of the study but the profiles, and the profile that it is based on.
+/// Returns the schema of a profile: every key of the study except `profiles`, and `base`.
 fn profile(keys: &Value) -> Value {
     let mut keys = keys.as_object().cloned().unwrap_or_default();
     keys.remove(profiles::KEY);
@@ -42,13 +42,13 @@ fn profile(keys: &Value) -> Value {
     section("The study at another size: what it says is laid over the rest of the file.", keys)
 }
 
-/// The sections in which models may differ.
+/// Returns the schema of a model: the sections in which models may differ.
 fn model(keys: &Value) -> Value {
     let keys = models::SECTIONS.map(|key| (key.to_owned(), keys[key].clone()));
     section("How a model differs from the rest of the study.", keys.into_iter().collect())
 }
 
-/// A section in which nothing has to be said, and nothing has a default of its own.
+/// Returns the schema of a section whose keys are all optional and have no defaults of their own.
 fn section(description: &str, mut keys: Map<String, Value>) -> Value {
     for key in keys.values_mut().filter_map(Value::as_object_mut) {
         key.remove("default");
@@ -56,7 +56,7 @@ fn section(description: &str, mut keys: Map<String, Value>) -> Value {
     json!({ "description": description, "type": "object", "properties": keys, "additionalProperties": false })
 }
 
-/// The rates at which a plant changes, whose defaults are the plant's own.
+/// Adds the default rates at which a plant changes, taken from the simulator.
 fn with_rates(schema: &mut Value) {
     let ChangeOptions {
         strength,
@@ -81,7 +81,7 @@ fn with_rates(schema: &mut Value) {
     }
 }
 
-/// TOML has no null: what may be left out is left out.
+/// Removes null from the schema. TOML has no null: an optional key is left out instead.
 fn without_null(value: &mut Value) {
     match value {
         Value::Array(values) => values.iter_mut().for_each(without_null),

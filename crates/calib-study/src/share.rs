@@ -1,6 +1,6 @@
 use std::{fmt, ops::Range};
 
-/// The share of one of several processes, here or on other machines, that divide among them what is to be made.
+/// One of several equal shares of the work, for processes on one machine or on several machines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
     number: usize,
@@ -8,17 +8,17 @@ pub struct Share {
 }
 
 impl Share {
-    /// Share `number`, counted from 0, of so many; none if there is no such share.
+    /// Creates share `number`, counted from 0, of `count` shares; `None` if there is no such share.
     pub fn new(number: usize, count: usize) -> Option<Self> {
         (number < count).then_some(Self { number, count })
     }
 
-    /// Whether it has the piece of work with this number.
+    /// Whether this share has the piece of work with this number.
     pub fn has(self, piece: usize) -> bool {
         piece % self.count == self.number
     }
 
-    /// How many pieces it has of those with these numbers.
+    /// Counts the pieces of this share among the pieces with these numbers.
     pub fn pieces(self, numbers: Range<usize>) -> usize {
         let before = |end: usize| end.saturating_sub(self.number).div_ceil(self.count);
         before(numbers.end).saturating_sub(before(numbers.start))

@@ -83,7 +83,7 @@ impl Default for SimulateConfig {
 }
 
 impl SimulateConfig {
-    /// The plant.
+    /// Returns the options of the simulated plant.
     ///
     /// # Errors
     /// If a value is outside its range.
@@ -127,7 +127,7 @@ impl SimulateConfig {
 }
 
 impl Study {
-    /// Check that the plant can be simulated, and that there is one folder to write it to.
+    /// Checks that the plant can be simulated, and that the study names one folder for the log.
     pub(crate) fn check_simulate(&self) -> Result<(), Problem> {
         let Some(simulate) = &self.simulate else { return Ok(()) };
         simulate.plant().map_err(|error| Problem::from(error).within("simulate"))?;
@@ -141,7 +141,7 @@ impl Study {
     }
 }
 
-/// Whether the path can be that of one folder, and is neither a pattern nor a file of a log.
+/// Whether the path can be that of one folder: neither a pattern nor a log file.
 fn is_plain_folder(path: &str) -> bool {
     let lower = path.to_lowercase();
     let is_file = [".parquet", ".parq", ".pq"].iter().any(|end| lower.ends_with(end));

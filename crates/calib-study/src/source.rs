@@ -6,36 +6,36 @@ use std::{
 
 use toml::de::{DeTable, DeValue};
 
-/// The text of a study, and where its keys stand.
+/// The text of a study with the positions of its keys.
 #[derive(Clone, Debug)]
 pub(crate) struct StudyText {
     path: PathBuf,
     text: String,
-    /// Every key with the bytes of its last part: `sweep.steps` → those of `steps`.
+    /// Each key with the byte range of its last part: `sweep.steps` has the range of `steps`.
     keys: Vec<(String, Range<usize>)>,
 }
 
-/// A place in a file, for people.
+/// A position in a file, for messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// The file.
+    /// Path of the file.
     pub file: PathBuf,
-    /// Counted from 1.
+    /// Line number, counted from 1.
     pub line: usize,
-    /// In characters, counted from 1.
+    /// Column in characters, counted from 1.
     pub column: usize,
-    /// The whole line.
+    /// Text of the whole line.
     excerpt: String,
-    /// Characters that are meant.
+    /// Number of characters at fault.
     width: usize,
 }
 
 impl Place {
-    /// The line, with carets below what is meant.
+    /// Returns the line with carets below the characters at fault.
     pub fn excerpt(&self) -> String {
         let number = self.line.to_string();
         let margin = " ".repeat(number.len());
-        // Tabs stay tabs, so that carets stand below what they mean.
+        // Tabs stay tabs, so that the carets align with the line above.
         let before = self.excerpt.chars().take(self.column - 1);
         let before: String = before.map(|letter| if letter == '\t' { '\t' } else { ' ' }).collect();
         let carets = "^".repeat(self.width.max(1));
@@ -52,7 +52,7 @@ impl fmt::Display for Place {
 impl StudyText {
     pub(crate) fn new(path: &Path, text: String) -> Self {
         let mut keys = Vec::new();
-        // Text that is no TOML has no keys, and its mistake has a place of its own.
+        // Text that is not TOML has no keys. The parser reports its own position.
         if let Ok(table) = DeTable::parse(&text) {
             collect(table.get_ref(), "", &mut keys);
         }
@@ -67,7 +67,7 @@ impl StudyText {
         &self.path
     }
 
-    /// Where these bytes stand.
+    /// Returns the position of a byte range.
     pub(crate) fn place(&self, span: Range<usize>) -> Place {
         let start = span.start.min(self.text.len());
         let line_start = self.text[..start].rfind('\n').map_or(0, |at| at + 1);
@@ -82,7 +82,7 @@ impl StudyText {
         }
     }
 
-    /// Where keys stand that have a new name, each with what to write.
+    /// Returns the positions of renamed keys, each with the new name.
     pub(crate) fn renamed(&self) -> Vec<(Place, &'static str)> {
         let renamed = self.keys.iter().flat_map(|(key, span)| {
             let new = RENAMED.iter().filter(|(old, _)| ends_in(key, old));
@@ -91,19 +91,19 @@ impl StudyText {
         renamed.collect()
     }
 
-    /// Where a key stands, if it does.
+    /// Returns the position of a key, if the text contains it.
     pub(crate) fn place_of(&self, key: &str) -> Option<Place> {
         let (_, span) = self.keys.iter().find(|(known, _)| known == key)?;
         Some(self.place(span.clone()))
     }
 }
 
-/// Whether `key` is `last`, in whatever section.
+/// Whether the last part of `key` is `last`, in any section.
 fn ends_in(key: &str, last: &str) -> bool {
     key.strip_suffix(last).is_some_and(|above| above.is_empty() || above.ends_with('.'))
 }
 
-/// Keys that had another name, and are read by it all the same.
+/// Renamed keys, old and new. The old name is still read.
 const RENAMED: [(&str, &str); 1] = [("model.recurrent", "model.remove_traps")];
 
 fn collect(table: &DeTable<'_>, above: &str, keys: &mut Vec<(String, Range<usize>)>) {

@@ -1,4 +1,4 @@
-//! The steps from a log to a verdict: the one list of them.
+//! The list of the steps from a log to a verdict.
 
 use serde::{Serialize, Serializer};
 
@@ -11,37 +11,37 @@ pub enum StepKind {
     Simulate,
     /// Reads and cleans the log.
     Prepare,
-    /// Trains one agent a sensor on a part of the log.
+    /// Trains one agent per sensor on a part of the log.
     Pretrain,
     /// Trains or imports representations of the states.
     Represent,
     /// Builds the calibration model.
     BuildModel,
-    /// Rolls the model out.
+    /// Computes rollouts of the model.
     Rollout,
-    /// Trains agents for every value of the grid.
+    /// Trains agents for every setting of the grid.
     Sweep,
     /// Judges the sweep, and writes the report.
     Evaluate,
-    /// Everything that agents that act need, from their log to their verdict.
+    /// All steps for acting agents, from their log to their verdict.
     Control,
 }
 
-/// What a step makes something for, once each.
+/// The parts of a study for which a step runs once each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scope {
-    /// The study, whatever its models and deployments.
+    /// Once for the study, whatever its models and deployments.
     Study,
-    /// Each model.
+    /// Once per model.
     Model,
-    /// Each model, and each deployment where its start states follow from the deployment.
+    /// Once per model, and once per deployment if the start states follow from the deployment.
     Rollouts,
-    /// Each deployment of each model.
+    /// Once per deployment and model.
     Deployment,
 }
 
 impl StepKind {
-    /// All of them.
+    /// All steps.
     pub const ALL: [Self; 9] = [
         Self::Simulate,
         Self::Prepare,
@@ -54,11 +54,11 @@ impl StepKind {
         Self::Control,
     ];
 
-    /// The steps that each model of a study takes by itself.
+    /// The steps that run separately for each model of a study.
     pub const OF_MODELS: [Self; 4] =
         [Self::Represent, Self::BuildModel, Self::Rollout, Self::Sweep];
 
-    /// The command that takes it. No command prepares a log and nothing else: `run` begins with that.
+    /// Returns the command that runs the step. No command only prepares a log: `run` begins with that.
     pub const fn command(self) -> &'static str {
         match self {
             Self::Simulate => "simulate",
@@ -73,18 +73,18 @@ impl StepKind {
         }
     }
 
-    /// The step that a command takes, written with hyphens or underscores.
+    /// Returns the step that a command runs. The command may have hyphens or underscores.
     pub fn of_command(command: &str) -> Option<Self> {
         let command = command.replace('_', "-");
         Self::ALL.into_iter().find(|step| step.command() == command)
     }
 
-    /// The step whose results are in a folder of this name.
+    /// Returns the step whose results are in a folder of this name.
     pub fn of_folder(folder: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|step| step.folder() == Some(folder))
     }
 
-    /// What it is called where steps are listed.
+    /// Returns the label of the step in lists.
     pub const fn label(self) -> &'static str {
         match self {
             Self::Prepare => "reading the log",
@@ -92,7 +92,7 @@ impl StepKind {
         }
     }
 
-    /// What it makes, as a sentence calls it.
+    /// Returns the noun for the step's result in a sentence.
     pub const fn result(self) -> &'static str {
         match self {
             Self::Simulate => "log",
@@ -106,12 +106,12 @@ impl StepKind {
         }
     }
 
-    /// Whether it makes several of what [`result`](Self::result) names.
+    /// Whether [`result`](Self::result) is a plural.
     pub const fn is_plural(self) -> bool {
         matches!(self, Self::Prepare | Self::Pretrain | Self::Rollout)
     }
 
-    /// What it makes something for.
+    /// Returns the parts of a study for which the step runs once each.
     pub const fn scope(self) -> Scope {
         match self {
             Self::Simulate | Self::Prepare | Self::Pretrain | Self::Control => Scope::Study,
@@ -121,7 +121,7 @@ impl StepKind {
         }
     }
 
-    /// The folder of its results, below that of what it makes them for; none of a log, which lies where the study says.
+    /// Returns the name of the step's result folder; `None` for a simulated log, whose path the study gives.
     pub const fn folder(self) -> Option<&'static str> {
         match self {
             Self::Simulate => None,
@@ -136,7 +136,7 @@ impl StepKind {
         }
     }
 
-    /// The steps whose results it reads, where a study needs them.
+    /// Returns the steps whose results this step reads, if the study needs them.
     pub const fn prerequisites(self) -> &'static [Self] {
         match self {
             Self::Simulate => &[],
@@ -144,13 +144,13 @@ impl StepKind {
             Self::Pretrain | Self::Represent => &[Self::Prepare],
             Self::BuildModel => &[Self::Prepare, Self::Represent],
             Self::Rollout => &[Self::BuildModel],
-            // The log by itself: a study may have neither of the others.
+            // `Prepare` is listed because a study may need neither of the others.
             Self::Sweep => &[Self::Prepare, Self::BuildModel, Self::Pretrain],
             Self::Evaluate => &[Self::Rollout, Self::Sweep],
         }
     }
 
-    /// What to go on with after it: the first of these, or another one.
+    /// Returns the steps that can follow this one, the usual one first.
     pub const fn next(self) -> &'static [Self] {
         match self {
             Self::Simulate => &[Self::Prepare],
@@ -164,7 +164,7 @@ impl StepKind {
     }
 }
 
-/// As its label.
+/// Serialises the step as its label.
 impl Serialize for StepKind {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.label())
@@ -186,7 +186,7 @@ impl Study {
 }
 
 impl Job {
-    /// What to type after a step of this job.
+    /// Returns the commands that can follow a step of this job.
     pub fn next_commands(&self, step: StepKind) -> Vec<String> {
         let next = step.next().iter().filter(|next| self.study().needs(**next));
         next.map(|next| self.command(*next)).collect()
@@ -206,7 +206,7 @@ mod tests {
         assert!(StepKind::ALL.is_sorted());
     }
 
-    /// The commands of the steps that a study needs, and its job.
+    /// Returns the commands of the steps that a study needs, and its job.
     fn needed(text: &str) -> (String, Job) {
         let request = crate::Request::new("s.toml");
         let job = Job::of_text(request, text.to_owned()).expect("valid");

@@ -67,7 +67,7 @@ pub struct Study {
 }
 
 impl Study {
-    /// What rollouts of the study's network add to its predictions, if they do.
+    /// Returns the noise that rollouts add to the predictions of the study's network, if any.
     pub fn rollout_noise(&self) -> Option<Noise> {
         let noise = self.dynamics.noise;
         match self.model.kind.family() {
@@ -76,17 +76,17 @@ impl Study {
         }
     }
 
-    /// Whether it asks for an agent that acts, and for no prediction.
+    /// Whether the study is about an acting agent only, without predictions.
     pub fn is_of_acting_agents(&self) -> bool {
         self.control.is_some() && self.sweep.sensors.is_empty()
     }
 
-    /// Whether it has a calibration model; without one the replayed log alone decides.
+    /// Whether the study has a calibration model. Without one, only log replay chooses.
     pub fn has_model(&self) -> bool {
         self.model.kind.family() != ModelFamily::None
     }
 
-    /// Members of the model: blocks of an ensemble of neighbours, or one network; 0 without a model.
+    /// Returns the number of members of the model: blocks of an ensemble of neighbours, or one network; 0 without a model.
     pub fn members(&self) -> usize {
         match self.model.kind.family() {
             ModelFamily::Neighbors => self.model.members,
@@ -101,7 +101,7 @@ impl Study {
             && self.representation.kind != RepresentationKind::None
     }
 
-    /// Runs of every value in each member of the model; 0 without a model.
+    /// Returns the training runs per setting and member of the model; 0 without a model.
     pub fn member_runs(&self) -> usize {
         match self.model.kind.family() {
             ModelFamily::Neighbors => self.sweep.member_runs,
@@ -110,12 +110,12 @@ impl Study {
         }
     }
 
-    /// Whether start states of `[rollout]` follow from the deployment; without a model there are none.
+    /// Whether the start states of `[rollout]` follow from the deployment; false without a model.
     pub fn starts_follow_from_deployment(&self) -> bool {
         self.follows_from_deployment(self.rollout.start)
     }
 
-    /// The same of the start states that agents are trained from.
+    /// Whether the start states of training rollouts follow from the deployment; false without a model.
     pub fn sweep_starts_follow_from_deployment(&self) -> bool {
         self.follows_from_deployment(self.sweep_starts().start)
     }
@@ -127,14 +127,14 @@ impl Study {
         }
     }
 
-    /// Where the rollouts start that agents are trained in; nothing else of `[rollout]` decides about them.
+    /// Returns the start states of training rollouts. No other key of `[rollout]` affects them.
     pub fn sweep_starts(&self) -> RolloutConfig {
         let own = self.sweep.start.unwrap_or(self.rollout.start);
         RolloutConfig { start: own, ..self.rollout.starts() }
     }
 
-    /// The discount factors of the predicted sensors, each once, in the order of the sensors; that of `[agent]` where none is
-    /// predicted.
+    /// Returns the distinct discount factors of the predicted sensors, in the order of the sensors. Returns that of `[agent]`
+    /// if no sensor is predicted.
     pub fn gammas(&self) -> Vec<f64> {
         let Self { agent, sweep, .. } = self;
         let mut gammas: Vec<f64> = Vec::new();
@@ -149,20 +149,21 @@ impl Study {
         gammas
     }
 
-    /// The predicted sensors whose return has this discount factor.
+    /// Returns the predicted sensors whose return has this discount factor.
     pub fn sensors_of(&self, gamma: f64) -> impl Iterator<Item = &String> {
         let Self { agent, sweep, .. } = self;
         sweep.sensors.iter().filter(move |sensor| agent.gamma_for(sensor) == gamma)
     }
 
-    /// The part of a run that is scored: what the study says, or else the whole run for agents that begin from scratch, because
-    /// learning is what their deployment consists of, and the final quarter for those that are fine-tuned (the paper).
+    /// Returns the scored part of a training run: the one in the study, or a default. By default, agents that start from
+    /// scratch are scored on the whole run, because learning is part of their deployment. Fine-tuned agents: the final quarter
+    /// (the paper).
     pub fn part(&self) -> Part {
         let usual = if self.pretrain.is_on() { Part::FinalQuarter } else { Part::WholeRun };
         self.sweep.scored.unwrap_or(usual)
     }
 
-    /// What the model is called in figures and tables, or what chooses in its place.
+    /// Returns the name in figures and tables of the model, or of the method that chooses without a model.
     pub fn model_name(&self) -> &'static str {
         match (self.model.kind.family(), self.representation.kind) {
             (ModelFamily::Network | ModelFamily::None, _) => self.model.kind.label(),

@@ -1,11 +1,11 @@
-//! Values of TOML as those of JSON, and back.
+//! Conversion of values between TOML and JSON.
 
 use serde_json::Value as Json;
 use toml::Value;
 
 use crate::error::Problem;
 
-/// As JSON; dates and times are their text, and numbers that are not finite nothing.
+/// Converts to JSON. Dates and times become text, and numbers that are not finite become null.
 pub(crate) fn to_json(value: &Value) -> Json {
     match value {
         Value::String(text) => Json::from(text.as_str()),
@@ -20,7 +20,7 @@ pub(crate) fn to_json(value: &Value) -> Json {
     }
 }
 
-/// As TOML, which has no nothing.
+/// Converts to TOML, which has no null.
 pub(crate) fn to_toml(value: &Json) -> Result<Value, Problem> {
     Value::try_from(value).map_err(|error| {
         Problem::from(error).after(&format!("{value} cannot be written to a study"))

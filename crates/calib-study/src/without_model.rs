@@ -1,4 +1,4 @@
-//! A study without a model, `model.kind = "none"`: what it is by default, and the keys that would have no effect.
+//! Studies without a model (`model.kind = "none"`): their defaults, and the keys that would have no effect.
 
 use toml::{Table, Value};
 
@@ -7,32 +7,32 @@ use crate::{
     models,
 };
 
-/// What makes a study one without a model.
+/// The key and value of a study without a model.
 const NONE: &str = "model.kind = \"none\"";
 
-/// What makes it one with a model.
+/// Remedy in messages, which turns it into a study with a model.
 const REMEDY: &str = "remove it, or set model.kind = \"knn\"";
 
-/// Sections with keys that are about models alone.
+/// Sections with keys that only apply to models.
 const SECTIONS: [&str; 5] = ["model", "sweep", "representation", "dynamics", "rollout"];
 
-/// Keys of `[sweep]` that are about models alone.
+/// Keys of `[sweep]` that only apply to models.
 const SWEEP_KEYS: [&str; 3] = ["member_runs", "network_runs", "start"];
 
-/// Keys of `[model]` that are about the training range, and not about a model.
+/// Keys of `[model]` that also apply without a model.
 const MODEL_KEYS: [&str; 2] = ["kind", "period"];
 
-/// Whether a table says that there is no model; none if it says nothing of that.
+/// Whether a table says that there is no model; `None` if it does not give a kind.
 fn says_none(table: &Table) -> Option<bool> {
     Some(table.get("model")?.get("kind")?.as_str() == Some("none"))
 }
 
-/// Whether the study of a table has no model.
+/// Whether the table describes a study without a model.
 fn is_without(table: &Table) -> bool {
     says_none(table) == Some(true)
 }
 
-/// Let the replayed log decide where there is no model, unless the study names a rule.
+/// Makes log replay the selection method of a study without a model, unless the study names a rule.
 pub(crate) fn set_rule(table: &mut Table) {
     if !is_without(table) {
         return;
@@ -45,21 +45,21 @@ pub(crate) fn set_rule(table: &mut Table) {
     }
 }
 
-/// Refuse what a study without a model cannot have. `table` is the study, and `layers` what it was laid together from, the lowest one
-/// first: the file, a profile, `--set`. Keys that a lower layer gives than the one that takes the model away may stay: they describe the
-/// model that the study has without it.
+/// Refuses keys that have no effect without a model. `table` is the study. `layers` are its parts, lowest first: the file,
+/// a profile, `--set`. Layers below the one that removes the model may keep such keys: they describe the model that the
+/// study has without that layer.
 pub(crate) fn check(table: &Table, layers: &[Table]) -> Result<(), Problem> {
     check_models(table)?;
     if !is_without(table) {
         return Ok(());
     }
     let from = layers.iter().rposition(|layer| says_none(layer).is_some()).unwrap_or(0);
-    // Agents that act have a model of their own, which may search in a representation.
+    // Acting agents have their own model, which may search in a representation.
     let acts = table.contains_key("control");
     layers[from..].iter().try_for_each(|layer| check_layer(layer, acts))
 }
 
-/// Models that are compared all exist.
+/// Checks that every compared model is a model.
 fn check_models(table: &Table) -> Result<(), Problem> {
     let Some(models) = table.get(models::KEY).and_then(Value::as_table) else { return Ok(()) };
     let own = models.iter().find(|(_, own)| own.as_table().is_some_and(is_without));

@@ -1,4 +1,4 @@
-//! A study file as it was read: once a command.
+//! The text of a study file, which each command reads once.
 
 use std::{
     fs, io,
@@ -20,28 +20,28 @@ use crate::{
     without_model,
 };
 
-/// What a file says with a profile and what is given beside it, all models and deployments in it.
+/// Content of a study file with the profile and the overrides applied. It still has all models and deployments.
 #[derive(Clone, Debug)]
 pub(crate) struct WrittenStudy {
     pub(crate) request: Request,
     pub(crate) table: Table,
-    /// Where the results of the profile go.
+    /// Place of the results of the profile.
     pub(crate) results: Results,
     pub(crate) source: StudyText,
 }
 
 impl WrittenStudy {
-    /// The file that `request` names.
+    /// Reads the file that `request` names.
     pub(crate) fn read(request: Request) -> Result<Self, StudyError> {
         refuse_log(&request.study)?;
         let text = text_of(&request.study)?;
         Self::of_text(request, text)
     }
 
-    /// `text`, as if it stood in the file that `request` names.
+    /// Uses `text` as the content of the file that `request` names.
     pub(crate) fn of_text(request: Request, text: String) -> Result<Self, StudyError> {
         let source = StudyText::new(&request.study, text);
-        // The text is read for its own sake first, because only then a mistake has a place.
+        // The text is parsed before anything is applied to it, because only then a mistake has a position.
         let table = parse(&source)?;
         let profile = request.profile.clone();
         let mut written = Self { request, table, results: Results::AsWritten, source };
@@ -60,7 +60,7 @@ impl WrittenStudy {
         Ok(written)
     }
 
-    /// Lay over it what was given beside the file, and return that.
+    /// Applies the overrides to the table, and returns them as a table.
     fn lay_over(&mut self) -> Result<Table, Problem> {
         let mut all = Table::new();
         for text in &self.request.set {
@@ -68,7 +68,7 @@ impl WrittenStudy {
             overrides::apply(&mut all, text)?;
         }
         let given: Vec<&str> = self.request.set.iter().map(|text| overrides::key(text)).collect();
-        // Whoever names other data means these, and not a plant to write there.
+        // A log given by override already exists, so no plant must be simulated in its folder.
         if given.contains(&"data") || given.contains(&"data.path") {
             self.table.remove("simulate");
         }
@@ -82,7 +82,7 @@ impl WrittenStudy {
         Ok(all)
     }
 
-    /// The study of one model and one deployment, or of all of them.
+    /// Returns the study of one model and one deployment, or of all.
     pub(crate) fn study(
         &self,
         model: Option<&str>,
@@ -98,12 +98,12 @@ impl WrittenStudy {
         study.map_err(|problem| self.locate_in(&problem, model, deployment))
     }
 
-    /// What stood in the file.
+    /// The text of the file.
     pub(crate) fn text(&self) -> &str {
         self.source.text()
     }
 
-    /// The problem with its place, as far as it has one.
+    /// Adds the position to a problem, if it has one.
     pub(crate) fn locate(&self, problem: &Problem) -> StudyError {
         self.locate_in(problem, None, None)
     }
@@ -116,7 +116,7 @@ impl WrittenStudy {
     ) -> StudyError {
         let message = problem.to_string();
         for key in problem.keys() {
-            // What is wrong may be what was given, and not what stands in the section around it.
+            // The override may be at fault then, and not the section of the file around it.
             if self.is_overridden(&key) {
                 break;
             }
@@ -124,7 +124,7 @@ impl WrittenStudy {
                 return StudyError::Written { place: Box::new(place), message };
             }
         }
-        // What is wrong with an option names it.
+        // A message that begins with an option names it already.
         let study = if message.starts_with("--") {
             self.request.study.display().to_string()
         } else {
@@ -133,13 +133,13 @@ impl WrittenStudy {
         StudyError::Given { study, message }
     }
 
-    /// Whether what the key says was given beside the file, or a part of it.
+    /// Whether an override sets the key, a section around it, or a part of it.
     fn is_overridden(&self, key: &str) -> bool {
         let mut given = self.request.set.iter().map(|text| overrides::key(text));
         given.any(|given| overrides::is_inside(key, given) || overrides::is_inside(given, key))
     }
 
-    /// Where a key stands: in the model that was chosen, in the profile, or in the rest of the file.
+    /// Returns the position of a key: in the profile, in the chosen model, or in the rest of the file.
     fn place_of(&self, key: &str, model: Option<&str>) -> Option<crate::Place> {
         let model = model.map(|name| format!("models.{name}.{key}"));
         let keys: Vec<String> = model.into_iter().chain([key.to_owned()]).collect();
@@ -151,7 +151,7 @@ impl WrittenStudy {
         of_profile.chain(keys.iter().cloned()).find_map(|key| self.source.place_of(&key))
     }
 
-    /// The file, with what was given beside it.
+    /// Returns the name of the file, followed by the given options.
     fn with_what_was_given(&self, model: Option<&str>, deployment: Option<&str>) -> String {
         let Request { study, set, profile, .. } = &self.request;
         let given: Vec<String> = profile
@@ -168,10 +168,10 @@ impl WrittenStudy {
     }
 }
 
-/// What follows the name of a study in that of the folder of its results.
+/// Suffix that turns the name of a study into the name of its result folder.
 pub(crate) const RESULTS: &str = "-results";
 
-/// Refuse a log or a folder in the place of a study.
+/// Refuses a log or a folder in place of a study file.
 fn refuse_log(path: &Path) -> Result<(), StudyError> {
     if path.is_dir() {
         let message = format!("this is a folder, and a study is expected, {}", study_beside(path));
@@ -192,7 +192,8 @@ fn refuse_log(path: &Path) -> Result<(), StudyError> {
     Ok(())
 }
 
-/// Which file to give instead of a folder: the study that made these results, a study in it, or what `calib init` writes for a log.
+/// Says which file to give instead of a folder: the study of these results, a study
+/// in the folder, or the file that `calib init` writes.
 fn study_beside(folder: &Path) -> String {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let of_results =
@@ -206,7 +207,7 @@ fn study_beside(folder: &Path) -> String {
     }
 }
 
-/// The files of a folder that may be studies, in the order of their names.
+/// Returns the files in a folder that may be studies, sorted by name.
 ///
 /// # Errors
 /// If the folder cannot be read.
@@ -226,7 +227,7 @@ fn init_command(log: &Path) -> String {
     format!("`{}`", crate::shell_words(words))
 }
 
-/// What stands in a file.
+/// Reads the text of a file.
 pub(crate) fn text_of(path: &Path) -> Result<String, StudyError> {
     let text = match read_regular(path) {
         Ok(bytes) => String::from_utf8(bytes)
@@ -237,12 +238,12 @@ pub(crate) fn text_of(path: &Path) -> Result<String, StudyError> {
     text.map_err(|source| StudyError::Unreadable { path: path.to_owned(), source })
 }
 
-/// The study file `path` as a table, with all its models and without its profiles.
+/// Reads the study file `path` as a table, with all its models and without its profiles.
 pub(crate) fn table_of(path: &Path) -> Result<Table, StudyError> {
     Ok(WrittenStudy::read(Request::new(path))?.table)
 }
 
-/// Refuse numbers that TOML has and nothing here can work with, nor JSON keep.
+/// Refuses infinite numbers and NaN: TOML allows them, but no key accepts them and JSON cannot store them.
 fn finite(table: &Table, section: &str) -> Result<(), Problem> {
     fn check(key: &str, value: &Value) -> Result<(), Problem> {
         match value {
@@ -261,14 +262,14 @@ fn finite(table: &Table, section: &str) -> Result<(), Problem> {
     })
 }
 
-/// Whether a table has the keys and types of a study.
+/// Checks that a table has the keys and types of a study.
 fn is_study(table: Table) -> Result<(), Problem> {
     models::check(&table)?;
     typed(table)?;
     Ok(())
 }
 
-/// The study that a table is.
+/// Converts a table to a study.
 pub(crate) fn typed(mut table: Table) -> Result<Study, Problem> {
     without_model::set_rule(&mut table);
     Study::deserialize(Value::Table(table)).map_err(|error| located(&error))
@@ -282,12 +283,12 @@ fn parse(source: &StudyText) -> Result<Table, StudyError> {
             "{path} is a protocol of several studies; run it with `calib validity {path}`"
         )));
     }
-    // The typed reading finds unknown keys and wrong types, with their place in the text.
+    // Typed parsing finds unknown keys and wrong types, with their positions in the text.
     of_text::<Study>(source)?;
     Ok(table)
 }
 
-/// What a text says; a mistake is named with its place.
+/// Parses a text; an error gives the position of the mistake.
 pub(crate) fn of_text<T: DeserializeOwned>(source: &StudyText) -> Result<T, StudyError> {
     toml::from_str(source.text()).map_err(|error| StudyError::Written {
         place: Box::new(source.place(error.span().unwrap_or(0..0))),
@@ -295,7 +296,7 @@ pub(crate) fn of_text<T: DeserializeOwned>(source: &StudyText) -> Result<T, Stud
     })
 }
 
-/// An error in a table, with the key that it is about.
+/// Converts a TOML error to a problem that names the key at fault.
 fn located(error: &toml::de::Error) -> Problem {
     let text = error.to_string();
     let key = text.lines().find_map(|line| line.trim().strip_prefix("in `"));

@@ -1,5 +1,5 @@
-//! The schema of a study is current, every study names it, every protocol draws studies, and the guide tells the same keys and
-//! defaults.
+//! Tests that the stored schema is current, every study names it, every protocol draws studies, and the guide has the same
+//! keys and defaults.
 
 use std::{collections::BTreeMap, fs, path::PathBuf};
 
@@ -7,7 +7,7 @@ use calib_study::{Protocol, schema};
 use serde_json::{Map, Value};
 use toml::Table;
 
-/// A file of the repository.
+/// Returns the path of a file of the repository.
 fn file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
 }
@@ -81,13 +81,13 @@ fn every_protocol_of_the_repository_draws_valid_studies() {
     assert_eq!((plants["wastewater.toml"], plants["wastewater-warm.toml"]), (20, 20));
 }
 
-/// What a table of docs/study.md says of a key.
+/// Row of a table in docs/study.md: a key and its default.
 struct Row {
     key: String,
     default: String,
 }
 
-/// The tables of keys, by what stands in the heading above them.
+/// Returns the tables of keys, each with the heading above it.
 fn tables(text: &str) -> Vec<(String, Vec<Row>)> {
     let mut tables: Vec<(String, Vec<Row>)> = Vec::new();
     let mut heading = String::new();
@@ -115,7 +115,7 @@ fn tables(text: &str) -> Vec<(String, Vec<Row>)> {
     tables
 }
 
-/// The properties of a section of the study; nothing where it is no section.
+/// Returns the keys of a section of the study; `None` if it is not a section.
 fn keys<'a>(schema: &'a Value, section: &str) -> Option<&'a Map<String, Value>> {
     if section == "Top level" {
         return schema["properties"].as_object();
@@ -126,7 +126,7 @@ fn keys<'a>(schema: &'a Value, section: &str) -> Option<&'a Map<String, Value>> 
     schema["definitions"][name]["properties"].as_object()
 }
 
-/// The value that stands first in a cell, if one does.
+/// Returns the value at the beginning of a cell, if there is one.
 fn literal(cell: &str) -> Option<Value> {
     let text = cell.strip_prefix('`')?.split('`').next()?;
     let table: Table = toml::from_str(&format!("value = {text}")).ok()?;
@@ -136,7 +136,7 @@ fn literal(cell: &str) -> Option<Value> {
     }
 }
 
-/// Whether both are the same, numbers by their value.
+/// Whether both values are equal; numbers are compared by value.
 fn same(one: &Value, other: &Value) -> bool {
     match (one, other) {
         (Value::Array(a), Value::Array(b)) => {
@@ -174,7 +174,7 @@ fn the_guide_names_every_key_with_its_default() {
                 continue;
             };
             let own = property.get("default").unwrap_or(&Value::Null);
-            // What follows from other keys has no default of its own, and the guide says from which.
+            // A key that follows from other keys has no default of its own. The guide names the other keys.
             let is_told = default.contains("` ") || default.contains("`;");
             let right = match literal(default) {
                 Some(told) if is_nothing(own) => is_nothing(&told) || is_told,

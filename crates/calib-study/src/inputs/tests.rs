@@ -6,13 +6,13 @@ fn study(text: &str) -> Study {
     job.study().clone()
 }
 
-/// The keys in which a result of the study `made` is another one of the study `now`.
+/// Returns the keys whose difference between the studies `made` and `now` affects the result.
 fn changed(result: StepKind, made: &str, now: &str) -> String {
     let all = study(now).differences(result, &study(made));
     all.into_iter().map(|difference| difference.key).collect::<Vec<_>>().join(" ")
 }
 
-/// The same keys with both values.
+/// Returns the same keys with both values.
 fn told(result: StepKind, made: &str, now: &str) -> String {
     let all = study(now).differences(result, &study(made));
     all.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
@@ -38,7 +38,7 @@ fn what_changes_no_byte_is_no_input() {
     ] {
         for result in all {
             let own = changed(result, "", text);
-            // A representation is made of its section, whatever its kind.
+            // The section is the input of a representation, whatever its kind.
             let of_itself = result == StepKind::Represent && text.starts_with("[representation]");
             assert!(own.is_empty() || of_itself, "{result:?}: {own:?}");
         }
@@ -101,7 +101,7 @@ fn a_network_follows_from_what_its_kind_uses() {
     assert_eq!(differ(gru, &sequences), "dynamics.sequence_length");
 }
 
-/// What the sweep of a study follows from.
+/// Returns the inputs of the sweep of a study.
 fn swept(text: &str, set: &[&str]) -> Inputs {
     let set = set.iter().map(|&text| text.to_owned()).collect();
     let request = Request { set, ..Request::new("s.toml") };

@@ -40,7 +40,7 @@ fn title(file: &str, text: &str) -> String {
     Job::of_text(request, text.to_owned()).expect("valid").title()
 }
 
-/// A study of the logs at `path`.
+/// Returns a study of the logs at `path`.
 fn logs(path: &str) -> String {
     format!("[data]\npath = \"{path}\"\n[sweep]\nsensors = [\"A\", \"B\"]\n")
 }
@@ -140,7 +140,7 @@ fn what_is_gone_is_refused_with_what_to_write() {
     }
 }
 
-/// Line, column and excerpt of a mistake.
+/// Returns line, column and excerpt of a mistake.
 fn place(text: &str, set: &[&str]) -> Option<(usize, usize, String)> {
     let error = job(text, set).expect_err("invalid");
     error.place().map(|place| (place.line, place.column, place.excerpt()))
@@ -186,7 +186,7 @@ fn what_was_given_beside_the_file_is_not_looked_for_in_it() {
     assert_eq!(place(&reward, &["control.steps=9"]).map(|place| place.0), Some(3));
 }
 
-/// What is said of a value of the agent.
+/// Returns the error message for a value of the agent.
 fn told(value: &str) -> String {
     refused(&format!("[agent]\n{value}\n"), &[])
 }

@@ -18,20 +18,20 @@ use crate::{
     written,
 };
 
-/// Below this are the seeds that are drawn: short enough to be typed.
+/// Exclusive upper limit of drawn seeds, which keeps them short enough to type.
 const SEEDS: usize = 1_000_000_000;
 
 /// The study that plants are drawn from.
 pub(super) struct Template {
-    /// Its file's name without `.toml`.
+    /// Name of its file without `.toml`.
     pub(super) name: String,
-    /// As the protocol names it.
+    /// Path as the protocol writes it.
     pub(super) file: PathBuf,
     table: Table,
 }
 
 impl Template {
-    /// The study of `plants`, with paths as they are from `folder`.
+    /// Reads the study of `plants`, and rewrites its paths relative to `folder`.
     pub(super) fn read(protocol: &Path, plants: &Plants, folder: &Path) -> Result<Self, Problem> {
         let beside = protocol.parent().unwrap_or(Path::new(""));
         let path = beside.join(&plants.study);
@@ -43,13 +43,14 @@ impl Template {
             "repeat requires a study with [simulate]: without it {} would be the same plant again",
             path.display()
         );
-        // Results lie beside the study that is drawn, and what it reads where it was.
+        // Results go beside the drawn study. Input files stay where they are.
         table.remove("output");
         move_paths(&mut table, path.parent().unwrap_or(Path::new("")), folder)?;
         Ok(Self { name, file: plants.study.clone(), table })
     }
 
-    /// A value for each of `axes`, and seeds of the study and of its plant. `section` is where a key is drawn.
+    /// Draws a value for each of `axes`, and seeds for the study and its plant.
+    /// `section` names the section that asks for a key.
     pub(super) fn values(
         &self,
         axes: &BTreeMap<String, Axis>,
@@ -75,7 +76,7 @@ impl Template {
         Ok(values)
     }
 
-    /// The study with `values` laid over it in the order of their keys, a section before what lies in it, and `overrides` over these.
+    /// Returns the study with `values` and then `overrides` applied. Values come in key order, so a section precedes its keys.
     pub(super) fn with(
         &self,
         plant: &str,
@@ -101,10 +102,10 @@ impl Template {
     }
 }
 
-/// The keys that name files or folders, which a study gives from its own folder.
+/// Keys that name files or folders, relative to the folder of the study.
 const PATHS: [(&str, &str); 2] = [("data", "path"), ("pretrain", "checkpoint")];
 
-/// Let every relative path of a study in `from` mean the same in a study in `to`.
+/// Rewrites the relative paths of a study in `from` so that they mean the same in a study in `to`.
 fn move_paths(table: &mut Table, from: &Path, to: &Path) -> Result<(), Problem> {
     for (section, key) in PATHS {
         let Some(value) = table.get_mut(section).and_then(|section| section.get_mut(key)) else {
@@ -124,7 +125,7 @@ fn move_paths(table: &mut Table, from: &Path, to: &Path) -> Result<(), Problem> 
     Ok(())
 }
 
-/// What a path in `from` is in `to`; `None` if it means the same everywhere.
+/// Rewrites a path in `from` as a path in `to`; `None` if it means the same in both.
 fn moved(path: &str, from: &Path, to: &Path) -> Result<Option<String>, Problem> {
     if path.is_empty() || path.starts_with("${") || Path::new(path).is_absolute() {
         return Ok(None);
@@ -132,7 +133,7 @@ fn moved(path: &str, from: &Path, to: &Path) -> Result<Option<String>, Problem> 
     Ok(Some(relative(&from.join(path), to)?.display().to_string()))
 }
 
-/// `path` as one would write it in `folder`.
+/// Returns `path` relative to `folder`.
 fn relative(path: &Path, folder: &Path) -> Result<PathBuf, Problem> {
     let path = without_parents(path)?;
     let folder = without_parents(folder)?;
@@ -142,7 +143,7 @@ fn relative(path: &Path, folder: &Path) -> Result<PathBuf, Problem> {
     Ok(up.map(AsRef::as_ref).chain(down).collect())
 }
 
-/// The absolute path without `..`.
+/// Returns the absolute path without `..`.
 fn without_parents(path: &Path) -> Result<PathBuf, Problem> {
     let mut plain = PathBuf::new();
     for part in std::path::absolute(path)?.components() {

@@ -90,7 +90,7 @@ fn studies_are_drawn_whole() {
     let paths = real["data"]["path"].as_array().expect("a list");
     assert_eq!(paths[0].as_str(), Some("../../../logs/a"), "from where the study will be");
     assert_eq!(paths[1].as_str(), Some("${CALIB_DATA}/b"));
-    // The text is the study, and says what was drawn.
+    // The text must equal the study and list the drawn values.
     let text = &named(&all, "simulated-02").text;
     assert_eq!(toml::from_str::<Table>(text).expect("TOML"), all[1].table());
     assert!(text.starts_with(
@@ -103,7 +103,7 @@ fn studies_are_drawn_whole() {
 fn a_draw_depends_on_seed_plant_and_key_alone() {
     let place = place();
     let before = drawn(place.path(), PROTOCOL, &[]).expect("valid");
-    // A key more, plants more and before, and another order of keys.
+    // This adds a key, adds plants before and after, and changes the order of the keys.
     let entry = "[[validity.plants]]\nstudy = \"other.toml\"\n[[validity.plants]]\nstudy = \"simulated.toml\"";
     fs::write(place.path().join("other.toml"), STUDY).expect("writable");
     let more = PROTOCOL
