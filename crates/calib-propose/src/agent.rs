@@ -1,4 +1,4 @@
-/// An agent that `calib init` proposes. All of them start from the simple predictor that suits the sensor best.
+/// An agent that `calib init` proposes. Each starts from the simple predictor that suits the sensor best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProposedAgent {
     /// A linear value function that learns from every step with `SwiftTD`.
@@ -8,10 +8,10 @@ pub enum ProposedAgent {
 }
 
 impl ProposedAgent {
-    /// All of them, the simplest first.
+    /// All agents, the simplest first.
     pub const ALL: [Self; 2] = [Self::Linear, Self::Network];
 
-    /// What it is called in text.
+    /// Returns the name of the agent in text.
     pub const fn label(self) -> &'static str {
         match self {
             Self::Linear => "a linear agent",
@@ -20,19 +20,19 @@ impl ProposedAgent {
     }
 }
 
-/// What an agent came to on the last third of the training range, when it learnt from the rest.
+/// Result of an agent that learned from the first two thirds of the training range, measured on the last third.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trial {
-    /// Which agent.
+    /// The agent.
     pub agent: ProposedAgent,
-    /// Its error by that of the best simple predictor: geometric mean over sensors.
+    /// Its error divided by that of the best simple predictor: geometric mean over sensors.
     pub ratio: f64,
 }
 
-/// An agent has to have less than this share of a simpler one's error to be proposed instead.
+/// An agent must have less than this share of a simpler agent's error to be proposed instead.
 const WORTH_IT: f64 = 0.98;
 
-/// The simplest agent that no other one beats by more than two per cent; none if nothing was tried.
+/// Returns the simplest agent whose error no other agent undercuts by more than 2 %; `None` without trials.
 pub fn choose_agent(trials: &[Trial]) -> Option<Trial> {
     let simplest_first = trials.iter().filter(|trial| trial.ratio.is_finite());
     simplest_first.copied().reduce(
@@ -46,7 +46,7 @@ pub fn choose_agent(trials: &[Trial]) -> Option<Trial> {
 mod tests {
     use super::*;
 
-    /// The agent that is chosen by these ratios.
+    /// Returns the agent that is chosen for these ratios.
     fn chosen(ratios: [f64; 2]) -> Option<ProposedAgent> {
         let trials =
             [0, 1].map(|place| Trial { agent: ProposedAgent::ALL[place], ratio: ratios[place] });

@@ -2,17 +2,18 @@ use std::collections::HashSet;
 
 use calib_data::{AnglePart, Sketch};
 
-/// A channel that is an angle.
+/// A channel whose values are angles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Angle {
-    /// What the files call it.
+    /// Name of the channel in the files.
     pub channel: String,
-    /// A full turn, in its unit: 360 or 2π.
+    /// A full turn in the unit of the channel: 360 or 2π.
     pub turn: f64,
 }
 
 impl Angle {
-    /// The angles among the channels of a log, in their order; those for whose sine and cosine the log has columns are left out.
+    /// Returns the angles among the channels of a log, in their order, without
+    /// those whose sine or cosine is a column of the log.
     pub fn all(sketch: &Sketch) -> Vec<Self> {
         let names: HashSet<&str> =
             sketch.channels.iter().map(|channel| channel.name.as_str()).collect();

@@ -2,29 +2,29 @@ use calib_data::{ChannelSketch, FEW_CONTRADICT, Shape, Sketch};
 
 use crate::Scope;
 
-/// Runs of missing values are filled up to so many rows, whatever they are.
+/// Longest run of missing values, in rows, that is filled.
 const MOST_FILLED: usize = 120;
-/// What `preprocess.fill_limit` is where nothing speaks for more.
+/// Default of `preprocess.fill_limit`, in rows.
 const LEAST_FILLED: usize = 10;
-/// Channels that are named.
+/// Number of channels that a reason names.
 const NAMED: usize = 3;
-/// Channels with a value in fewer rows than this are on clocks of their own.
+/// Channels with values in a smaller share of the rows than this have clocks of their own.
 const SPARSE: f64 = 0.5;
 
-/// What counts as a gap, and how far values are carried over missing ones.
+/// Proposed gap tolerance, fill limit and treatment of contradictory rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cleaning {
-    /// `data.gap_tolerance`, and why.
+    /// `data.gap_tolerance` and its reason.
     pub gap_tolerance: (f64, String),
-    /// `preprocess.fill_limit`, and why.
+    /// `preprocess.fill_limit` and its reason.
     pub fill_limit: (usize, String),
-    /// Why `data.contradictions = "first"`; `None` where it stays as it is.
+    /// Reason for `data.contradictions = "first"`; `None` where the default stays.
     pub contradictions: Option<String>,
 }
 
 impl Cleaning {
-    /// Where most gaps are of one or two rows, these are no gaps; where most runs of missing values are longer than ten rows,
-    /// they are filled all the same.
+    /// Proposes how to clean the log. Gaps of one or two rows do not count as gaps if most gaps are that short.
+    /// The fill limit rises above ten rows if runs of missing values are longer, up to the limit of `MOST_FILLED`.
     pub fn of(sketch: &Sketch, scope: &Scope) -> Self {
         let times = &sketch.timestamps[scope.rows.clone()];
         let steps = times.windows(2).map(|pair| pair[1].micros_since(pair[0]) as f64 / 1e6);
@@ -81,13 +81,13 @@ impl Cleaning {
     }
 }
 
-/// Rows of the same time that say different things.
+/// Rows with equal times and different values.
 struct Contradicting {
-    /// Of the channel that has most of them.
+    /// Number of such rows in the channel that has most of them.
     rows: u64,
-    /// Of all rows.
+    /// Their share of all rows.
     share: f64,
-    /// The channels that have some.
+    /// Names of the channels that have such rows.
     names: String,
 }
 
@@ -100,12 +100,12 @@ impl Contradicting {
         let more = if found.len() > NAMED { " …" } else { "" };
         let names: Vec<&str> =
             found.iter().take(NAMED).map(|channel| channel.name.as_str()).collect();
-        // Rows that were left out are not among those of the sketch.
+        // The sketch no longer contains the rows that were left out.
         let share = rows as f64 / (sketch.timestamps.len() as u64 + rows) as f64;
         Some(Self { rows, share, names: format!("{}{more}", names.join(", ")) })
     }
 
-    /// How many there are, and where.
+    /// Says how many rows there are, and in which channels.
     fn told(&self) -> String {
         let Self { rows, share, names } = self;
         let percent = 100.0 * share;
@@ -113,8 +113,8 @@ impl Contradicting {
     }
 }
 
-/// A few rows of the same time that say different things are no reason to have no study. Many are a log that is read wrongly, and stay
-/// refused.
+/// Returns the reason to accept a few rows that contradict another row of the same time; they should not prevent a study.
+/// `None` if there are many: the log was probably read wrongly, and calib still refuses it.
 fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<String> {
     let channels = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
     let found =
@@ -125,8 +125,7 @@ fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<String> {
     ))
 }
 
-/// What is said where so many rows were left out, because `data.contradictions` was given, that they are hardly a mistake of the
-/// logger.
+/// Returns a warning if `data.contradictions` left out too many rows for a mistake of the logger.
 pub fn many_left_out(sketch: &Sketch) -> Option<String> {
     let found = Contradicting::of(sketch, sketch.channels.iter());
     let found = found.filter(|found| found.share > FEW_CONTRADICT)?;
@@ -136,7 +135,7 @@ pub fn many_left_out(sketch: &Sketch) -> Option<String> {
     ))
 }
 
-/// The clock that channels are put on which were recorded at times of their own.
+/// The common clock for channels that were recorded at times of their own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
     /// `data.period_secs`.
@@ -146,8 +145,8 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// `None` where rows have values of most channels. Else the median of how often channels were recorded, rounded to what people
-    /// call a period, and ten times the slowest of them as the age at which a value is forgotten.
+    /// Proposes a clock; `None` if rows have values of most channels. The period is the median recording interval of the channels,
+    /// rounded to a usual period. Values expire after ten times the interval of the slowest channels.
     pub fn of(sketch: &Sketch) -> Option<Self> {
         let alive: Vec<&ChannelSketch> =
             sketch.channels.iter().filter(|channel| known(channel) > 0.0).collect();
@@ -155,8 +154,8 @@ impl Clock {
         if alive.len() < 2 || 2 * sparse <= alive.len() {
             return None;
         }
-        // A wide table that is mostly empty may be of plants that were recorded one after the other: then channels are as dense as rows,
-        // where they are.
+        // A mostly empty wide table may hold plants that were recorded one after the other. Each channel then has a value in almost
+        // every row of its own period, and needs no other clock.
         let mut own: Vec<f64> =
             alive.iter().filter_map(|channel| channel.own_period_secs).collect();
         own.sort_by(f64::total_cmp);
@@ -170,12 +169,12 @@ impl Clock {
     }
 }
 
-/// The share of the rows that have a value of a channel.
+/// Returns the share of the rows that have a value of a channel.
 fn known(channel: &ChannelSketch) -> f64 {
     channel.present.iter().sum::<f64>() / channel.present.len().max(1) as f64
 }
 
-/// The nearest of the spans that people count in.
+/// Rounds to the nearest usual period, on a logarithmic scale.
 fn round(secs: f64) -> f64 {
     const NICE: [f64; 22] = [
         0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0,
@@ -230,7 +229,7 @@ mod tests {
         assert_eq!(many_left_out(&log), None);
     }
 
-    /// A channel with a value in one row of so many.
+    /// Returns a channel with a value in one of `rows` rows.
     fn every(rows: usize, offset: usize) -> Channel {
         Box::new(move |row| if row % rows == offset { (row as f64 / 50.0).sin() } else { f64::NAN })
     }

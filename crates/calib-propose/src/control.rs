@@ -4,69 +4,70 @@ use calib_control::{
 
 use crate::{Costs, ProposeError, size::PLANNED};
 
-/// Levels of each column of continuous actions: those of the tasks with a known answer. Our choice.
+/// Levels of each column of continuous actions, as in the tasks with a known answer. Our choice.
 const LEVELS: usize = 7;
-/// Episodes below which runs begin anywhere: in fewer first states agents would meet little of the plant. Our choice.
+/// With fewer episodes than this, runs start at any row: so few first states would cover little of the plant. Our choice.
 const FEW_EPISODES: usize = 10;
-/// Steps of an episode at most: a run of [`MOST_STEPS`] has some fifteen of them. Our choice.
+/// Longest episode in steps: a run of [`MOST_STEPS`] then has some fifteen episodes. Our choice.
 const LONGEST_EPISODE: usize = 1_000;
 const DAY_SECS: f64 = 86_400.0;
-/// The share of episodes that end in a terminal from which on returns are not discounted. Our choice.
+/// Returns are undiscounted if at least this share of the episodes ends in a terminal. Our choice.
 const NEARLY_ALL: f64 = 0.9;
-/// The discount where episodes need not end: that of the membrane plant.
+/// Discount factor where episodes need not end: that of the membrane plant.
 const GAMMA: f64 = 0.99;
-/// The effective horizon of [`GAMMA`], in steps.
+/// Effective horizon of [`GAMMA`], in steps.
 const HORIZON: usize = 100;
-/// Steps of a run: fewer teach agents hardly anything (our choice), and the published protocol has the most (Wang et al. 2022).
+/// Fewest steps of a run: with fewer, agents learn hardly anything (our choice). The most steps are those of the published
+/// protocol (Wang et al. 2022).
 const LEAST_STEPS: usize = 2_000;
 const MOST_STEPS: usize = 15_000;
 
-/// What agents that act are proposed to be, by the log of decisions that they learn from.
+/// Proposed settings of acting agents for a log of decisions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProposedControl {
-    /// `control.timeout` in steps, and why.
+    /// `control.timeout` in steps, and its reason.
     pub timeout: (usize, String),
-    /// `control.start`, and why.
+    /// `control.start` and its reason.
     pub start: (StartRows, String),
-    /// `control.agent.gamma`, and why.
+    /// `control.agent.gamma` and its reason.
     pub gamma: (f64, String),
-    /// What agents learn by.
+    /// Learning algorithm of the agents.
     pub algorithm: Algorithm,
-    /// Why `control.agent.pairs = false`; none where agents have pairs of columns, or the key was given.
+    /// Reason for `control.agent.pairs = false`; `None` if agents have pairs of columns, or the key was given.
     pub without_pairs: Option<String>,
-    /// Standard deviation of recorded returns, in units of reward.
+    /// Standard deviation of the recorded returns, in units of reward.
     pub spread: f64,
-    /// The settings that follow from it.
+    /// The settings that follow from the spread.
     pub settings: ProposedSettings,
 }
 
-/// What was given of agents that act, and is not chosen.
+/// Keys of acting agents that were given and are therefore not proposed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GivenControl {
     /// `control.timeout`, in steps.
     pub timeout: Option<usize>,
     /// `control.agent.gamma`.
     pub gamma: Option<f64>,
-    /// `control.agent.algorithm`; the default where it was not given.
+    /// `control.agent.algorithm`; the default if it was not given.
     pub algorithm: Algorithm,
     /// `control.agent.pairs`.
     pub pairs: Option<bool>,
 }
 
-/// The episodes of a log.
+/// Summary of the episodes of a log.
 struct RecordedEpisodes {
     count: usize,
-    /// Steps of the longest.
+    /// Length of the longest episode in steps.
     longest: usize,
-    /// Those that end in a terminal.
+    /// Number of episodes that end in a terminal.
     terminals: usize,
 }
 
 impl ProposedControl {
-    /// For a log with a decision every `period_secs` seconds.
+    /// Proposes settings for a log with a decision every `period_secs` seconds.
     ///
     /// # Errors
-    /// If no action can be worth more than another.
+    /// If the reward never differs, so that no action can be better than another.
     pub fn for_log(
         log: &Decisions,
         period_secs: f64,
@@ -146,7 +147,7 @@ impl RecordedEpisodes {
         }
     }
 
-    /// What the log consists of where no terminal ends an episode.
+    /// Describes the pieces of a log in which no terminal ends an episode.
     fn pieces(&self) -> String {
         match self.count {
             1 => "the log is one piece, which no terminal ends".to_owned(),
@@ -174,17 +175,18 @@ impl RecordedEpisodes {
     }
 }
 
-/// Whether columns of actions are to be taken for continuous ones where their combinations are `actions` in `steps` steps: each has too
-/// few steps, and levels would make fewer of them. `distinct` counts the values of each column; none where there are very many.
+/// Whether to treat the columns of actions as continuous. The log has `actions` combinations of values in `steps` steps.
+/// They are continuous if each combination has too few steps, and levels would reduce their number.
+/// `distinct` counts the distinct values per column; `None` stands for very many.
 pub fn actions_are_continuous(distinct: &[Option<u32>], actions: usize, steps: usize) -> bool {
     steps < FEW_STEPS * actions
         && distinct.iter().any(|values| values.is_none_or(|values| values as usize > LEVELS))
 }
 
-/// `control.levels` for columns with so many values: the most, up to seven, whose combinations are at most `most_actions`.
+/// Returns `control.levels`: the largest number, up to seven, for which the columns have at most `most_actions` combinations.
 ///
 /// # Errors
-/// If two levels of each column have more.
+/// If even two levels per column have more combinations.
 pub fn action_levels(distinct: &[Option<u32>], most_actions: usize) -> Result<usize, ProposeError> {
     let combinations = |levels: usize| {
         let own =
@@ -197,7 +199,7 @@ pub fn action_levels(distinct: &[Option<u32>], most_actions: usize) -> Result<us
     })
 }
 
-/// `control.steps` of a study that is to be done in `within_secs`: a multiple of a hundred. The least where its costs are not known.
+/// Returns `control.steps` for a study that must end in `within_secs` seconds, as a multiple of 100. Without `costs`: the fewest.
 pub fn control_steps(within_secs: f64, costs: Option<Costs>) -> usize {
     let Some(costs) = costs else { return LEAST_STEPS };
     let affordable = (PLANNED * within_secs - costs.fixed_secs) / costs.agent_step_secs;
@@ -212,7 +214,7 @@ mod tests {
 
     use super::*;
 
-    /// Episodes of so many steps with these rewards, and how each of them ends.
+    /// Returns `episodes` episodes with the given rewards, steps and endings.
     fn log(
         episodes: usize,
         steps: usize,
@@ -260,7 +262,7 @@ mod tests {
         let control = control.expect("lengths differ from each step on");
         assert_eq!((control.timeout.0, control.gamma.0), (30, 1.0));
         assert_eq!(control.start.0, StartRows::Episodes);
-        // Returns of 1 to 30 in equal numbers: a variance of (30² − 1) / 12.
+        // Returns of 1 to 30 occur equally often: their variance is (30² − 1) / 12.
         assert!((control.spread - (899.0_f64 / 12.0).sqrt()).abs() < 1e-9, "{control:?}");
         let settings = ProposedSettings::for_spread(control.spread, &AgentConfig::default(), 1);
         assert_eq!(control.settings, settings);

@@ -6,25 +6,25 @@ use crate::{
     lines::{Lines, number, numbers},
 };
 
-/// A study of agents that act, which explains itself.
+/// A study of acting agents whose comments give the reason for each choice.
 #[derive(Clone, Copy, Debug)]
 pub struct ControlDraft<'a> {
     /// The log.
     pub log: LogDraft<'a>,
-    /// Which of its columns are what.
+    /// Roles of its columns.
     pub columns: &'a DecisionColumns,
-    /// `control.levels`, and why; none where every combination of values is an action.
+    /// `control.levels` and its reason; `None` if every combination of values is an action.
     pub levels: Option<&'a (usize, String)>,
-    /// What follows from the decisions; none as long as they were not read.
+    /// Settings that follow from the decisions; `None` before the decisions are read.
     pub proposed: Option<&'a ProposedControl>,
     /// `control.steps`.
     pub steps: usize,
-    /// Why so many.
+    /// Reason for this number of steps.
     pub steps_reason: &'a str,
 }
 
 impl ControlDraft<'_> {
-    /// The study file.
+    /// Returns the text of the study file.
     pub fn text(&self) -> String {
         let mut text = Lines::default();
         text.comment(
@@ -46,7 +46,8 @@ impl ControlDraft<'_> {
         text.0
     }
 
-    /// All of the part: nothing is held out, because no log can be replayed for agents that act.
+    /// Writes a training range that covers the whole scope. Nothing is held out, because no log can
+    /// be replayed for acting agents.
     fn range(&self, text: &mut Lines) {
         let scope = self.log.scope;
         if !scope.is_part {
@@ -79,7 +80,7 @@ impl ControlDraft<'_> {
     }
 }
 
-/// The default and what is swept.
+/// Writes the default agent and the settings of the sweep.
 fn agents(proposed: &ProposedControl, text: &mut Lines) {
     let ProposedControl { gamma, algorithm, without_pairs, spread, settings, .. } = proposed;
     let has_temperature = algorithm.uses("temperature");

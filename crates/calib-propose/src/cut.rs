@@ -5,31 +5,31 @@ use calib_data::{Sketch, Zone, format_time};
 
 use crate::{ProposeError, Scope};
 
-/// The share of the rows that is held out: enough for several windows, and two thirds are left to learn from.
+/// Share of the rows in the held-out period: enough for several windows, and two thirds are left for training.
 pub const HELD_OUT: f64 = 1.0 / 3.0;
-/// How far from there, in shares of the rows, a better place for the cut may be.
+/// Distance, as a share of the rows, within which a better place for the cut may lie.
 const NEARBY: f64 = 0.08;
-/// A gap of so many periods is a place to cut.
+/// A step of more than this many periods is a gap, and a good place to cut.
 const GAP_PERIODS: f64 = 10.0;
-/// Rows of the log that a study wants at least.
+/// Fewest rows of a log for a study.
 pub(crate) const LEAST: usize = 300;
 
-/// Where the log is cut into what is learnt from and what is held out.
+/// The cut of the log into a training range and a held-out period.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {
-    /// The training range: its first moment, and the first after it.
+    /// The training range: its first moment, and the moment after its last.
     pub train: [Timestamp; 2],
-    /// What is held out, likewise.
+    /// The held-out period: its first moment, and the moment after its last.
     pub held_out: [Timestamp; 2],
-    /// Rows of the two.
+    /// Numbers of rows of the training range and of the held-out period.
     pub rows: [usize; 2],
-    /// Why here.
+    /// Reason for this place.
     pub reason: String,
 }
 
 impl Cut {
-    /// Hold out the last third of the rows (of time it could be anything: sessions may lie months apart), from a gap
-    /// on if one is near, else from midnight, else from a full hour.
+    /// Holds out the last third of the rows. It counts rows and not time, because sessions may lie months apart.
+    /// The held-out period starts after a gap if one is near, otherwise at midnight, otherwise at a full hour.
     ///
     /// # Errors
     /// If there are too few rows.
@@ -59,7 +59,7 @@ impl Cut {
         })
     }
 
-    /// The training range without what lies before its last `rows` rows, of a log with these `timestamps`.
+    /// Keeps the last `rows` rows of the training range, for a log with these `timestamps`.
     #[must_use]
     pub fn shortened(&self, timestamps: &[Timestamp], rows: usize) -> Self {
         let end = timestamps.partition_point(|time| *time < self.train[1]);
@@ -77,7 +77,7 @@ impl Cut {
         shortened
     }
 
-    /// The training range, cut in the same way: what is tried must not have seen what is held out.
+    /// Cuts the training range in the same way. Trials use this cut, because they must not see the held-out period.
     #[must_use]
     pub fn inside(&self, timestamps: &[Timestamp]) -> Self {
         let [start, end] =
@@ -92,13 +92,13 @@ impl Cut {
         }
     }
 
-    /// The rows of each, of a log with these `timestamps`.
+    /// Returns the rows of the training range and of the held-out period, for a log with these `timestamps`.
     pub fn ranges(&self, timestamps: &[Timestamp]) -> [Range<usize>; 2] {
         let at = |moment: Timestamp| timestamps.partition_point(|time| *time < moment);
         [&self.train, &self.held_out].map(|[start, end]| at(*start)..at(*end))
     }
 
-    /// A range as a study of the log has it, on the clock of `zone` if `data.time_zone` says one.
+    /// Writes a range as TOML, on the clock of `zone` if `data.time_zone` gives one.
     pub(crate) fn toml(range: &[Timestamp; 2], zone: Option<&Zone>) -> String {
         let [start, end] = range.map(|time| match zone {
             Some(zone) => zone.written(time),
@@ -108,8 +108,8 @@ impl Cut {
     }
 }
 
-/// Seconds from a row of the scope to the next, on average, with a gap counted as one period. Where rows come at random the period,
-/// which is the median, is shorter.
+/// Returns the mean step between rows of the scope in seconds; a gap counts as one period. Where rows come at random, it is
+/// longer than the period, which is the median.
 pub fn mean_step_secs(sketch: &Sketch, scope: &Scope) -> f64 {
     let times = &sketch.timestamps[scope.rows.clone()];
     let steps = times.windows(2).map(|pair| {
@@ -119,21 +119,21 @@ pub fn mean_step_secs(sketch: &Sketch, scope: &Scope) -> f64 {
     steps.sum::<f64>() / times.len().saturating_sub(1).max(1) as f64
 }
 
-/// Where the held-out range starts.
+/// Start of the held-out period.
 struct Place {
     /// Its first row.
     cut: usize,
-    /// Its first moment: a full hour where that is what was looked for.
+    /// Its first moment: the exact midnight or full hour if the cut is at one.
     start: Timestamp,
-    /// What is said of it.
+    /// Words that describe the place in the reason.
     said: &'static str,
 }
 
-/// Days and hours of a log: those of `data.time_zone`, or of its times as they stand.
+/// Days and hours of a log, in `data.time_zone` or in its own times.
 struct Calendar<'a>(Option<&'a Zone>);
 
 impl Calendar<'_> {
-    /// The row before which it is best to cut.
+    /// Finds the best row to cut before.
     fn place(
         &self,
         times: &[Timestamp],
@@ -152,7 +152,7 @@ impl Calendar<'_> {
                 .filter(|&row| self.unit(times[row], secs) != self.unit(times[row - 1], secs));
             if let Some(cut) = starts.min_by_key(|row| row.abs_diff(aim)) {
                 let round = self.start_of_unit(times[cut], secs);
-                // An hour that clocks show twice starts twice.
+                // When clocks go back, an hour occurs twice and may start before the previous row.
                 let start = round.filter(|start| *start > times[cut - 1]).unwrap_or(times[cut]);
                 return Place { cut, start, said };
             }
@@ -160,13 +160,13 @@ impl Calendar<'_> {
         Place { cut: aim, start: times[aim], said: "" }
     }
 
-    /// Days or hours since 1970.
+    /// Counts days or hours since 1970.
     fn unit(&self, time: Timestamp, secs: i64) -> i64 {
         let wall = self.0.map_or(time.as_micros(), |zone| zone.wall(time));
         wall.div_euclid(secs * 1_000_000)
     }
 
-    /// When the day or hour of `time` starts.
+    /// Returns the moment at which the day or hour of `time` starts.
     fn start_of_unit(&self, time: Timestamp, secs: i64) -> Option<Timestamp> {
         let wall = self.unit(time, secs) * secs * 1_000_000;
         self.0.map_or(Some(wall), |zone| zone.moment(wall)).map(Timestamp::from_micros)

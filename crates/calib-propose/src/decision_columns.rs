@@ -1,20 +1,20 @@
 use crate::{lines::list, written::quoted};
 
-/// The columns of a log of decisions that are no part of the state.
+/// Columns of a log of decisions that are not part of the state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DecisionColumns {
-    /// The columns of the action that was taken in a row.
+    /// Columns of the action taken in a row.
     pub actions: Vec<String>,
-    /// The reward of the step that led to a row.
+    /// Column of the reward for the step that led to a row.
     pub reward: String,
-    /// Not 0 where an episode ended.
+    /// Column that is not 0 where an episode ended.
     pub terminal: Option<String>,
-    /// The probability of the action that was taken.
+    /// Column of the probability of the action taken.
     pub probability: Option<String>,
 }
 
 impl DecisionColumns {
-    /// All of them with the argument of `calib init` that names each.
+    /// Returns all columns, each with the argument of `calib init` that names it.
     pub fn with_arguments(&self) -> impl Iterator<Item = (&'static str, &String)> {
         let actions = self.actions.iter().map(|name| ("--action", name));
         let reward = std::iter::once(("--reward", &self.reward));
@@ -28,7 +28,7 @@ impl DecisionColumns {
         self.with_arguments().any(|(_, own)| own == name)
     }
 
-    /// The keys of `[control]` that name them, each with its value as TOML.
+    /// Returns the keys of `[control]` that name the columns, each with its value as TOML.
     pub fn keys(&self) -> Vec<(&'static str, String)> {
         let actions: Vec<String> = self.actions.iter().map(|name| quoted(name)).collect();
         let mut keys = vec![("actions", list(&actions)), ("reward", quoted(&self.reward))];

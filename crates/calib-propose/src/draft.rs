@@ -8,58 +8,58 @@ use crate::{
     written::{key, quoted},
 };
 
-/// Steps of a rollout at most: enough to look at.
+/// Most steps of a rollout: enough to look at.
 const ROLLOUT_STEPS: usize = 3_000;
-/// Values of a predicted sensor are carried over this share of the horizon at most.
+/// Values of a predicted sensor are filled over at most this share of the horizon.
 const FILLED: f64 = 0.2;
-/// `preprocess.max_missing` is 0.1 by default, and the share that is missing is known roughly.
+/// The share of missing values is known only roughly, so this limit is below the default of `preprocess.max_missing`, 0.1.
 const NEARLY_TOO_MUCH: f64 = 0.08;
-/// Sensors that are named in a comment.
+/// Number of sensors that a comment names.
 const NAMED: usize = 12;
-/// The horizon of a single sensor is told where it is at least so many times longer or shorter than that of the study. (Our choice.)
+/// A comment gives a sensor's own horizon if it is at least this many times longer or shorter than that of the study. (Our choice.)
 const OTHER_HORIZON: f64 = 5.0;
 
-/// A study file that explains itself.
+/// A study file whose comments give the reason for each choice.
 #[derive(Clone, Debug)]
 pub struct Draft<'a> {
     /// The log.
     pub log: LogDraft<'a>,
-    /// Which ranges.
+    /// Training range and held-out period.
     pub cut: &'a Cut,
-    /// `preprocess.subsample`, and why.
+    /// `preprocess.subsample` and its reason.
     pub spacing: (usize, &'a str),
-    /// What to predict.
+    /// Sensors to predict.
     pub sensors: &'a Sensors,
-    /// How far ahead.
+    /// Effective horizon of the predictions.
     pub horizon: Horizon,
-    /// How much.
+    /// Size of the sweep.
     pub size: &'a Size,
-    /// Why this agent.
+    /// Reason for this agent.
     pub agent_reason: &'a str,
-    /// Which simple predictor agents start from, in words; empty where that is not known yet.
+    /// Simple predictor that agents start from, in words; empty while it is unknown.
     pub baseline: &'a str,
-    /// What is said of the size.
+    /// Reason for this size.
     pub size_reason: &'a str,
-    /// What was not chosen here.
+    /// Choices that the user made.
     pub asked: Asked,
 }
 
-/// What the user asked for.
+/// Choices that the user made.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Asked {
-    /// The sensors.
+    /// Whether the user named the sensors.
     pub sensors: bool,
-    /// The horizon, in seconds.
+    /// The horizon in seconds, if the user gave one.
     pub horizon: Option<f64>,
 }
 
 impl Draft<'_> {
-    /// States of the held-out range, about.
+    /// Estimates the number of states in the held-out period.
     fn held_out_states(&self) -> usize {
         self.cut.rows[1] / self.spacing.0
     }
 
-    /// The study file.
+    /// Returns the text of the study file.
     pub fn text(&self) -> String {
         let mut text = Lines::default();
         text.comment("Proposed by `calib init`, which looked at the log and tried agents on it.");
@@ -127,8 +127,8 @@ impl Draft<'_> {
         text.key("subsample", &self.spacing.0.to_string(), self.spacing.1);
     }
 
-    /// What may be missing, where a predicted sensor misses more of the training range than it may by default: its channel would
-    /// be dropped, and no study could be made.
+    /// Returns `preprocess.max_missing` and its reason, if a predicted sensor misses more of the training range than the default
+    /// allows. Otherwise its channel would be dropped, and there would be no study.
     fn max_missing(&self) -> Option<(f64, String)> {
         let Self { log: LogDraft { sketch, .. }, cut, .. } = self;
         let start = sketch.timestamps.partition_point(|time| *time < cut.train[0]);
@@ -137,14 +137,14 @@ impl Draft<'_> {
         let all = predicted.map(|&channel| (self.missing(channel, &train), channel));
         let (share, channel) = all.max_by(|one, other| one.0.total_cmp(&other.0))?;
         (share > NEARLY_TOO_MUCH).then(|| {
-            // Spikes become missing as well, and parts of the log are known in shares.
+            // The margin allows for spikes, which become missing, and for shares that are only known per bin.
             let limit = ((share + 0.03) * 20.0).ceil().min(20.0) / 20.0;
             let name = &sketch.channels[channel].name;
             (limit, format!("{name} misses {:.0} % of the training range", 100.0 * share))
         })
     }
 
-    /// The share of the rows `train` that have no value of a channel.
+    /// Returns the share of the rows `train` that have no value of a channel.
     fn missing(&self, channel: usize, train: &Range<usize>) -> f64 {
         let sketch = self.log.sketch;
         let bins = sketch.bins.iter().zip(&sketch.channels[channel].present);
@@ -155,8 +155,8 @@ impl Draft<'_> {
         missing.sum::<f64>() / train.len().max(1) as f64
     }
 
-    /// How far values are carried; those of a sensor that is predicted only over a small part of the horizon, because the agent would predict
-    /// what was filled in.
+    /// Returns the fill limit in rows and its reason. Values of a predicted sensor are filled only over a small part of the horizon.
+    /// Otherwise the agent would predict filled values.
     fn fill_limit(&self) -> (usize, String) {
         let (limit, why) = &self.log.cleaning.fill_limit;
         let rows = (self.horizon.states * self.spacing.0 as f64 * FILLED) as usize;
@@ -229,13 +229,13 @@ impl Draft<'_> {
         );
     }
 
-    /// `agent.gammas` as a comment, where the autocorrelation of a sensor lasts much longer or shorter than the horizon.
+    /// Writes `agent.gammas` as a comment, if the autocorrelation of a sensor lasts much longer or shorter than the horizon.
     fn gammas(&self, text: &mut Lines) {
         let Self { log: LogDraft { sketch, .. }, sensors, size, .. } = self;
-        // The horizon may be of longer runs, which had no time.
+        // The horizon may have been proposed for longer runs, for which there was no time.
         let steps = size.steps.max(self.horizon.least_steps());
         let ahead = |sensors: &[usize]| horizon(sketch, sensors, self.spacing.0, steps);
-        // A horizon that was asked for or halved does not follow from autocorrelation.
+        // A horizon that the user gave, or that was halved, does not follow from the autocorrelation.
         let is_shorter = self.horizon.is_shorter_than(ahead(&sensors.proposed).secs);
         if self.asked.horizon.is_some() || is_shorter {
             return;
@@ -325,7 +325,7 @@ impl Draft<'_> {
     }
 }
 
-/// A span of time in the unit that suits it.
+/// Formats a time span in a suitable unit.
 fn span(secs: f64) -> String {
     let (size, unit) = match secs {
         secs if secs >= 2.0 * 86_400.0 => (86_400.0, "days"),
@@ -347,7 +347,7 @@ mod tests {
         testing::{sketch, wave},
     };
 
-    /// The text of a study of `log` that predicts these sensors, with states `spacing` rows apart.
+    /// Returns the text of a study of `log` that predicts these sensors, with states `spacing` rows apart.
     fn drafted(log: &Sketch, sensors: &Sensors, spacing: usize) -> String {
         drafted_with(log, sensors, spacing, ProposedModel::None, 1_000)
     }

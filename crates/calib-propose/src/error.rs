@@ -1,4 +1,4 @@
-/// Why no study can be proposed.
+/// Reason why no study can be proposed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProposeError {
     /// No channel can be used.
@@ -12,15 +12,15 @@ pub enum ProposeError {
          with data.path"
     )]
     NothingMoves,
-    /// A sensor that was asked for cannot be predicted.
+    /// A sensor that the user named cannot be predicted.
     #[error("--sensor {name}: {why}, so it cannot be predicted")]
     OfNoUse {
         /// The sensor.
         name: String,
-        /// Why not.
+        /// The reason.
         why: String,
     },
-    /// Sensors that were asked for are not there at the same time.
+    /// The sensors that the user named never have values at the same time.
     #[error(
         "--sensor: no stretch of the log has nine tenths of the values of {}; `calib inspect` shows what each misses: choose others, \
          or name a denser part of the log with data.path",
@@ -38,23 +38,23 @@ pub enum ProposeError {
     NothingToGain {
         /// The reward.
         reward: f32,
-        /// What is said of terminals.
+        /// Words about terminals, for the message.
         beside: &'static str,
     },
-    /// Columns of actions have too many combinations, however few levels they have.
+    /// Columns of actions have too many combinations, even with two levels each.
     #[error(
         "{columns} columns of actions have {combinations} combinations of two levels each, and a study has {most_actions} actions at most: name \
          fewer with --action, or raise control.most_actions with --set"
     )]
     TooManyActions {
-        /// Columns of actions.
+        /// Number of columns of actions.
         columns: usize,
-        /// Combinations of two levels of each.
+        /// Number of combinations with two levels per column.
         combinations: usize,
-        /// The most actions.
+        /// Largest allowed number of actions.
         most_actions: usize,
     },
-    /// There is too little.
+    /// The log is too short.
     #[error(
         "the log has {rows} rows that could be used, and a study wants {least} at least; {}",
         if *have_own_times {
@@ -64,9 +64,9 @@ pub enum ProposeError {
         }
     )]
     TooShort {
-        /// Usable rows.
+        /// Number of usable rows.
         rows: usize,
-        /// The fewest.
+        /// Fewest rows for a study.
         least: usize,
         /// Whether most rows have a value of only one of several tags.
         have_own_times: bool,

@@ -2,11 +2,11 @@ use toml::{Table, Value};
 
 use crate::written::{key as key_of, quoted};
 
-/// What stands behind a value that somebody gave.
+/// Comment after a value that the user gave.
 const GIVEN: &str = "# given";
 
-/// A study with keys that were given as `section.key=value`: each in its section, in the place of what stood there. A table takes the
-/// place of a section with all sections in it.
+/// Sets keys that the user gave as `section.key=value` in the text of a study. Each key replaces the line of the same key in its
+/// section. A table replaces a whole section with all its subsections.
 pub fn with_given(text: &str, given: &[String]) -> String {
     given.iter().fold(text.to_owned(), |text, one| match one.split_once('=') {
         Some((key, value)) => with(&text, key.trim(), value.trim()),
@@ -32,7 +32,7 @@ fn with(text: &str, path: &str, value: &str) -> String {
         line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('='))
     }) {
         let at = start + at;
-        // A list over several lines ends with its bracket.
+        // A list over several lines ends at its bracket.
         let rows = if lines[at].trim_end().ends_with('[') {
             lines[at..end].iter().position(|line| line.trim() == "]").unwrap_or(0)
         } else {
@@ -48,7 +48,7 @@ fn with(text: &str, path: &str, value: &str) -> String {
     all.join("\n") + "\n"
 }
 
-/// The study with the table `value` as the section `path`; none if the study has no such section, or the value is no table.
+/// Replaces the section `path` by the table `value`; `None` if the study has no such section, or the value is not a table.
 fn with_table(text: &str, path: &str, value: &str) -> Option<String> {
     let Some(Value::Table(table)) = parsed(value) else { return None };
     let mut all: Vec<String> = Vec::new();
@@ -64,7 +64,7 @@ fn with_table(text: &str, path: &str, value: &str) -> Option<String> {
             let keys = table.iter();
             all.extend(keys.map(|(key, value)| format!("{} = {value}  {GIVEN}", key_of(key))));
         }
-        // What separates sections stays.
+        // Blank lines between sections stay.
         if !is_replaced || line.is_empty() {
             all.push(line.to_owned());
         }
@@ -72,14 +72,14 @@ fn with_table(text: &str, path: &str, value: &str) -> Option<String> {
     is_written.then(|| all.join("\n") + "\n")
 }
 
-/// Whether a line begins the section `path`, or one in it.
+/// Whether a line is the header of the section `path` or of one of its subsections.
 fn is_header_inside(line: &str, path: &str) -> bool {
     let name = line.trim().strip_prefix('[').and_then(|line| line.strip_suffix(']'));
     let rest = name.and_then(|name| name.strip_prefix(path));
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// The first line of a section: below its header, or for keys without a section below the comments at the top.
+/// Finds the first line of a section: below its header, or below the comments at the top for keys without a section.
 fn start_of(lines: &[&str], section: &str, header: &str) -> Option<usize> {
     if section.is_empty() {
         return Some(lines.iter().take_while(|line| line.starts_with('#')).count());
@@ -87,12 +87,12 @@ fn start_of(lines: &[&str], section: &str, header: &str) -> Option<usize> {
     lines.iter().position(|line| line.trim() == header).map(|at| at + 1)
 }
 
-/// A value as TOML has it: as it is if it is TOML, else as text.
+/// Returns the value unchanged if it is TOML, otherwise as a TOML string.
 fn toml(value: &str) -> String {
     if parsed(value).is_some() { value.to_owned() } else { quoted(value) }
 }
 
-/// A value, if it is TOML.
+/// Parses a value as TOML; `None` if it is not TOML.
 pub(crate) fn parsed(value: &str) -> Option<Value> {
     toml::from_str::<Table>(&format!("value = {value}")).ok()?.remove("value")
 }

@@ -1,28 +1,28 @@
 use calib_data::Sketch;
 
-/// A return looks as far ahead as half of the autocorrelation of its sensor is left.
+/// The horizon ends where the autocorrelation of the sensor falls below this value.
 const LEFT: f64 = 0.5;
-/// States ahead, at least and at most.
+/// Shortest and longest horizon in states.
 const STATES: (f64, f64) = (5.0, 50.0);
-/// The horizon is at most this share of a run: an agent that begins with nothing sees each return as often as that.
+/// Longest horizon as a share of a run: an agent that starts from scratch then sees about 100 returns.
 const SHARE: f64 = 1.0 / 100.0;
 
-/// How far ahead agents predict.
+/// Effective horizon of the predictions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Horizon {
-    /// In seconds.
+    /// Length in seconds.
     pub secs: f64,
-    /// In states.
+    /// Length in states.
     pub states: f64,
     /// `agent.gamma`, which is `1 - 1 / states`.
     pub gamma: f64,
 }
 
 impl Horizon {
-    /// Of so many seconds, where states are `spacing_secs` apart.
+    /// Creates a horizon of `secs` seconds, for states `spacing_secs` apart. Rounds gamma.
     pub fn new(secs: f64, spacing_secs: f64) -> Self {
         let states = (secs / spacing_secs).max(1.0);
-        // Three digits of what is left to 1 are more than anybody can tell.
+        // Further digits of `1 - gamma` have no practical effect.
         let rest = 1.0 / states;
         let digits = (1.0 - rest.log10().floor()).max(2.0);
         let scale = 10_f64.powf(digits);
@@ -30,19 +30,19 @@ impl Horizon {
         Self { secs: spacing_secs / (1.0 - gamma).max(1e-9), states: 1.0 / (1.0 - gamma), gamma }
     }
 
-    /// Whether it is shorter than `secs` by more than rounding.
+    /// Whether it is shorter than `secs` by more than rounding can explain.
     pub fn is_shorter_than(&self, secs: f64) -> bool {
         self.secs < 0.8 * secs
     }
 
-    /// Steps of the shortest runs that it is proposed for.
+    /// Returns the fewest steps of a run for which this horizon is proposed.
     pub(crate) fn least_steps(&self) -> usize {
         (self.states / SHARE).round() as usize
     }
 }
 
-/// The median, over the sensors, of the time at which half of their autocorrelation is left, within what runs of `steps` states
-/// allow. (Our choice: nearer, a sensor predicts itself; further, nothing does.)
+/// Proposes the median, over the sensors, of the time at which the autocorrelation falls below a half, within the limits for
+/// runs of `steps` states. (Our choice: at a shorter horizon a sensor predicts itself; at a longer one nothing predicts it.)
 pub fn horizon(sketch: &Sketch, sensors: &[usize], spacing: usize, steps: usize) -> Horizon {
     let mut all: Vec<f64> = sensors
         .iter()

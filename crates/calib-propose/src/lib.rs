@@ -1,22 +1,21 @@
-//! What to put into a study of a log that nobody has looked at yet: pure functions from measurements to choices, each with its
-//! reason in words.
+//! Proposals for a study of an unknown log: pure functions from measurements to choices, each with its reason in words.
 //!
-//! - [`Scope`]: which part of the log, and which channels of it.
-//! - [`Angle`]: which channels are angles.
-//! - [`Cut`]: the training range and what is held out, by rows.
-//! - [`Cleaning`]: what counts as a gap, and how far values are carried.
-//! - [`spacing_by_log`]: from one state to the next; [`spacings`] are those among which trial models decide where these choose.
-//! - [`Sensors`]: which to predict.
-//! - [`horizon`]: how far ahead.
-//! - [`choose_agent`]: what learns, by what was tried.
-//! - [`ProposedModel`]: whether the study has a model, by what was asked for.
-//! - [`Size`]: how long and how often, to end within a time.
-//! - [`Draft`]: the study file with a comment for each of these; [`with_given`] what the user said beside it.
-//! - [`ProposedControl`], [`action_levels`], [`control_steps`]: the same for agents that act, on a log whose [`DecisionColumns`] are named;
-//!   [`ControlDraft`] is their study file.
+//! - [`Scope`]: the part of the log, and its channels.
+//! - [`Angle`]: the channels that are angles.
+//! - [`Cut`]: the training range and the held-out period, by rows.
+//! - [`Cleaning`]: the gap tolerance and the fill limit.
+//! - [`spacing_by_log`]: the distance between states. [`spacings`] lists the distances among which trial models decide.
+//! - [`Sensors`]: the sensors to predict.
+//! - [`horizon`]: the effective horizon of the predictions.
+//! - [`choose_agent`]: the agent, chosen by trials.
+//! - [`ProposedModel`]: whether the study has a model, by the keys that the user gave.
+//! - [`Size`]: the length and number of training runs that fit in the given time.
+//! - [`Draft`]: the study file with a comment for each choice; [`with_given`] adds the keys that the user gave.
+//! - [`ProposedControl`], [`action_levels`], [`control_steps`]: the choices for acting agents, on a log with named
+//!   [`DecisionColumns`]; [`ControlDraft`] is their study file.
 //!
-//! The measurements are a [`Sketch`](calib_data::Sketch) of the log, and times that the caller took. The numbers of the rules
-//! are our choices, if nothing else is said.
+//! The measurements are a [`Sketch`](calib_data::Sketch) of the log, and times that the caller measured. The numbers in the rules
+//! are our choices, unless a comment says otherwise.
 //!
 //! ```
 //! use calib_propose::Horizon;

@@ -2,14 +2,14 @@ use std::fmt::Write as _;
 
 use crate::written::comment;
 
-/// The column in which comments begin, where there is room.
+/// Column in which comments begin, if the line is shorter.
 const COMMENTS: usize = 44;
-/// Numbers from here on are written with an exponent. Our choice, within the 64 bits that whole numbers of TOML may have.
+/// Numbers from here on have an exponent. Our choice, within the 64 bits of TOML integers.
 const LARGE: f64 = 1e15;
-/// Numbers below this one are written with an exponent. Our choice.
+/// Numbers below this one have an exponent. Our choice.
 const SMALL: f64 = 1e-5;
 
-/// Text that grows by lines.
+/// Text that is built line by line.
 #[derive(Default)]
 pub(crate) struct Lines(pub(crate) String);
 
@@ -42,8 +42,8 @@ impl Lines {
     }
 }
 
-/// As TOML, without a fraction where there is none. Large and small numbers have an exponent: whole numbers of TOML have at most 64 bits,
-/// and nobody counts zeros.
+/// Formats a number as TOML; whole numbers have no fraction. Large and small numbers have an exponent: TOML integers have at most
+/// 64 bits, and long rows of zeros are hard to read.
 pub(crate) fn number(value: f64) -> String {
     let size = value.abs();
     if size >= LARGE || (size > 0.0 && size < SMALL) {
@@ -53,12 +53,12 @@ pub(crate) fn number(value: f64) -> String {
     }
 }
 
-/// A list of values that are written already.
+/// Formats a list of values that are TOML already.
 pub(crate) fn list(values: &[String]) -> String {
     format!("[{}]", values.join(", "))
 }
 
-/// A list of numbers.
+/// Formats a list of numbers.
 pub(crate) fn numbers(values: impl IntoIterator<Item = f64>) -> String {
     list(&values.into_iter().map(number).collect::<Vec<_>>())
 }

@@ -8,7 +8,7 @@ use crate::{
     written::{key, quoted},
 };
 
-/// How `data.exclude` names the channels that are left out.
+/// Returns the entries of `data.exclude` for the channels that are left out.
 fn entries(scope: &Scope, sketch: &Sketch) -> Vec<String> {
     let channels: HashSet<&str> =
         sketch.channels.iter().map(|channel| channel.name.as_str()).collect();
@@ -16,34 +16,34 @@ fn entries(scope: &Scope, sketch: &Sketch) -> Vec<String> {
     names.map(|name| entry_of(name, |name| channels.contains(name))).collect()
 }
 
-/// `data.exclude` as TOML: the entries that were given, and the channels that are left out besides.
+/// Returns `data.exclude` as TOML: the given entries, then the channels that are left out.
 pub fn exclusions(given: &[String], scope: &Scope, sketch: &Sketch) -> String {
     let entries = entries(scope, sketch);
     let all: Vec<String> = given.iter().chain(&entries).map(|entry| quoted(entry)).collect();
     list(&all)
 }
 
-/// `[data]` of a study that explains itself, but for its ranges.
+/// The `[data]` section of a proposed study with the reasons, except for its ranges.
 #[derive(Clone, Copy, Debug)]
 pub struct LogDraft<'a> {
-    /// What was looked at.
+    /// Measurements of the log.
     pub sketch: &'a Sketch,
-    /// `data.path`, as the study has it.
+    /// `data.path` in the study.
     pub path: &'a str,
-    /// Which part and which channels.
+    /// The part of the log, and its channels.
     pub scope: &'a Scope,
-    /// What counts as a gap.
+    /// Gap tolerance, fill limit and contradictory rows.
     pub cleaning: &'a Cleaning,
-    /// Numbers that stand for a missing value; none where the user named them.
+    /// Numbers that stand for a missing value; empty if the user named them.
     pub missing_values: &'a [Sentinel],
-    /// Which channels are angles; none where the user named them.
+    /// Channels that are angles; empty if the user named them.
     pub angles: &'a [Angle],
-    /// On which clock, if channels have clocks of their own.
+    /// The common clock, if channels have clocks of their own.
     pub clock: Option<Clock>,
 }
 
 impl LogDraft<'_> {
-    /// Write it, with the keys of its `ranges`.
+    /// Writes the section; `ranges` writes the keys of the ranges.
     pub(crate) fn write(&self, text: &mut Lines, ranges: impl FnOnce(&mut Lines)) {
         let Self { sketch, scope, .. } = self;
         text.section("data");
@@ -95,7 +95,7 @@ impl LogDraft<'_> {
         self.write_angles(text);
     }
 
-    /// A table of their own, in which each has its reason.
+    /// Writes the angles as a table of their own, each with its reason.
     fn write_angles(&self, text: &mut Lines) {
         if self.angles.is_empty() {
             return;

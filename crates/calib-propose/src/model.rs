@@ -2,31 +2,31 @@ use toml::Value;
 
 use crate::given::parsed;
 
-/// Members of an ensemble.
+/// Number of ensemble members.
 const MEMBERS: usize = 5;
 
-/// Sections of a study that only one with a model has. Fine-tuning is among them: how an agent goes on long after it was trained, a model
-/// of what the plant has been like since can tell, and the replayed log cannot.
+/// Sections that only a study with a model has. Fine-tuning (`pretrain`) is among them: only a model of the plant's recent behaviour
+/// shows how an agent performs long after its training. Log replay cannot show it.
 const SECTIONS: [&str; 5] = ["representation", "dynamics", "rollout", "models", "pretrain"];
 
-/// Keys of `[sweep]` that say how much is run in a model.
+/// Keys of `[sweep]` for runs in a model.
 const SWEEP_KEYS: [&str; 3] = ["member_runs", "network_runs", "start"];
 
-/// Rules that choose by the replayed log.
+/// Selection rules that use log replay.
 const RULES_OF_THE_LOG: [&str; 2] = ["log_replay", "one_standard_error"];
 
-/// Whether a study that `calib init` proposes has a model. Agents that only predict are chosen on the replayed log as well as by any
+/// Whether a study that `calib init` proposes has a model. For agents that only predict, log replay chooses as well as any
 /// model: docs/validity.md.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProposedModel {
-    /// The replayed log decides.
+    /// No model: log replay decides.
     None,
-    /// An ensemble of neighbours, because something was asked for that only a model can do.
+    /// An ensemble of neighbours, because a given key needs a model.
     Ensemble,
 }
 
 impl ProposedModel {
-    /// For a study with these keys, `SECTION.KEY=VALUE`: none, unless one of them is about a model.
+    /// Chooses for a study with these keys, `SECTION.KEY=VALUE`: no model, unless a key is about a model.
     pub fn for_given(given: &[String]) -> Self {
         let keys = given.iter().filter_map(|text| {
             let (key, value) = text.split_once('=')?;
@@ -44,7 +44,7 @@ impl ProposedModel {
         model
     }
 
-    /// Members of the model.
+    /// Returns the number of members of the model.
     pub(crate) const fn members(self) -> usize {
         match self {
             Self::None => 0,
@@ -52,7 +52,7 @@ impl ProposedModel {
         }
     }
 
-    /// Runs in each of its members, of so many that are wanted.
+    /// Returns the number of runs per member: `wanted`, or 0 without a model.
     pub(crate) const fn runs(self, wanted: usize) -> usize {
         match self {
             Self::None => 0,
@@ -61,7 +61,7 @@ impl ProposedModel {
     }
 }
 
-/// Whether a key asks for what only a model can do.
+/// Whether a key needs a model.
 fn is_about_a_model(key: &str, value: &str) -> bool {
     match key.split_once('.') {
         Some(("model", key)) => key != "period",
@@ -73,7 +73,7 @@ fn is_about_a_model(key: &str, value: &str) -> bool {
     }
 }
 
-/// A value without the quotes that it may have.
+/// Removes the quotes of a value, if it has any.
 fn plain(value: &str) -> String {
     parsed(value).as_ref().and_then(Value::as_str).unwrap_or(value).to_owned()
 }

@@ -4,49 +4,49 @@ use calib_data::{ChannelSketch, Sketch, is_same};
 
 use crate::{ProposeError, cut::LEAST};
 
-/// A channel is in a part of the log if it has a value in this share of its rows at least: `preprocess.max_missing` at its default.
+/// A part of the log has a channel if at least this share of the rows has a value: the default of `preprocess.max_missing`.
 const PRESENT: f64 = 0.9;
-/// A channel of which this share of changes go the same way is a total.
+/// A channel is a total if this share of its changes goes in one direction.
 const ONE_WAY: f64 = 0.999;
 
-/// Which part of the log a study is about, and with which channels.
+/// The part of the log that a study uses, and its channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scope {
-    /// Rows of the sketch.
+    /// Range of rows of the sketch.
     pub rows: Range<usize>,
-    /// Positions of the channels that are used.
+    /// Positions of the used channels.
     pub channels: Vec<usize>,
-    /// The others.
+    /// The unused channels.
     pub left_out: Vec<LeftOut>,
-    /// Whether there are rows outside.
+    /// Whether the log has rows outside this part.
     pub is_part: bool,
 }
 
 /// A channel that is not used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// Its name.
+    /// Name of the channel.
     pub name: String,
-    /// Why not.
+    /// The reason.
     pub why: LeftOutReason,
 }
 
-/// Why a channel is left out.
+/// Reason why a channel is left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LeftOutReason {
-    /// It has no value there.
+    /// It has no value in this part.
     Empty,
-    /// It never changes there.
+    /// It never changes in this part.
     Constant,
     /// It moves in one direction.
     Total,
     /// It moves in one direction, by equal steps.
     Clock,
-    /// It moves in one direction, and starts anew now and then.
+    /// It moves in one direction, and restarts from time to time.
     Restarting,
     /// It is an angle.
     Angle,
-    /// It misses too much; the share that is missing.
+    /// It misses too many values; holds the share that is missing.
     Missing(f64),
 }
 
@@ -74,11 +74,11 @@ impl fmt::Display for LeftOutReason {
 }
 
 impl Scope {
-    /// The part of the log, in whole bins, and the channels that together hold most: of each part, with the channels that
-    /// are there in nine of ten of its rows, `rows x share of rows with all of them x √channels` is largest.
+    /// Chooses the part of the log, in whole bins, that contains most information. A part has the channels with values in nine of
+    /// ten of its rows. Its worth is `rows x share of rows with all of them x √channels`.
     ///
-    /// A channel more is worth less than the one before, because plants of a hundred sensors have no hundred degrees of freedom;
-    /// the square root is our choice.
+    /// Each further channel adds less, because a plant of a hundred sensors has far
+    /// fewer degrees of freedom. The square root is our choice.
     ///
     /// # Errors
     /// If no channel is left.
@@ -86,10 +86,10 @@ impl Scope {
         Self::with(sketch, &[])
     }
 
-    /// The same among the parts in which all of the channels at these positions are there and move.
+    /// Chooses as [`Scope::of`] does, among the parts in which all channels at the positions `wanted` have values and move.
     ///
     /// # Errors
-    /// If no channel is left, or one of these is of no use, or they are never there together.
+    /// If no channel is left, a wanted channel is unusable, or the wanted channels never have values together.
     pub fn with(sketch: &Sketch, wanted: &[usize]) -> Result<Self, ProposeError> {
         for &channel in wanted {
             let sketched = &sketch.channels[channel];
@@ -105,7 +105,7 @@ impl Scope {
             .filter(|&channel| unusable(&sketch.channels[channel]).is_none())
             .collect();
         let mut best: Option<(f64, Range<usize>, Vec<usize>)> = None;
-        // Narrower parts first: rows that add nothing are not taken.
+        // Narrow parts come first, so that rows without a benefit are not added.
         for width in 1..=bins {
             for start in 0..=bins - width {
                 let part = start..start + width;
@@ -141,22 +141,22 @@ impl Scope {
     }
 }
 
-/// Rows of a range that lack a value of a channel for a long time, and are left out therefore.
+/// Rows of a range that lack values of a channel for a long time, and are therefore left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lacking {
-    /// About how many.
+    /// Approximate number of rows.
     pub rows: usize,
-    /// The channel that lacks most.
+    /// The channel that lacks most rows.
     pub channel: String,
 }
 
-/// A bin that misses a smaller share of a channel's values misses them here and there: these are filled.
+/// Bins that miss a smaller share of a channel's values have short runs of missing values, which are filled.
 const LEAST_LEFT_OUT: f64 = 0.1;
-/// Fewer rows of a range, as a share, are not worth a word.
+/// A smaller share of a range is not reported.
 const LEAST_LACKING: f64 = 0.05;
 
 impl Lacking {
-    /// Of the rows `range` of a sketch; `None` where hardly any lacks a value.
+    /// Measures the rows `range` of a sketch; `None` if hardly any row lacks a value.
     pub fn of(sketch: &Sketch, scope: &Scope, range: &Range<usize>) -> Option<Self> {
         let channels = scope.channels.iter();
         let most = channels.map(|&channel| (missing_rows(sketch, channel, range), channel));
@@ -168,7 +168,7 @@ impl Lacking {
     }
 }
 
-/// Rows of `range` that lack a value of a channel, without those that are filled.
+/// Estimates the rows of `range` that lack a value of a channel, without those that are filled.
 fn missing_rows(sketch: &Sketch, channel: usize, range: &Range<usize>) -> f64 {
     let present = sketch.bins.iter().zip(&sketch.channels[channel].present);
     present
@@ -180,7 +180,7 @@ fn missing_rows(sketch: &Sketch, channel: usize, range: &Range<usize>) -> f64 {
         .sum()
 }
 
-/// Why no channel of any part can be used.
+/// Returns the error for a log of which no channel can be used in any part.
 fn nothing(sketch: &Sketch) -> ProposeError {
     let rows = sketch.timestamps.len();
     let of_no_use = sketch
@@ -207,7 +207,7 @@ fn nothing(sketch: &Sketch) -> ProposeError {
     ProposeError::NoChannel(said)
 }
 
-/// Why a channel is of no use anywhere.
+/// Returns the reason why a channel cannot be used in any part.
 fn unusable(channel: &ChannelSketch) -> Option<LeftOutReason> {
     let Some([low, high]) = channel.range else { return Some(LeftOutReason::Empty) };
     if is_same(low, high) {
@@ -217,7 +217,7 @@ fn unusable(channel: &ChannelSketch) -> Option<LeftOutReason> {
         return Some(LeftOutReason::Angle);
     }
     let one_way = channel.rises >= ONE_WAY || channel.rises <= 1.0 - ONE_WAY;
-    // A clock that starts anew at midnight goes back once a day.
+    // A clock that restarts at midnight goes back once a day.
     match (channel.counts_on_evenly(), one_way, channel.restarts) {
         _ if !channel.has_many_values() => None,
         (true, ..) => Some(LeftOutReason::Clock),
@@ -227,12 +227,12 @@ fn unusable(channel: &ChannelSketch) -> Option<LeftOutReason> {
     }
 }
 
-/// The share of the rows of some bins that have a value of a channel.
+/// Returns the share of the rows of some bins that have a value of a channel.
 fn share(channel: &ChannelSketch, part: &Range<usize>) -> f64 {
     channel.present[part.clone()].iter().sum::<f64>() / part.len() as f64
 }
 
-/// What a part of the log is worth, and the channels that make it so.
+/// Returns the worth of a part of the log, and its channels.
 fn worth(sketch: &Sketch, usable: &[usize], part: Range<usize>) -> Option<(f64, Vec<usize>)> {
     let rows: usize = sketch.bins[part.clone()].iter().map(Range::len).sum();
     let moving = usable.iter().copied().filter(|&channel| {
@@ -243,7 +243,7 @@ fn worth(sketch: &Sketch, usable: &[usize], part: Range<usize>) -> Option<(f64, 
     if channels.is_empty() {
         return None;
     }
-    // A row counts if all of its channels are there: at most as many as have the rarest of them, in each bin.
+    // A row counts if it has all channels. The rarest channel of a bin gives an upper limit for such rows.
     let complete: f64 = part
         .clone()
         .map(|bin| {
@@ -272,7 +272,7 @@ mod tests {
         assert_eq!((scope.rows, scope.channels, scope.is_part), (0..6_400, vec![0, 1], false));
     }
 
-    /// Why a log of one channel cannot be used.
+    /// Returns the error for a log of one channel.
     fn refused(rows: usize, name: &str, values: Channel) -> ProposeError {
         Scope::of(&sketch(rows, &[(name, values)])).expect_err("nothing can be used")
     }
@@ -282,7 +282,7 @@ mod tests {
         let short = refused(2, "A", wave(40.0));
         let expected = ProposeError::TooShort { rows: 2, least: LEAST, have_own_times: false };
         assert_eq!(short, expected);
-        // The same rows of two tags that were never recorded together.
+        // Two tags on the same rows that never have values together.
         let alternately: [(&str, Channel); 2] = [
             ("A", Box::new(|row| if row % 3 == 0 { f64::NAN } else { row as f64 % 7.0 })),
             ("B", Box::new(|row| if row % 3 == 0 { row as f64 % 5.0 } else { f64::NAN })),
@@ -319,7 +319,7 @@ mod tests {
                 ("still", Box::new(|_| 5.0)),
                 ("dead", Box::new(|_| f64::NAN)),
                 ("switch", Box::new(|row| if row > 3_000 { 1.0 } else { 0.0 })),
-                // It wraps seldom, so that nearly all of its changes go up.
+                // The counter wraps rarely, so that nearly all changes are positive.
                 ("counter", Box::new(|row| (17.0 * row as f64 + (row % 3) as f64) % 65_536.0)),
             ],
         );
@@ -393,7 +393,7 @@ mod tests {
         assert!(never.contains("seldom and first"), "{never}");
     }
 
-    /// A wave that is recorded in these rows only.
+    /// Returns a wave that has values in these rows only.
     fn between(start: usize, end: usize, length: f64) -> Channel {
         Box::new(
             move |row| {

@@ -4,41 +4,42 @@ use calib_data::{ChannelSketch, Sketch};
 
 use crate::{ProposeError, Scope};
 
-/// Sensors that are proposed.
+/// Number of proposed sensors.
 const PROPOSED: usize = 3;
-/// Fewer distinct values are a mode, not a measurement.
+/// A channel with fewer distinct values is a mode, not a measurement.
 const FEW: u32 = 20;
-/// A sensor that rests in more than this share of steps has little to predict.
+/// A sensor that is unchanged in more than this share of steps gives little to predict.
 const MOST_RESTING: f64 = 0.95;
-/// The share of the bins in which a sensor has to move.
+/// Smallest share of bins in which a sensor must move.
 const LEAST_MOVING: f64 = 0.9;
-/// A sensor of less autocorrelation from row to row is mostly noise.
+/// A sensor with less autocorrelation from row to row is mostly noise.
 const LEAST_AUTOCORRELATION: f64 = 0.3;
 
-/// What is left of the worth of a sensor that no other channel explains, such as the weather.
+/// Factor on the worth of a sensor that no other channel explains, such as the weather.
 const UNEXPLAINED: f64 = 0.4;
-/// What is left of the worth of a sensor whose unit changed: it is proposed where there is no other.
+/// Factor on the worth of a sensor whose unit changed: it is proposed only if there is no other.
 const OTHER_UNIT: f64 = 0.01;
-/// A sensor stays where it has been if it does so in this share of the last third.
+/// Smallest share of the last third in which a sensor must stay within its earlier range.
 const STAYING: f64 = 0.9;
-/// Channels that are compared with each other.
+/// Number of channels that are compared with each other.
 const COMPARED: usize = 64;
-/// Channels at most that explain another one.
+/// Largest number of channels that explain another channel.
 const EXPLAINING: usize = 4;
 
-/// Which sensors to predict.
+/// The sensors to predict.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensors {
-    /// Those that are proposed, as positions of channels.
+    /// Positions of the proposed channels.
     pub proposed: Vec<usize>,
-    /// Others that could be, the best first.
+    /// Positions of other possible channels, the best first.
     pub others: Vec<usize>,
 }
 
 impl Sensors {
-    /// Three channels that move throughout, are more than noise from one row to the next, stay in what is held out where they have
-    /// been before, are explained by other channels rather than by nothing that is in the log, and are as unlike each other as can be: the first is the one that rests least, each further one has the
-    /// smallest correlation with those before. The sine or the cosine of an angle is none of them.
+    /// Chooses up to three sensors. The sine or the cosine of an angle is never chosen.
+    /// Every sensor must move throughout. Better sensors rest less, are more than noise from row to row, stay in the held-out third
+    /// within their earlier range, and are explained by other channels of the log.
+    /// The first sensor is the best one. Each further one also has a small correlation with those chosen before.
     ///
     /// # Errors
     /// If no channel moves throughout.
@@ -49,7 +50,7 @@ impl Sensors {
                 rows.start >= scope.rows.start && rows.end <= scope.rows.end
             })
             .collect();
-        // The last third is held out; a sensor that stands still there says nothing.
+        // The last third is held out. A sensor that is constant there gives no evidence.
         let held_out = &bins[bins.len() * 2 / 3..];
         let mut worth: Vec<(usize, f64)> = scope
             .channels
@@ -60,7 +61,7 @@ impl Sensors {
                     bins.iter().filter(|&&bin| sketched.moves[bin]).count() as f64
                         / bins.len().max(1) as f64
                 };
-                // Half of a direction is an input, and nothing that somebody waits for.
+                // The sine or cosine of an angle is useful as an input, but not as a prediction.
                 let is_sensor = sketched.angle.is_none()
                     && sketched.distinct.is_none_or(|distinct| distinct > FEW)
                     && sketched.unchanged <= MOST_RESTING
@@ -112,19 +113,19 @@ impl Sensors {
     }
 }
 
-/// What is worth most comes first; of equals, the first channel.
+/// Orders by descending worth; equals in the order of the channels.
 fn by_worth(left: &(usize, f64), right: &(usize, f64)) -> Ordering {
     right.1.total_cmp(&left.1).then(left.0.cmp(&right.0))
 }
 
-/// The share of steps in which a sensor moves, a fifth of it where that is noise.
+/// Returns the share of steps in which a sensor moves, times 0.2 if that is noise.
 fn moving_share(channel: &ChannelSketch) -> f64 {
     let near = channel.autocorrelation.first().map_or(0.0, |(_, value)| *value);
     (1.0 - channel.unchanged) * if near < LEAST_AUTOCORRELATION { 0.2 } else { 1.0 }
 }
 
-/// The share of the last third of the values that lie between the extremes of the others: where a sensor has never been, nobody can
-/// know what it does.
+/// Returns the share of the last third of the values that lies within the range of the earlier ones. The behaviour of a sensor
+/// outside its earlier range is unknown.
 fn known_share(sketch: &Sketch, scope: &Scope, channel: &ChannelSketch) -> f64 {
     let step = sketch.timestamps.len().div_ceil(channel.thinned.len().max(1)).max(1);
     let inside =
@@ -141,14 +142,14 @@ fn known_share(sketch: &Sketch, scope: &Scope, channel: &ChannelSketch) -> f64 {
     known as f64 / after.len().max(1) as f64
 }
 
-/// Whether a channel stays in the last third where it has been before, in one unit.
+/// Whether a channel stays within its earlier range in the last third, and keeps its unit.
 pub(crate) fn stays(sketch: &Sketch, scope: &Scope, channel: usize) -> bool {
     let channel = &sketch.channels[channel];
     channel.unit_change.is_none() && known_share(sketch, scope, channel) >= STAYING
 }
 
-/// The share of the variance of a channel that other channels explain at the same time: what is left is taken up again and again by the one
-/// that correlates most with it (matching pursuit, Mallat and Zhang 1993).
+/// Returns the share of a channel's variance that other channels explain at the same time. The channel that explains most of the
+/// residual is subtracted repeatedly (matching pursuit, Mallat and Zhang 1993).
 pub(crate) fn explained(sketch: &Sketch, channel: usize, others: &[usize]) -> f64 {
     let mut left = centred(&sketch.channels[channel].thinned);
     let others: Vec<Vec<f64>> = others
@@ -179,14 +180,14 @@ fn dot(one: &[f64], other: &[f64]) -> f64 {
     one.iter().zip(other).map(|(one, other)| one * other).sum()
 }
 
-/// Values without their mean, and 0 where they are missing.
+/// Subtracts the mean; missing values become 0.
 fn centred(values: &[f64]) -> Vec<f64> {
     let there = values.iter().filter(|value| !value.is_nan());
     let mean = there.clone().sum::<f64>() / there.count().max(1) as f64;
     values.iter().map(|value| if value.is_nan() { 0.0 } else { value - mean }).collect()
 }
 
-/// Pearson's correlation of what both have; 1 where that says nothing, so that such pairs are not taken for unlike.
+/// Returns Pearson's correlation over the rows with both values; 1 if undefined, so that such pairs do not count as unlike.
 fn correlation(left: &[f64], right: &[f64]) -> f64 {
     let both: Vec<(f64, f64)> = left
         .iter()

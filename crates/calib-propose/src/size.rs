@@ -2,39 +2,40 @@ use calib_sweep::{Span, Windows};
 
 use crate::{Horizon, ProposedAgent, ProposedModel};
 
-/// The share of the time asked for that is planned with: machines have other things to do.
+/// Share of the given time that calib plans to use, because the machine may have other work.
 pub(crate) const PLANNED: f64 = 0.85;
-/// Runs of a kind at most: more hardly narrow an interval.
+/// Most runs of one kind: further runs hardly narrow an interval.
 pub const MOST_RUNS: usize = 30;
-/// Steps of a run at most where agents are compared with each other.
+/// Most steps of a run when agents are compared.
 const COMPARED_STEPS: usize = 2_000;
-/// What a network of half as many units takes.
+/// Relative cost of a network with half as many units.
 const SMALLER: f64 = 0.6;
-/// Held-out windows that should fit beside each other, with the ends of each that have no whole return.
+/// Length of the held-out period, in windows, for four windows side by side. It includes the states at the end of each window
+/// that have no whole return.
 const WINDOWS: f64 = 4.5;
-/// Windows that a held-out period has where four would be too short.
+/// Length of the held-out period, in windows, for two windows, where four would be too short.
 const FEW_WINDOWS: f64 = 2.25;
-/// `sweep.online_windows`, which is proposed as it is by default.
+/// Proposed `sweep.online_windows`, the default.
 const MOST_WINDOWS: usize = 8;
-/// Effective horizons that a window has at least where there are four of them: docs/how-much-log.md has why.
+/// Fewest effective horizons per window if there are four: docs/how-much-log.md has the reason.
 const LEAST_HORIZONS: f64 = 50.0;
-/// Steps of a run at least.
+/// Fewest steps of a run.
 pub(crate) const LEAST_STEPS: usize = 200;
 
-/// How long and how often agents are trained, and how many values are tried.
+/// Size of a sweep: the length and number of training runs, and the number of settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Size {
     /// `sweep.steps`.
     pub steps: usize,
-    /// Which agents.
+    /// The agent.
     pub agent: ProposedAgent,
-    /// Whether they are trained in a model as well.
+    /// The model in which agents are also trained, if any.
     pub model: ProposedModel,
-    /// Learning rates a decade: 1, 2 or 3.
+    /// Learning rates per decade: 1, 2 or 3.
     pub per_decade: usize,
-    /// `agent.hidden_units`, of two layers, for a network.
+    /// `agent.hidden_units` of each of the two layers, for a network.
     pub hidden_units: usize,
-    /// Sensors of those that are proposed.
+    /// Number of the proposed sensors that are used.
     pub sensors: usize,
     /// `sweep.online_runs`.
     pub online_runs: usize,
@@ -44,20 +45,21 @@ pub struct Size {
     pub log_replay_runs: usize,
 }
 
-/// What was measured, in seconds.
+/// Measured costs in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
-    /// What does not depend on the size of the sweep: reading, the model and its rollouts if there is one, the report.
+    /// Time that does not depend on the size of the sweep: reading, the model and its rollouts if there is one, and the report.
     pub fixed_secs: f64,
-    /// One step of one agent, with 2 x 64 hidden units if it is a network, on all threads together.
+    /// Time of one step of one agent, over all threads together. A network has 2 x 64 hidden units.
     pub agent_step_secs: f64,
-    /// What the agents of one run on the replayed log start from, on all threads together: it is fitted on the rest of the log.
+    /// Time to fit the starting point of the agents for one run of log replay, over all threads together. It is fitted on the
+    /// rest of the log.
     pub replay_run_secs: f64,
 }
 
 impl Size {
-    /// Steps of a run at most, so that four windows fit in what is held out; two where a window of four would have fewer than
-    /// fifty horizons of so many states.
+    /// Returns the most steps of a run for which four windows fit in the held-out period. Returns the most for two windows if a
+    /// window of four would have fewer than fifty horizons of `horizon_states` states.
     pub fn most_steps(held_out_states: usize, horizon_states: f64) -> usize {
         let states = held_out_states as f64;
         let of_four = states / WINDOWS;
@@ -66,19 +68,19 @@ impl Size {
         (steps as usize).max(LEAST_STEPS.min(held_out_states.saturating_sub(2)))
     }
 
-    /// Held-out states that four windows of fifty such horizons take.
+    /// Returns the held-out states for four windows of fifty such horizons each.
     pub fn states_of_four_windows(horizon_states: f64) -> f64 {
         WINDOWS * (LEAST_HORIZONS * horizon_states).max(LEAST_STEPS as f64)
     }
 
-    /// The longest horizon, in states, of which four windows of so many held-out states have fifty each; none where even windows of
-    /// the shortest runs do not fit.
+    /// Returns the longest horizon, in states, of which each of four windows has fifty. `None` if even four windows of the shortest
+    /// runs do not fit in `held_out_states`.
     pub fn longest_horizon_of_four_windows(held_out_states: usize) -> Option<f64> {
         let steps = held_out_states as f64 / WINDOWS;
         (steps >= LEAST_STEPS as f64).then_some(steps / LEAST_HORIZONS)
     }
 
-    /// What the costs are measured with: small, and all of its kind.
+    /// Returns the size for measuring costs: one run of each kind.
     pub fn trial(agent: ProposedAgent, model: ProposedModel, steps: usize, sensors: usize) -> Self {
         Self {
             agent,
@@ -93,7 +95,7 @@ impl Size {
         }
     }
 
-    /// What agents are compared with before one is proposed.
+    /// Returns the size for comparing agents before one is proposed.
     pub fn comparison(
         agent: ProposedAgent,
         model: ProposedModel,
@@ -109,7 +111,7 @@ impl Size {
         }
     }
 
-    /// The least that says anything, where runs have at most `most_steps` and there are so many `sensors`.
+    /// Returns the smallest meaningful size, for runs of at most `most_steps` and for `sensors` sensors.
     pub fn smallest(
         agent: ProposedAgent,
         model: ProposedModel,
@@ -120,7 +122,7 @@ impl Size {
         smallest
     }
 
-    /// From the least that says anything to what the paper has.
+    /// Returns the sizes from the smallest meaningful one to that of the paper.
     fn levels(
         agent: ProposedAgent,
         model: ProposedModel,
@@ -150,8 +152,8 @@ impl Size {
         ]
     }
 
-    /// The largest that is done in `within_secs`, where runs have at most `most_steps` and there are so many `sensors`. The smallest, where
-    /// none is.
+    /// Returns the largest size that ends in `within_secs`, for runs of at most `most_steps` and for `sensors` sensors. Returns the
+    /// smallest size if none ends in time.
     pub fn within(
         agent: ProposedAgent,
         model: ProposedModel,
@@ -176,7 +178,7 @@ impl Size {
         .filled(planned, costs)
     }
 
-    /// Whole runs leave some of the time: one more of each kind that there is, in turn, as long as all is done in `planned_secs`.
+    /// Adds runs in the remaining time: one of each kind in turn, as long as the sweep ends in `planned_secs`.
     fn filled(mut self, planned_secs: f64, costs: Costs) -> Self {
         let kinds: [fn(&mut Self) -> &mut usize; 3] = [
             |size| &mut size.member_runs,
@@ -201,14 +203,14 @@ impl Size {
         }
     }
 
-    /// Learning rates as a study has them: 0, which keeps what the agent starts from, and round numbers.
+    /// Returns the learning rates of the study: 0, which keeps the agent's starting point, and round numbers.
     pub fn learning_rates(&self) -> Vec<String> {
         let digits: &[u8] = match self.per_decade {
             0 | 1 => &[1],
             2 => &[1, 3],
             _ => &[1, 2, 5],
         };
-        // SwiftTD only begins with them, and bounds what they come to.
+        // SwiftTD adapts its step sizes and bounds them, so these are only their initial values.
         let [first, last]: [i32; 2] = match self.agent {
             ProposedAgent::Linear => [-5, -1],
             ProposedAgent::Network => [-6, -2],
@@ -219,26 +221,25 @@ impl Size {
         ["0".to_owned()].into_iter().chain(rates).collect()
     }
 
-    /// How many learning rates.
+    /// Returns the number of learning rates.
     pub fn values(&self) -> usize {
         self.learning_rates().len()
     }
 
-    /// How many windows of its runs fit beside each other in so many held-out states, as a sweep of agents with this horizon counts
-    /// them.
+    /// Counts the windows of this size's runs that fit side by side in the held-out states, as a sweep with this horizon does.
     pub fn windows(&self, held_out_states: usize, horizon: Horizon) -> usize {
         let span = Span::new(self.steps, [horizon.gamma]);
         Windows::side_by_side(held_out_states, span, MOST_WINDOWS)
     }
 
-    /// Steps of all agents.
+    /// Returns the number of steps of all agents together.
     pub fn agent_steps(&self) -> f64 {
         let in_model = self.model.members() * self.member_runs;
         let runs = self.online_runs + in_model + self.log_replay_runs;
         (runs * self.steps * self.values() * self.sensors) as f64
     }
 
-    /// How long it takes.
+    /// Estimates the duration in seconds.
     pub fn secs(&self, costs: Costs) -> f64 {
         let is_smaller = self.agent == ProposedAgent::Network && self.hidden_units < 64;
         let smaller = if is_smaller { SMALLER } else { 1.0 };
@@ -255,7 +256,7 @@ mod tests {
     const NETWORK: ProposedAgent = ProposedAgent::Network;
     const ENSEMBLE: ProposedModel = ProposedModel::Ensemble;
 
-    /// Steps of all runs on the log.
+    /// Counts the steps of all runs on the log.
     fn replayed(size: &Size) -> usize {
         size.log_replay_runs * size.steps * size.sensors
     }
@@ -295,7 +296,7 @@ mod tests {
         assert!(cheap.secs(costs) > size.secs(costs), "{size:?}, {cheap:?}");
     }
 
-    /// Steps of a run at most, where 100 states are held out, or 1000, 5000 or 15 000.
+    /// Returns the most steps of a run for 100, 1000, 5000 and 15 000 held-out states.
     fn most_steps(horizon: f64) -> [usize; 4] {
         [100, 1_000, 5_000, 15_000].map(|states| Size::most_steps(states, horizon))
     }
@@ -319,7 +320,7 @@ mod tests {
     fn windows_are_counted_with_the_states_that_complete_their_returns() {
         let size = Size::within(NETWORK, ENSEMBLE, 600.0, COSTS, 444, 1);
         assert_eq!(size.steps, 444);
-        // Returns of a horizon of 5 states take 21 more, those of 100 states 459.
+        // Returns of a horizon of 5 states need 21 more states, those of 100 states 459.
         let windows = [5.0, 100.0].map(|states| size.windows(1_000, Horizon::new(states, 1.0)));
         assert_eq!(windows, [2, 1]);
         assert_eq!(size.windows(100, Horizon::new(5.0, 1.0)), 1);

@@ -2,19 +2,19 @@ use calib_data::Sketch;
 
 use crate::{Scope, Size};
 
-/// Rows of the log from one state to the next that are tried.
+/// Candidate distances between states, in rows of the log.
 const SPACINGS: [usize; 11] = [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 200];
-/// Neighbouring states that are more alike than this, for most of the fastest channels, hardly tell anything apart.
+/// Neighbouring states with a higher autocorrelation, for most of the fastest channels, are hardly distinguishable.
 const ALIKE: f64 = 0.98;
-/// States that a horizon has at least, if the log is as dense as that.
+/// Fewest states in a horizon, if the log is dense enough.
 const LEAST_AHEAD: f64 = 5.0;
-/// States of the training range that are wanted at least.
+/// Fewest desired states in the training range.
 const LEAST_STATES: usize = 1_000;
 
-/// Values of `preprocess.subsample` that are worth a trial model, the first the best if its rollouts neither circle nor replay
-/// the log: from the first distance on at which the fastest quarter of the channels has lost some of its autocorrelation.
+/// Returns the values of `preprocess.subsample` that deserve a trial model. The first is the best if its rollouts neither
+/// circle nor replay the log: at this distance the fastest quarter of the channels has lost some of its autocorrelation.
 ///
-/// On rows that are nearer, the neighbours of a state are its own predecessors and successors, and walks shuffle on the spot.
+/// At smaller distances, the neighbours of a state are its own predecessors and successors, and rollouts hardly move.
 pub fn spacings(sketch: &Sketch, scope: &Scope, train_rows: usize) -> Vec<usize> {
     let first = SPACINGS.into_iter().find(|&lag| quartile(sketch, scope, lag) <= ALIKE);
     let most = (train_rows / LEAST_STATES).max(1);
@@ -24,9 +24,9 @@ pub fn spacings(sketch: &Sketch, scope: &Scope, train_rows: usize) -> Vec<usize>
     if worth.is_empty() { vec![from] } else { worth }
 }
 
-/// The spacing of a study that no model decides, and why, in words: the first of [`spacings`], or a nearer one so that four
-/// windows fit in what is held out, and a horizon that was asked for is several states long. `rows` are those of the training
-/// range and of what is held out.
+/// Chooses the spacing of a study without a model, and gives the reason in words: the first of [`spacings`], or a smaller one.
+/// A smaller one lets four windows fit in the held-out period, and makes a given horizon several states long.
+/// `rows` are the numbers of rows of the training range and of the held-out period.
 pub fn spacing_by_log(
     sketch: &Sketch,
     scope: &Scope,
@@ -54,7 +54,7 @@ pub fn spacing_by_log(
     (nearer, why)
 }
 
-/// The lower quartile over channels of the autocorrelation at a distance.
+/// Returns the lower quartile, over channels, of the autocorrelation at a distance.
 fn quartile(sketch: &Sketch, scope: &Scope, lag: usize) -> f64 {
     let known = scope.channels.iter().filter_map(|&channel| {
         let all = &sketch.channels[channel].autocorrelation;

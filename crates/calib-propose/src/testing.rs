@@ -1,19 +1,19 @@
-//! Sketches of logs that are made up.
+//! Sketches of invented logs for tests.
 
 use std::ops::Range;
 
 use calib_core::Timestamp;
 use calib_data::{BackwardSteps, ChannelSketch, Shape, ShownClock, Sketch};
 
-/// Its value in each row.
+/// Function from the row to the value of a channel.
 pub(crate) type Channel = Box<dyn Fn(usize) -> f64>;
 
-/// A wave of so many rows.
+/// Returns a wave with a period of `length` rows.
 pub(crate) fn wave(length: f64) -> Channel {
     Box::new(move |row| (std::f64::consts::TAU * row as f64 / length).sin())
 }
 
-/// A log of a row a minute without gaps.
+/// Returns a log with one row per minute and no gaps.
 pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
     let bins: Vec<Range<usize>> =
         (0..64).map(|bin| bin * rows / 64..(bin + 1) * rows / 64).collect();

@@ -1,16 +1,16 @@
-//! Text from elsewhere in a study file: names of channels may hold anything, and must not become keys.
+//! Escaping of foreign text in a study file: the name of a channel may contain any character, and must not become a key.
 
 use std::borrow::Cow;
 
 use toml_writer::{ToTomlValue as _, TomlStringBuilder};
 
-/// As TOML has it, on one line, whatever is in it.
+/// Formats any text as a TOML string on one line.
 pub(crate) fn quoted(text: &str) -> String {
     let quoted = TomlStringBuilder::new(text).as_basic().to_toml_value();
     escaped(&quoted, |letter| format!("\\u{:04X}", u32::from(letter)))
 }
 
-/// As a key of TOML, on one line, whatever is in it: in quotes, where it needs them.
+/// Formats any text as a TOML key on one line, with quotes if needed.
 pub(crate) fn key(text: &str) -> Cow<'_, str> {
     if !text.is_empty()
         && text.chars().all(|letter| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '-'))
@@ -21,18 +21,19 @@ pub(crate) fn key(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// A comment, which ends where its line does.
+/// Formats text as a comment, which ends with its line.
 pub(crate) fn comment(text: &str) -> String {
     escaped(text, |letter| letter.escape_unicode().to_string())
 }
 
-/// `text` with what breaks out of a line escaped.
+/// Escapes the characters of `text` that would break out of a line.
 fn escaped(text: &str, escape: impl Fn(char) -> String) -> String {
     let letters = text.chars();
     letters.map(|c| if breaks_out(c) { escape(c) } else { c.to_string() }).collect()
 }
 
-/// Control characters, separators of lines, and marks that turn the direction of what follows: all of them have four digits.
+/// Whether a character is a control character, a line separator, or a mark that changes the direction of text. Their codes
+/// all have at most four digits.
 fn breaks_out(letter: char) -> bool {
     letter.is_control()
         || matches!(
