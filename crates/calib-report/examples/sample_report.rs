@@ -1,4 +1,4 @@
-//! Writes the page and the figures that tests are made of, to be looked at:
+//! Writes the page and the figures of the test fixture, for a look at them:
 //!
 //! ```sh
 //! cargo run --release -p calib-report --example sample_report -- sample-report

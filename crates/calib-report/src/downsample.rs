@@ -1,11 +1,11 @@
-//! Fewer points that look the same.
+//! Thinning of series to fewer points that look the same.
 
-/// Thins `values` `[n]` to at most `max_points` indices, ascending, that keep every peak visible.
+/// Thins `values` `[n]` to at most `max_points` ascending indices that keep every peak visible.
 ///
-/// The series is cut into buckets of equal length; each gives its first smallest and its first largest value,
-/// in time order, and the first and last point of the series are always kept. Values that are not
-/// finite (gaps) are never extremes; a bucket without a finite value gives its first point, so that a gap stays one.
-/// Series that are short enough come back whole. At least four points are kept.
+/// The series is cut into buckets of equal length. Each bucket keeps its first smallest and its first largest value,
+/// in time order. The first and the last point of the series are always kept.
+/// Values that are not finite (gaps) are never extremes. A bucket without a finite value keeps its first point, so that
+/// the gap stays visible. Short series are returned whole. At least four points are kept.
 ///
 /// Source: the usual min–max decimation of plotting libraries; O(n).
 ///
@@ -25,7 +25,7 @@ pub fn min_max_indices(values: &[f64], max_points: usize) -> Vec<usize> {
     let mut kept = Vec::with_capacity(max_points);
     kept.push(0);
     for bucket in 0..buckets {
-        // The first and last point are kept anyway.
+        // The first and the last point are kept anyway.
         let start = 1 + bucket * (n - 2) / buckets;
         let end = 1 + (bucket + 1) * (n - 2) / buckets;
         let (low, high) = extremes(values, start, end);
@@ -38,11 +38,11 @@ pub fn min_max_indices(values: &[f64], max_points: usize) -> Vec<usize> {
     kept
 }
 
-/// Thins a series in time, `values` at `times` (ascending, in any unit), to the first smallest and the first largest finite
-/// value of each of `buckets` equal stretches of the time, in time order; the first and the last value are kept.
+/// Thins a time series, `values` at `times` (ascending, in any unit). Each of `buckets` equal stretches of time keeps its
+/// first smallest and its first largest finite value, in time order. The first and the last value are kept.
 ///
-/// Returns places in the series, and `None` where the line breaks: where there is no value for longer than
-/// `longest_step`, or than a stretch, if that is longer.
+/// Returns positions in the series. `None` breaks the line: there is no value for longer than `longest_step`, and
+/// for longer than a stretch.
 ///
 /// ```
 /// let times = [0.0, 1.0, 2.0, 50.0, 51.0, 52.0];
@@ -64,12 +64,12 @@ pub fn min_max_in_time(
     let mut kept: Vec<Option<usize>> = vec![Some(first)];
     let mut before = first;
     for own in present.chunk_by(|&a, &b| bucket(a) == bucket(b)) {
-        // A break inside a stretch is shorter than it.
+        // A break inside a stretch is shorter than the stretch.
         if times[own[0]] - times[before] > longest_step.max(length) {
             kept.push(None);
         }
         let by_value = |a: &&usize, b: &&usize| values[**a].total_cmp(&values[**b]);
-        // Of equals the last is the maximum, so it is looked for from the end.
+        // `max_by` returns the last of equal values, so the search runs backwards.
         let low = own.iter().min_by(by_value).copied().unwrap_or(first);
         let high = own.iter().rev().max_by(by_value).copied().unwrap_or(first);
         keep(&mut kept, low.min(high));
@@ -80,14 +80,14 @@ pub fn min_max_in_time(
     kept
 }
 
-/// Adds a place, unless it was added last.
+/// Adds a position, unless it was added last.
 fn keep(kept: &mut Vec<Option<usize>>, at: usize) {
     if kept.last() != Some(&Some(at)) {
         kept.push(Some(at));
     }
 }
 
-/// Indices of the first smallest and the first largest finite value in `start..end`.
+/// Returns the indices of the first smallest and the first largest finite value in `start..end`.
 fn extremes(values: &[f64], start: usize, end: usize) -> (usize, usize) {
     let mut found: Option<(usize, usize)> = None;
     for index in start..end {
@@ -147,7 +147,7 @@ mod tests {
             prop_assert!(places.windows(2).all(|pair| pair[0] < pair[1]));
             prop_assert!(places.len() <= 2 * buckets + 2);
             prop_assert_eq!((places[0], *places.last().unwrap()), (0, values.len() - 1));
-            // By the definition, stretch by stretch.
+            // This checks the definition stretch by stretch.
             let length = (times[values.len() - 1] - times[0]) / buckets as f64;
             for stretch in 0..buckets {
                 let own: Vec<usize> = (0..values.len())

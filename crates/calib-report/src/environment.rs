@@ -1,30 +1,30 @@
-//! Where agents learned.
+//! Environments in which agents learned.
 
 use std::fmt;
 
 /// An environment of a sweep.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LearningEnvironment {
-    /// Held-out data, replayed.
+    /// Replay of the held-out period.
     Online,
-    /// Training data, replayed.
+    /// Replay of the training range.
     LogReplay,
     /// A member of a calibration model.
     Member {
-        /// Its place in the ensemble.
+        /// Number of the ensemble member.
         number: usize,
-        /// What the model is called, where there are several.
+        /// Name of the model, if there are several.
         model: Option<String>,
     },
 }
 
 impl LearningEnvironment {
-    /// Whether it is the same for all models of a study.
+    /// Whether all models of a study share the environment.
     pub const fn is_shared(&self) -> bool {
         !matches!(self, Self::Member { .. })
     }
 
-    /// Its part of the names of files.
+    /// Returns the part of a file name for this environment.
     pub fn file_name(&self) -> String {
         let name = match self {
             Self::Online => "online".to_owned(),

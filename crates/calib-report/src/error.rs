@@ -1,6 +1,6 @@
-//! What can be wrong with what is to be shown.
+//! Errors in data for figures and pages.
 
-/// Rows that no figure can be drawn from.
+/// Data that no figure can be drawn from, or a failure to draw.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ReportError {
     /// A figure has nothing to show.
@@ -8,10 +8,10 @@ pub enum ReportError {
     Empty {
         /// Title of the figure.
         figure: String,
-        /// What is missing.
+        /// The missing content.
         missing: &'static str,
     },
-    /// A curve has another number of points than the grid has values.
+    /// The number of points of a curve differs from the number of settings in the grid.
     #[error(
         "curve \"{curve}\" of figure \"{figure}\" has {got} points; expected {expected}, one for each setting"
     )]
@@ -20,21 +20,21 @@ pub enum ReportError {
         figure: String,
         /// Label of the curve.
         curve: String,
-        /// Number of values in the grid.
+        /// Number of settings in the grid.
         expected: usize,
         /// Number of points found.
         got: usize,
     },
-    /// An index into the grid points past its end.
+    /// An index points past the end of the grid.
     #[error("{what} of figure \"{figure}\" is number {index}; expected less than {len}")]
     OutOfGrid {
         /// Title of the figure.
         figure: String,
-        /// Which index.
+        /// Name of the index.
         what: &'static str,
         /// The index.
         index: usize,
-        /// Number of values in the grid.
+        /// Number of settings in the grid.
         len: usize,
     },
     /// The sample period of a trajectory is not positive.
@@ -50,7 +50,7 @@ pub enum ReportError {
     /// The bitmap could not be encoded.
     #[error("figure could not be drawn as PNG: {reason}")]
     Png {
-        /// What the drawing library said.
+        /// Message of the drawing library.
         reason: String,
     },
 }

@@ -1,13 +1,13 @@
-//! Typed rows to figures and pages: SVG, PNG, HTML. Reads no files.
+//! Figures and pages from typed rows: SVG, PNG, HTML. It reads no files.
 //!
-//! - [`Sensitivity`], [`LearningCurves`], [`RolloutFigure`], [`RolloutGrid`], [`RecordedFigure`]: the paper's figures; each becomes a [`Figure`], written as SVG or PNG.
-//! - [`Report`]: everything a study found; [`Report::html`] makes one self-contained page of it.
+//! - [`Sensitivity`], [`LearningCurves`], [`RolloutFigure`], [`RolloutGrid`], [`RecordedFigure`]: the paper's figures. Each becomes a [`Figure`], written as SVG or PNG.
+//! - [`Report`]: all results of a study; [`Report::html`] makes one self-contained page.
 //! - [`Overview`]: a page of charts and tables on several studies.
 //! - [`Verdict`]: what to deploy for one sensor, with its reasons in sentences.
-//! - [`number`], [`setting`], [`percent`], [`count`], [`duration`]: numbers as people read them.
+//! - [`number`], [`setting`], [`percent`], [`count`], [`duration`]: numbers formatted for readers.
 //!
-//! Curves are laid out here and painted as SVG here; tiny-skia, with a font that is compiled in, turns the same layout into
-//! pixels. Nothing depends on the fonts, the clock or the locale of the machine: equal rows give equal bytes.
+//! This crate lays out curves and paints them as SVG. tiny-skia, with a compiled-in font, turns the same layout into pixels.
+//! The output does not depend on the fonts, the clock or the locale of the machine: equal rows give equal bytes.
 //!
 //! ```
 //! use calib_report::{number, percent, setting};

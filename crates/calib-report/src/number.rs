@@ -1,13 +1,13 @@
-//! Numbers as people read them.
+//! Numbers formatted for readers.
 
-/// `value` with three significant digits: `0.0123`, `1.5`, `28,800`, `3.16e-4`; `diverged` if it is not finite.
+/// Formats `value` with three significant digits: `0.0123`, `1.5`, `28,800`, `3.16e-4`; `diverged` if it is not finite.
 pub fn number(value: f64) -> String {
     significant(value, 1e-3)
 }
 
-/// A hyperparameter value as one would type it: `1e-4`, `0.05`, `256`, `3.16e-4`.
+/// Formats a hyperparameter value as it is typed: `1e-4`, `0.05`, `256`, `3.16e-4`.
 ///
-/// Powers of ten below 0.01 are written with an exponent, and whole numbers up to a million in full.
+/// Powers of ten below 0.01 have an exponent, and whole numbers up to a million are written in full.
 pub fn setting(value: f64) -> String {
     if value.fract() == 0.0 && value.abs() < 1e6 {
         return format!("{value:.0}");
@@ -15,10 +15,11 @@ pub fn setting(value: f64) -> String {
     significant(value, 1e-2)
 }
 
-/// What is more than so many times something has no number that says more.
+/// Multiples above this limit are not given as a number.
 const MANY_TIMES: f64 = 1_000.0;
 
-/// A share as a percentage: `3.1 %`, `24 %`, `<0.1 %`, `180 times`, `more than 1,000 times`; `diverged` if it is not finite.
+/// Formats a share as a percentage: `3.1 %`, `24 %`, `<0.1 %`, `180 times`, `more
+/// than 1,000 times`; `diverged` if it is not finite.
 pub fn percent(share: f64) -> String {
     let percent = share * 100.0;
     match percent.abs() {
@@ -32,12 +33,12 @@ pub fn percent(share: f64) -> String {
     }
 }
 
-/// Whether a share is so large that [`percent`] has no number for it.
+/// Whether a share is above the largest multiple that [`percent`] gives as a number.
 pub(crate) fn is_many_times(share: f64) -> bool {
     share > MANY_TIMES && share.is_finite()
 }
 
-/// A count with thousands separators: `30,000`.
+/// Formats a count with thousands separators: `30,000`.
 pub fn count(value: u64) -> String {
     let digits = value.to_string();
     let mut out = String::with_capacity(digits.len() + digits.len() / 3);
@@ -50,13 +51,13 @@ pub fn count(value: u64) -> String {
     out
 }
 
-/// A span in the largest unit that keeps it above one: `30 s`, `8.33 h`, `14 d`.
+/// Formats a time span in the largest unit that keeps it above one: `30 s`, `8.33 h`, `14 d`.
 pub fn duration(secs: f64) -> String {
     let (unit, name) = time_unit(secs);
     format!("{} {name}", number(secs / unit))
 }
 
-/// Seconds in, and name of, the unit in which `secs` reads best.
+/// Returns the unit in which `secs` reads best: its length in seconds, and its name.
 pub(crate) fn time_unit(secs: f64) -> (f64, &'static str) {
     match secs.abs() {
         size if size >= 3.0 * 86_400.0 => (86_400.0, "d"),
@@ -66,7 +67,7 @@ pub(crate) fn time_unit(secs: f64) -> (f64, &'static str) {
     }
 }
 
-/// The whole number next to `value`, with thousands separators.
+/// Rounds `value` to a whole number with thousands separators.
 pub(crate) fn whole(value: f64) -> String {
     let whole = count(value.abs().round() as u64);
     if value < 0.0 { format!("-{whole}") } else { whole }
@@ -79,7 +80,7 @@ fn significant(value: f64, smallest_plain: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
-    // Round first, so that 9.999e-4 is judged as the 1e-3 it will be shown as.
+    // Rounding comes first, so that 9.999e-4 counts as the 1e-3 that is shown.
     let scientific = format!("{value:.2e}");
     let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
     let exponent: i32 = exponent.parse().unwrap_or(0);

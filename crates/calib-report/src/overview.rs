@@ -1,4 +1,4 @@
-//! A page on several studies: charts and tables with what they mean.
+//! A page on several studies: charts and tables with their explanations.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,17 +12,17 @@ pub struct Overview {
     pub title: String,
     /// One line below the title.
     pub subtitle: Option<String>,
-    /// What to do, where the page says that.
+    /// The decision, if the page has one.
     pub decision: Option<Decision>,
-    /// What was found, one paragraph each.
+    /// Findings, one paragraph each.
     pub findings: Vec<String>,
-    /// What the reader should know before relying on it.
+    /// Warnings to read before relying on the findings.
     pub warnings: Vec<String>,
     /// The charts.
     pub figures: Vec<OverviewFigure>,
     /// The tables.
     pub tables: Vec<Table>,
-    /// What to type to make the page again.
+    /// Command that makes the page again.
     pub command: String,
 }
 
@@ -52,7 +52,7 @@ pub enum Support {
 }
 
 impl Support {
-    /// The colour of its card, by the name in the style sheet.
+    /// Returns the colour of its card, by the name in the style sheet.
     pub(crate) const fn class(self) -> &'static str {
         match self {
             Self::Supported => "good",
@@ -67,14 +67,14 @@ impl Support {
 pub struct OverviewFigure {
     /// The chart.
     pub chart: Chart,
-    /// What it shows and how to read it.
+    /// Explanation of the chart.
     pub caption: String,
-    /// Its numbers.
+    /// The numbers of the chart.
     pub table: Table,
 }
 
 impl Overview {
-    /// The page as one HTML document that loads nothing from anywhere.
+    /// Returns the page as one HTML document that loads nothing.
     pub fn html(&self) -> String {
         crate::page::overview(self)
     }

@@ -14,7 +14,7 @@ pub enum Setting {
 }
 
 impl Setting {
-    /// The number, if it is one.
+    /// Returns the number, if it is one.
     pub const fn as_number(&self) -> Option<f64> {
         match self {
             Self::Number(value) => Some(*value),

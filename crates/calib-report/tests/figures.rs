@@ -1,4 +1,4 @@
-//! Figures: what is drawn, and what cannot be.
+//! Tests of figures: their content, and data that cannot be drawn.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 #[expect(dead_code, reason = "the page's tests use the rest of it")]
@@ -10,7 +10,7 @@ use calib_report::{
 };
 use fixture::{grid, learning, recorded, rollout, sensitivity};
 
-/// Width and height from the header of a PNG file.
+/// Reads width and height from the header of a PNG file.
 fn png_size(bytes: &[u8]) -> (u32, u32) {
     assert_eq!(bytes[..8], *b"\x89PNG\r\n\x1a\n");
     let number = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
@@ -63,7 +63,7 @@ fn small_svg() {
     figure.default = None;
     let svg = figure.figure().unwrap().svg();
     let curves = &svg[svg.find("<g class=\"series\"").unwrap()..];
-    // One element a line, for people who review the snapshot.
+    // One element per line makes the snapshot easier to review.
     insta::assert_snapshot!(curves.replace("><", ">\n<"), @r##"
 <g class="series" data-series="0" clip-path="url(#figure-clip0)">
 <g class="scaled">
@@ -150,7 +150,7 @@ fn rollouts_from_the_same_starts_stand_beside_what_was_recorded() {
     assert_eq!(svg.matches("time since start").count(), 2, "below the last plot of two columns");
     png_size(&figure.png().unwrap());
 
-    // A model that runs away leaves the others legible.
+    // A runaway model must not flatten the others.
     grid.rows[0].rollouts[1].as_mut().unwrap().values[100] = 1e30;
     assert_eq!(grid.figure().unwrap().chart().left.scale, {
         grid.rows[0].rollouts[1].as_mut().unwrap().values[100] = 1e3;
@@ -184,7 +184,7 @@ fn a_learning_curve_ends_in_a_cross_where_a_run_diverged() {
     assert!(chart.series[0].points.iter().all(|point| point.interval.is_some()));
     assert_eq!((chart.x.scale.min, chart.x.scale.max), (0.0, 1000.0));
 
-    // One that explodes on the way is cut off, so that the others can be told apart.
+    // A curve that explodes midway is cut off, so that the others stay distinguishable.
     for (_, summary) in curves.curves[2].points.iter_mut().skip(10) {
         summary.mean = 1e30;
     }
@@ -193,7 +193,7 @@ fn a_learning_curve_ends_in_a_cross_where_a_run_diverged() {
     assert_eq!(scale.kind, ScaleKind::Log);
     assert!(scale.max < 1e3, "{scale:?}");
 
-    // More values than colours differ by their dashes.
+    // If there are more settings than colours, curves differ by their dashes.
     let curve = curves.curves[0].clone();
     curves.curves = vec![curve; 9];
     let many = curves.figure().unwrap();
@@ -221,7 +221,7 @@ fn recorded_periods_stand_below_each_other_on_one_vertical_axis() {
     {
         assert!(svg.contains(heading), "{heading}");
     }
-    // 199 minutes from 2022-10-31 23:46:40 on are marked by the half hour.
+    // 199 minutes from 2022-10-31 23:46:40 have ticks at half hours.
     assert!(svg.contains(">00:30<") && svg.contains(">03:00<"), "dates along the axis");
     assert_eq!(figure.chart().title, "PIT300: recorded in each period");
     let told = &figure.chart().description;

@@ -1,4 +1,4 @@
-//! The page as a whole: complete, well formed, safe, and the same every time.
+//! Tests of the whole page: complete, well formed, safe, and reproducible.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod fixture;
@@ -9,10 +9,10 @@ use calib_report::{
 };
 use fixture::{HOSTILE, report};
 
-/// Elements that have no end tag.
+/// Elements without an end tag.
 const VOID: [&str; 4] = ["meta", "link", "br", "wbr"];
 
-/// Calls `visit` with every tag of `html`, without its angle brackets; skips the content of scripts and styles.
+/// Calls `visit` with every tag of `html`, without its angle brackets. Skips the content of scripts and styles.
 fn for_each_tag(html: &str, mut visit: impl FnMut(&str)) {
     let mut rest = html;
     while let Some(start) = rest.find('<') {
@@ -107,7 +107,7 @@ fn equal_reports_give_equal_bytes_whatever_was_drawn_before() {
     assert_eq!(second.html().unwrap(), html);
 }
 
-/// What a page says where the replayed log decided alone: everything but of models.
+/// If log replay decided alone, the page has its content except for models.
 #[test]
 fn a_page_without_a_model_never_speaks_of_one() {
     let mut report = report();
@@ -159,7 +159,7 @@ fn intervals_that_leave_a_plot_are_said_to_be_cut() {
     assert!(report.html().unwrap().contains(cut));
 }
 
-/// The page without what keeps numbers on one line.
+/// Returns the page without the markup that keeps numbers on one line.
 fn flowing(report: &Report) -> String {
     let html = report.html().unwrap().replace('\u{a0}', " ");
     html.replace("<span class=\"nowrap\">", "").replace("</span>", "")
@@ -241,7 +241,7 @@ fn a_report_with_many_rollouts_stays_small() {
 
 #[test]
 fn a_report_of_a_papers_size_holds_every_step_and_stays_small() {
-    // Three sensors, five members and the truth, 30,000 steps each.
+    // Three sensors, five ensemble members and the truth, 30,000 steps each.
     let mut report = report();
     let mut long = fixture::long_rollout();
     long.rollouts = vec![long.rollouts[0].clone(); 5];
@@ -259,7 +259,7 @@ fn several_models_stand_beside_each_other() {
     other.model = "other".to_owned();
     other.online.as_mut().unwrap().regret = Some(calib_stats::Bounded { value: 0.9, upper: None });
     other.chosen = 1e-3.into();
-    // The order of models is no preference.
+    // The order of models is not a preference.
     report.verdicts.insert(0, other);
     let html = flowing(&report);
     assert!(html.contains("<h3>other: "), "each model has its card");

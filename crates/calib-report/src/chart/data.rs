@@ -1,4 +1,4 @@
-//! The numbers behind a chart, for the page's script.
+//! Numbers of a chart, as JSON for the page's script.
 
 use serde_json::{Value, json};
 
@@ -6,14 +6,15 @@ use super::packed::Detail;
 use super::scene::Scene;
 use super::{Axis, Chart, ScaleKind, Side};
 
-/// Significant digits of values; horizontal positions keep more, so that long series stay in order.
+/// Significant digits of values. Horizontal positions have more, so that long series stay in order.
 const VALUE_DIGITS: usize = 5;
 const POSITION_DIGITS: usize = 8;
 
-/// Plot rectangles of the wide and the narrow scene of `chart`, its scales and points, as JSON that is safe inside a script element.
+/// Returns the plot rectangles of the wide and the narrow scene of `chart`, its scales
+/// and its points. The JSON is safe inside a script element.
 ///
-/// Points are `null` where a value is missing and `"diverged"` where it is infinite. Series i that has a `details[i]`
-/// comes with all its values, [packed](Detail::fields), instead of the points that are drawn.
+/// A missing value is `null`, and an infinite value is `"diverged"`. Series i with a `details[i]` has all its values,
+/// [packed](Detail::fields), instead of the drawn points.
 pub(crate) fn chart_data(chart: &Chart, scenes: [&Scene; 2], details: &[Detail<'_>]) -> String {
     let plots = scenes.map(|scene| {
         let plot = scene.plot;
@@ -60,7 +61,7 @@ pub(crate) fn chart_data(chart: &Chart, scenes: [&Scene; 2], details: &[Detail<'
         "right": chart.right.as_ref().map(axis),
         "series": series,
     });
-    // "</script>" inside a label must not end the element; JSON allows the escaped form.
+    // A label with "</script>" must not end the element; JSON allows the escaped form.
     data.to_string().replace('<', "\\u003c")
 }
 
@@ -83,7 +84,7 @@ fn rounded(value: f64, digits: usize) -> Value {
         return json!("diverged");
     }
     let short: f64 = format!("{value:.*e}", digits - 1).parse().unwrap_or(value);
-    // Whole numbers without ".0": there are thousands of them.
+    // Whole numbers have no ".0": there are thousands of them.
     if short.fract() == 0.0 && short.abs() < 1e15 { json!(short as i64) } else { json!(short) }
 }
 

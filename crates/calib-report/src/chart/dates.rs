@@ -1,4 +1,4 @@
-//! Ticks of an axis of dates.
+//! Ticks of a date axis.
 
 use jiff::{
     Timestamp, ToSpan as _,
@@ -8,7 +8,7 @@ use jiff::{
 
 use super::ticks::Tick;
 
-/// How far ticks are apart.
+/// Distance between ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Every {
     /// Seconds, counted from midnight of 1970-01-01.
@@ -22,7 +22,7 @@ const HOUR: i64 = 60 * MINUTE;
 const DAY: i64 = 24 * HOUR;
 const MONTH_SECS: f64 = 30.44 * DAY as f64;
 
-/// The steps that people count time by.
+/// Usual steps of clocks and calendars.
 const STEPS: [Every; 22] = [
     Every::Secs(1),
     Every::Secs(5),
@@ -57,13 +57,13 @@ impl Every {
     }
 }
 
-/// About `wanted` ticks between two instants, in seconds since 1970: whole minutes, hours, days, months or years. None where
-/// no calendar has such times.
+/// Returns about `wanted` ticks between two instants, in seconds since 1970, at whole minutes, hours, days, months or years.
+/// Returns no ticks outside the range of the calendar.
 pub(super) fn dates(low: f64, high: f64, wanted: usize) -> Vec<Tick> {
     dates_apart(low, high, (high - low) / wanted.max(1) as f64)
 }
 
-/// The same, at least `rough` seconds apart.
+/// Returns ticks in the same way, at least `rough` seconds apart.
 pub(super) fn dates_apart(low: f64, high: f64, rough: f64) -> Vec<Tick> {
     let every = STEPS.into_iter().find(|step| step.secs() >= rough).unwrap_or(Every::Months(1200));
     match every {
@@ -80,7 +80,7 @@ pub(super) fn dates_apart(low: f64, high: f64, rough: f64) -> Vec<Tick> {
 
 fn months(low: f64, high: f64, step: i32) -> Option<Vec<Tick>> {
     let first = civil(low)?.date();
-    // Whole steps from January of year 0.
+    // Steps count from January of year 0.
     let number =
         (i32::from(first.year()) * 12 + i32::from(first.month()) - 1).div_euclid(step) * step;
     let year = number.div_euclid(12);

@@ -1,4 +1,4 @@
-//! Axes, grid and labels around the plot.
+//! Axes, grid and labels around a plot.
 
 use super::layout::WIDE;
 use super::scene::{Anchor, Mark, Rect, Text, Turn, fitted, text_width};
@@ -7,31 +7,31 @@ use super::{Axis, Colour, Dash, ScaleKind};
 
 const TICK_SIZE: u32 = 13;
 const LABEL_SIZE: u32 = 14;
-/// From one row of names to the next.
+/// Height of a row of names in pixels.
 pub(crate) const NAME_ROW: f64 = 16.0;
-/// Labelled ticks wanted on a horizontal and on a vertical axis.
+/// Wanted numbers of labelled ticks on a horizontal and on a vertical axis.
 const X_TICKS: usize = 9;
 const Y_TICKS: usize = 6;
 
-/// Which side of the plot a vertical axis is on.
+/// Side of the plot on which a vertical axis stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Edge {
     Left,
     Right,
 }
 
-/// Room a vertical axis needs beside the plot.
+/// Returns the width in pixels that a vertical axis needs beside the plot.
 pub(crate) fn vertical_axis_width(axis: &Axis) -> f64 {
     let widest = ticks(&axis.scale, Y_TICKS)
         .iter()
         .filter_map(|tick| tick.label.as_deref())
         .map(|label| text_width(label, TICK_SIZE))
         .fold(0.0, f64::max);
-    // Without a label there need be no room for one.
+    // An axis without a label needs less room.
     widest + if axis.label.is_empty() { 18.0 } else { 46.0 }
 }
 
-/// The horizontal axis below `plot`, and its grid lines, in a `picture` of this width.
+/// Returns the horizontal axis below `plot` with its grid lines, in a `picture` of this width.
 pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect, picture: f64) -> Vec<Mark> {
     let mut marks =
         vec![rule((plot.x, plot.bottom()), (plot.right(), plot.bottom()), Colour::Muted)];
@@ -51,11 +51,11 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect, picture: f64) -> Vec<Mark
                     plot.right() - x,
                 ));
             }
-            // Leave labels out rather than print them over each other.
+            // Labels that would overlap are left out.
             let half = text_width(&label, TICK_SIZE) / 2.0;
             let row = labelled % rows;
             labelled += 1;
-            // The last label ends where the picture does.
+            // The last label ends at the edge of the picture.
             let x = x.min(picture - 1.0 - half);
             if x - half >= free_from[row] {
                 let y = plot.bottom() + 21.0 + NAME_ROW * row as f64;
@@ -82,7 +82,7 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect, picture: f64) -> Vec<Mark
     marks
 }
 
-/// As many ticks as have room for their labels. Names are all marked.
+/// Returns as many ticks as have room for their labels. Axes of names have a tick for each name.
 fn horizontal_ticks(axis: &Axis, plot: Rect, picture: f64) -> Vec<Tick> {
     if matches!(axis.scale.kind, ScaleKind::Names(_)) {
         return ticks(&axis.scale, X_TICKS);
@@ -92,7 +92,7 @@ fn horizontal_ticks(axis: &Axis, plot: Rect, picture: f64) -> Vec<Tick> {
         .unwrap_or_else(|| ticks(&axis.scale, 2))
 }
 
-/// Whether the labels below a horizontal axis leave room between each other.
+/// Whether the labels below a horizontal axis fit without touching.
 fn labels_fit(ticks: &[Tick], axis: &Axis, plot: Rect, picture: f64) -> bool {
     let labels = ticks.iter().filter_map(|tick| Some((tick.value, tick.label.as_deref()?)));
     let mut ends: Vec<(f64, f64)> = labels
@@ -107,8 +107,8 @@ fn labels_fit(ticks: &[Tick], axis: &Axis, plot: Rect, picture: f64) -> bool {
     ends.windows(2).all(|pair| pair[0].1 + 6.0 <= pair[1].0)
 }
 
-/// Rows that the names along a horizontal axis of `width` stand in: two in turn where they have no room beside each other, and nothing else
-/// stands below. Of numbers some may be left out.
+/// Returns the number of rows for the names below a horizontal axis of `width`. Names that do not fit side by side alternate between
+/// two rows, unless the axis has a label below. Axes of numbers have one row, because some labels may be left out.
 pub(crate) fn name_rows(axis: &Axis, width: f64) -> usize {
     let ScaleKind::Names(names) = &axis.scale.kind else { return 1 };
     let room = width / names.len().max(1) as f64;
@@ -116,7 +116,7 @@ pub(crate) fn name_rows(axis: &Axis, width: f64) -> usize {
     if fit || !axis.label.is_empty() { 1 } else { 2 }
 }
 
-/// A vertical axis at one edge of `plot`; the left one brings the grid lines.
+/// Returns a vertical axis at one edge of `plot`. The left axis brings the grid lines.
 pub(crate) fn vertical_axis(axis: &Axis, plot: Rect, edge: Edge) -> Vec<Mark> {
     let (x, outwards, anchor, turn) = match edge {
         Edge::Left => (plot.x, -1.0, Anchor::End, Turn::Upwards),
@@ -140,7 +140,7 @@ pub(crate) fn vertical_axis(axis: &Axis, plot: Rect, edge: Edge) -> Vec<Mark> {
     }
     let beside = x + outwards * (vertical_axis_width(axis) - 14.0);
     let centre = plot.y + plot.height / 2.0;
-    // Above and below a plot there is some room for more.
+    // There is some free room above and below the plot.
     let text = fitted(&axis.label, LABEL_SIZE, plot.height + 40.0);
     let mut label = Text::new(beside, centre, text, LABEL_SIZE, Anchor::Middle);
     label.turn = turn;
@@ -148,7 +148,7 @@ pub(crate) fn vertical_axis(axis: &Axis, plot: Rect, edge: Edge) -> Vec<Mark> {
     marks
 }
 
-/// A grid line, unless it would lie on an axis.
+/// Returns a grid line, unless it would lie on an axis.
 fn grid_line(from: (f64, f64), to: (f64, f64), before: f64, after: f64) -> Option<Mark> {
     (before > 1.0 && after > 1.0).then(|| rule(from, to, Colour::Grid))
 }

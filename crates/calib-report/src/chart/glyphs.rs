@@ -1,4 +1,4 @@
-//! Text as outlines, from the fonts that are compiled in: figures look alike everywhere, and no machine has to have fonts.
+//! Text as outlines of compiled-in fonts: figures look the same everywhere, on machines without fonts too.
 
 use std::{io::Read, sync::OnceLock};
 
@@ -8,17 +8,18 @@ use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 use super::scene::{Anchor, Text, Weight};
 
-/// The font `DejaVu` Sans (`assets/fonts/LICENSE`), packed.
+/// The font `DejaVu` Sans (`assets/fonts/LICENSE`), compressed.
 const REGULAR: &[u8] = include_bytes!("../../assets/fonts/DejaVuSans.ttf.gz");
 const BOLD: &[u8] = include_bytes!("../../assets/fonts/DejaVuSans-Bold.ttf.gz");
 
-/// The outlines of `text` where it stands, in pixels of the layout; nothing of what has no outline, such as spaces.
+/// Returns the outlines of `text` at its position, in pixels of the layout.
+/// `None` for text without outlines, such as spaces.
 pub(super) fn outlines(text: &Text) -> Option<Path> {
     let face = face(text.weight)?;
     let scale = text.size as f32 / f32::from(face.units_per_em());
     let mut pen = Pen { path: PathBuilder::new(), x: 0.0, scale };
     for letter in text.content.chars() {
-        // A letter that the font lacks is its box for such letters.
+        // The font has a box for letters that it lacks.
         let glyph = face.glyph_index(letter).unwrap_or(GlyphId(0));
         face.outline_glyph(glyph, &mut pen);
         pen.x += scale * f32::from(face.glyph_hor_advance(glyph).unwrap_or(0));
@@ -34,7 +35,7 @@ pub(super) fn outlines(text: &Text) -> Option<Path> {
     pen.path.finish()?.transform(place)
 }
 
-/// A font of this weight; the fonts are unpacked once.
+/// Returns the font of this weight. Fonts are decompressed once.
 fn face(weight: Weight) -> Option<Face<'static>> {
     static UNPACKED: [OnceLock<Vec<u8>>; 2] = [const { OnceLock::new() }; 2];
     let (place, packed) = match weight {
@@ -43,14 +44,14 @@ fn face(weight: Weight) -> Option<Face<'static>> {
     };
     let font = UNPACKED[place].get_or_init(|| {
         let mut font = Vec::new();
-        // Of a damaged font, which the tests would find, nothing is drawn.
+        // A damaged font draws nothing. The tests would find it.
         let _ = GzDecoder::new(packed).read_to_end(&mut font);
         font
     });
     Face::parse(font, 0).ok()
 }
 
-/// Writes glyphs, whose y points upwards in units of the font, beside each other.
+/// Writes glyphs side by side. Their y axis points upwards, in units of the font.
 struct Pen {
     path: PathBuilder,
     x: f32,

@@ -1,4 +1,4 @@
-//! Many small plots in rows and columns, as papers print them.
+//! Many small plots in rows and columns, as in papers.
 
 use super::Chart;
 use super::frame::vertical_axis_width;
@@ -8,21 +8,21 @@ use super::scene::{Anchor, GroupKind, Mark, MarkGroup, Rect, Scene, Text, Weight
 const HEADING: f64 = 22.0;
 const HEADING_SIZE: u32 = 14;
 const HEADING_ROW: f64 = 18.0;
-/// How much wider bold text is.
+/// Width of bold text relative to regular text.
 const BOLD: f64 = 1.13;
-/// Between a column and the axis of the next one.
+/// Distance between a column and the axis of the next column, in pixels.
 const GAP: f64 = 12.0;
 
-/// A plot of a grid, with a heading where its column begins.
+/// A plot of a grid, with a heading at the top of its column.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct GridCell {
     pub(crate) heading: Option<String>,
-    /// What is drawn; `None` keeps the place free.
+    /// The chart; `None` leaves the place empty.
     pub(crate) chart: Option<Chart>,
 }
 
-/// Lays `rows` of cells out below the title of `legend_of` and the keys of its curves. All plots are equally wide
-/// and `height` pixels high.
+/// Lays out `rows` of cells below the title and the legend of `legend_of`. All
+/// plots have equal widths, and are `height` pixels high.
 pub(crate) fn draw_grid(
     legend_of: &Chart,
     rows: &[Vec<GridCell>],
@@ -32,13 +32,13 @@ pub(crate) fn draw_grid(
     draw_rows(legend_of, rows, height, legend_place, WIDE)
 }
 
-/// The same plots below each other, for a narrow screen. Without title and keys, which the page has.
+/// Lays out the same plots below each other, for a narrow screen. Title and legend are left out, because the page has them.
 pub(crate) fn draw_stacked(legend_of: &Chart, rows: &[Vec<GridCell>], height: f64) -> Scene {
     draw_rows(legend_of, &stacked(rows), height, LegendPlace::Outside, NARROW)
 }
 
-/// A row for each plot. It says itself what is said once where plots stand beside each other: what its column is, and what its
-/// vertical axes show.
+/// Puts each plot into a row of its own. Each plot then repeats the heading of its column and the labels of its vertical axes,
+/// which a grid shows once.
 fn stacked(rows: &[Vec<GridCell>]) -> Vec<Vec<GridCell>> {
     let first = rows.first().map_or(&[][..], Vec::as_slice);
     let has_columns = first.len() > 1 && first.iter().all(|cell| cell.heading.is_some());
@@ -51,7 +51,7 @@ fn stacked(rows: &[Vec<GridCell>]) -> Vec<Vec<GridCell>> {
         for (column, cell) in row.iter().enumerate() {
             let Some(mut chart) = cell.chart.clone() else { continue };
             let heading = if has_columns {
-                // The left label of such a row is its name.
+                // In such a grid the left label is the name of the row.
                 chart.left.label.clear();
                 let names = [left, first.get(column).and_then(|cell| cell.heading.as_ref())];
                 Some(names.into_iter().flatten().cloned().collect::<Vec<_>>().join(": "))
@@ -117,7 +117,7 @@ fn draw_rows(
         let most = headings.iter().map(Vec::len).max().unwrap_or(0);
         let above = if most == 0 { 0.0 } else { HEADING + HEADING_ROW * (most - 1) as f64 };
         let top = scene.height + above;
-        // Plots of a row begin at the same height, however many lines of text are above each.
+        // The plots of a row begin at the same height, however many lines of text stand above each plot.
         let rules = row.iter().zip(&sides).map(|(cell, &sides)| {
             cell.chart.as_ref().map_or(0.0, |chart| rule_height(chart, sides, picture))
         });
@@ -138,12 +138,12 @@ fn draw_rows(
     scene
 }
 
-/// Where a heading begins: above its plot, or in a narrow picture at the edge, where more of it fits.
+/// Returns the left end of a heading: that of its plot, or the edge of a narrow picture, where there is more room.
 fn heading_left(sides: Sides, picture: f64) -> f64 {
     if picture < WIDE { 4.0 } else { sides.left }
 }
 
-/// Lines of text of which the last stands at `y`.
+/// Returns lines of text, the last one at `y`.
 fn column_heading(lines: Vec<String>, y: f64, left: f64) -> MarkGroup {
     let last = lines.len().saturating_sub(1);
     let marks = lines

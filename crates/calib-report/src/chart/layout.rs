@@ -1,4 +1,4 @@
-//! From a chart to marks at pixel positions.
+//! Layout of a chart: marks at pixel positions.
 
 use super::frame::{
     Edge, NAME_ROW, horizontal_axis, name_rows, vertical_axis, vertical_axis_width,
@@ -7,32 +7,32 @@ use super::legend;
 use super::scene::{Anchor, GroupKind, Mark, MarkGroup, Rect, Scene, Text, Weight, text_width};
 use super::{Chart, Colour, Dash, Marker, Point, Scale, Series, Side};
 
-/// Width of pictures for files, paper and wide screens.
+/// Width of pictures for files, paper and wide screens, in pixels.
 pub(crate) const WIDE: f64 = 960.0;
-/// Width of pictures for phones, whose pages leave that much of 390 pixels.
+/// Width of pictures for phones, in pixels: pages leave that much of 390 pixels.
 pub(crate) const NARROW: f64 = 340.0;
 const PLOT_HEIGHT: f64 = 360.0;
 const NARROW_PLOT_HEIGHT: f64 = 260.0;
 pub(super) const MARGIN: f64 = 14.0;
 const PANEL_HEIGHT: f64 = 210.0;
-/// Room for tick labels, and for the label of the horizontal axis as well.
+/// Room in pixels for tick labels, and for tick labels with the label of the horizontal axis.
 const BELOW_UNLABELLED: f64 = 34.0;
 const BELOW: f64 = 58.0;
 const RULE_SIZE: u32 = 12;
 const RULE_ROW: f64 = 17.0;
-/// Curves with more intervals than this have a band only, without whiskers.
+/// Curves with more intervals than this have a band and no whiskers.
 const BAND_ABOVE_POINTS: usize = 40;
 
-/// Where title and legend go.
+/// Place of the title and the legend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LegendPlace {
-    /// Into the picture, which stands alone.
+    /// Inside the picture, which stands alone.
     Inside,
-    /// Nowhere: the page around the picture has them.
+    /// Outside: the page around the picture has them.
     Outside,
 }
 
-/// Lays `chart` out in a picture that is `width` pixels wide.
+/// Lays out `chart` in a picture that is `width` pixels wide.
 pub(crate) fn draw(chart: &Chart, legend_place: LegendPlace, width: f64) -> Scene {
     let side = Sides::of(std::slice::from_ref(chart), width);
     let mut scene = Scene { width, height: MARGIN, plot: Rect::default(), groups: Vec::new() };
@@ -44,7 +44,7 @@ pub(crate) fn draw(chart: &Chart, legend_place: LegendPlace, width: f64) -> Scen
     scene
 }
 
-/// Lays `panels` out below each other, with one heading (title, and the keys of `legend_of`) and one horizontal scale.
+/// Lays out `panels` below each other, with one heading (title, and legend of `legend_of`) and one horizontal scale.
 pub(crate) fn draw_panels(legend_of: &Chart, panels: &[Chart]) -> Scene {
     let sides = Sides::of(panels, WIDE);
     let mut scene = Scene { width: WIDE, height: 0.0, plot: Rect::default(), groups: Vec::new() };
@@ -55,7 +55,7 @@ pub(crate) fn draw_panels(legend_of: &Chart, panels: &[Chart]) -> Scene {
     scene
 }
 
-/// Left end and width of the plots.
+/// Left end and width of the plots in pixels.
 #[derive(Clone, Copy)]
 pub(super) struct Sides {
     pub(super) left: f64,
@@ -63,7 +63,7 @@ pub(super) struct Sides {
 }
 
 impl Sides {
-    /// Room for the widest axis labels of `charts` in a picture of this `width`.
+    /// Reserves room for the widest axis labels of `charts` in a picture of this `width`.
     fn of(charts: &[Chart], width: f64) -> Self {
         let lefts = charts.iter().map(|chart| vertical_axis_width(&chart.left));
         let rights = charts.iter().filter_map(|chart| chart.right.as_ref());
@@ -84,7 +84,7 @@ pub(super) fn heading(scene: &mut Scene, chart: &Chart, sides: Sides) {
     scene.height = top + legend::height(&entries, top) + 6.0;
 }
 
-/// Adds one plot with its axes below what `scene` already has.
+/// Adds one plot with its axes below the existing content of `scene`.
 pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sides, height: f64) {
     let rule_labels = rule_rows(chart, Sides { left, width }, scene.width);
     let top = scene.height + height_of(&rule_labels) + 6.0;
@@ -118,16 +118,16 @@ pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sid
     scene.height = plot.bottom() + below;
 }
 
-/// The text above a vertical line, in a row where it does not cover another one; row 0 is nearest to the plot.
+/// Text above a vertical line, in a row where it covers no other text. Row 0 is nearest to the plot.
 struct RuleLabel {
-    /// Its middle.
+    /// Middle of the text in pixels.
     x: f64,
-    /// Half of its width.
+    /// Half of its width in pixels.
     half: f64,
     row: usize,
 }
 
-/// Room for the text above the vertical lines of `chart` in a `picture` of this width.
+/// Returns the room for the text above the vertical lines of `chart`, in a `picture` of this width.
 pub(super) fn rule_height(chart: &Chart, sides: Sides, picture: f64) -> f64 {
     height_of(&rule_rows(chart, sides, picture))
 }
@@ -180,18 +180,18 @@ fn rules(chart: &Chart, labels: &[RuleLabel], plot: Rect) -> Vec<Mark> {
     marks
 }
 
-/// What turns the points of a curve into pixels.
+/// Conversion from the points of a curve to pixels.
 struct Placing<'a> {
     x: &'a Scale,
     y: &'a Scale,
     plot: Rect,
-    /// Where diverged values go: each curve has its own row at the upper edge.
+    /// Height of diverged values. Each curve has its own row at the upper edge.
     diverged_y: f64,
 }
 
 impl Placing<'_> {
     fn pixel(&self, x: f64, y: f64) -> (f64, f64) {
-        // Far outside is far enough: huge coordinates upset viewers, and the plot is clipped anyway.
+        // Huge coordinates cause errors in viewers. The plot is clipped anyway.
         let up = self.y.fraction(y).clamp(-2.0, 3.0);
         (
             self.plot.x + self.x.fraction(x) * self.plot.width,
@@ -220,8 +220,8 @@ impl Placing<'_> {
         marks
     }
 
-    /// A band behind unbroken and dense curves, and whiskers with caps on sparse ones: the band shows the shape, whiskers
-    /// where it was measured.
+    /// Draws the intervals: a band behind dense, unbroken curves, and whiskers with caps on sparse curves. A band shows
+    /// the shape, and whiskers show where the curve was measured.
     fn intervals(&self, run: &[Point], colour: Colour, dash: Dash) -> Vec<Mark> {
         let ends: Vec<(f64, f64, f64)> =
             run.iter().filter_map(|p| p.interval.map(|(low, high)| (p.x, low, high))).collect();

@@ -1,14 +1,14 @@
-//! The legend, in rows above the plot, where it cannot cover a curve.
+//! The legend: rows above the plot, where they cannot cover a curve.
 
 use super::scene::{Anchor, Mark, Text, text_width};
 use super::{Chart, Colour, Dash, Marker, Side};
 
 const SIZE: u32 = 13;
 const ROW_HEIGHT: f64 = 22.0;
-/// Width of the piece of curve beside each name.
+/// Width of the line sample beside each name, in pixels.
 pub(crate) const SAMPLE: f64 = 30.0;
 
-/// One line of the legend: what it looks like and what it says.
+/// One entry of the legend: the look of a curve and its name.
 pub(crate) struct Key {
     pub(crate) label: String,
     pub(crate) colour: Colour,
@@ -16,14 +16,15 @@ pub(crate) struct Key {
     pub(crate) marker: Option<Marker>,
 }
 
-/// A key with its place: the left end of its line sample, and the middle of its row.
+/// A key with its position: the left end of its line sample, and the middle of its row.
 pub(crate) struct Entry {
     key: Key,
     x: f64,
     y: f64,
 }
 
-/// The keys of `chart`: one for each curve, in order, and one for diverged values if there are any.
+/// Returns the keys of `chart`: one per curve, in order, and one
+/// for diverged values if there are any.
 pub(crate) fn keys(chart: &Chart) -> Vec<Key> {
     let mut keys: Vec<Key> = chart
         .series
@@ -61,12 +62,12 @@ pub(crate) fn place(keys: Vec<Key>, left: f64, top: f64, width: f64) -> Vec<Entr
     entries
 }
 
-/// Height of all rows.
+/// Returns the height of all rows.
 pub(crate) fn height(entries: &[Entry], top: f64) -> f64 {
     entries.last().map_or(0.0, |entry| entry.y + ROW_HEIGHT / 2.0 - top)
 }
 
-/// The marks of the legend.
+/// Returns the marks of the legend.
 pub(crate) fn marks(entries: &[Entry]) -> Vec<Mark> {
     let mut marks = Vec::with_capacity(3 * entries.len());
     for Entry { key, x, y } in entries {
@@ -82,7 +83,7 @@ pub(crate) fn marks(entries: &[Entry]) -> Vec<Mark> {
     marks
 }
 
-/// A piece of the curve, `SAMPLE` wide, from (`x`, `y`).
+/// Returns a piece of the curve, `SAMPLE` wide, from (`x`, `y`).
 pub(crate) fn sample(key: &Key, x: f64, y: f64) -> Vec<Mark> {
     let colour = key.colour;
     let line = key.line.map(|(width, dash)| {

@@ -1,9 +1,8 @@
 //! A chart as data, laid out once and painted as SVG, as PNG, or into the page.
-//!
-//! [`Chart`] says what is shown; [`layout`] turns it into marks at pixel positions ([`scene`]);
-//! [`svg`] and [`png`] paint the marks; [`data`] gives the page's script the same numbers for hovering.
-//! The layout is our own because one layout has to serve all three, with twin axes and a legend that
-//! never covers the curves; tiny-skia only turns marks into pixels.
+//!  [`Chart`] says what is shown. [`layout`] turns it into marks at pixel positions ([`scene`]). [`svg`] and
+//! [`png`] paint the marks. [`data`] gives the page's script the same numbers for hovering. The layout is our own,
+//! because one layout must serve all three, with twin axes and a legend that never covers the curves. tiny-skia
+//! only turns marks into pixels.
 
 mod data;
 mod dates;
@@ -37,7 +36,7 @@ pub(crate) use svg::{sample_svg, svg};
 pub struct Chart {
     /// Title above the figure.
     pub title: String,
-    /// One sentence for those who cannot see it.
+    /// Description in one sentence for readers who cannot see the chart.
     pub description: String,
     /// Horizontal axis.
     pub x: Axis,
@@ -51,13 +50,13 @@ pub struct Chart {
     pub rules: Vec<Rule>,
 }
 
-/// Points of a dense curve in a narrow picture, about two for each pixel; many curves share those of a few.
+/// Points of a dense curve in a narrow picture, about two per pixel. Many curves share the points of a few.
 const NARROW_POINTS: usize = 450;
 const NARROW_CURVES: usize = 4;
 const FEWEST_NARROW_POINTS: usize = 120;
 
 impl Chart {
-    /// Curves alone, without title, right axis and marks.
+    /// Creates a chart with curves only: no title, right axis or marks.
     pub(crate) const fn of(x: Axis, left: Axis, series: Vec<Series>) -> Self {
         let title = String::new();
         let description = String::new();
@@ -69,7 +68,7 @@ impl Chart {
         self.series.iter().flat_map(|series| &series.points).any(|point| point.y.is_infinite())
     }
 
-    /// The chart with fewer points in its dense curves, which a narrow picture could not show; peaks stay.
+    /// Returns the chart with fewer points in its dense curves, for a narrow picture. Peaks stay.
     pub(crate) fn thinned(&self) -> Self {
         let shared = NARROW_CURVES * NARROW_POINTS / self.series.len().max(1);
         let most = shared.clamp(FEWEST_NARROW_POINTS, NARROW_POINTS);
@@ -100,7 +99,7 @@ impl Chart {
 /// One axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// What it shows, with its unit.
+    /// Quantity and unit.
     pub label: String,
     /// Range and spacing.
     pub scale: Scale,
@@ -113,7 +112,7 @@ pub struct Rule {
     pub x: f64,
     /// Text above the line.
     pub label: String,
-    /// Look of the line.
+    /// Pattern of the line.
     pub dash: Dash,
 }
 
@@ -122,17 +121,17 @@ pub struct Rule {
 pub struct Series {
     /// Name in the legend.
     pub label: String,
-    /// Which vertical axis it is read on.
+    /// Vertical axis of the curve.
     pub side: Side,
-    /// Colour by its role, so that light and dark pages can differ.
+    /// Colour by role, so that light and dark pages can differ.
     pub colour: Colour,
     /// Line pattern.
     pub dash: Dash,
     /// Line width in pixels.
     pub width: f64,
-    /// Shape at each point; none for dense curves.
+    /// Shape at each point; `None` for dense curves.
     pub marker: Option<Marker>,
-    /// The points, left to right. A value that is NaN breaks the line; an infinite one is marked as diverged.
+    /// Points from left to right. NaN breaks the line, and an infinite value is marked as diverged.
     pub points: Vec<Point>,
 }
 
@@ -143,11 +142,11 @@ pub struct Point {
     pub x: f64,
     /// Value.
     pub y: f64,
-    /// Ends of its interval, if it has one.
+    /// Ends of the interval, if the point has one.
     pub interval: Option<(f64, f64)>,
 }
 
-/// The vertical axis a curve is read on.
+/// Vertical axis of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// The left one.
@@ -167,7 +166,7 @@ pub enum Dash {
     Dotted,
 }
 
-/// Shapes of points; every curve has its own, so that colour is never the only difference.
+/// Shapes of points. Every curve has its own shape, so that colour is never the only difference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Marker {
     /// ●
@@ -184,12 +183,13 @@ pub enum Marker {
     Cross,
 }
 
-/// Colours by role. The hues are those of Okabe & Ito (2008), which the common kinds of colour blindness keep apart.
+/// Colours by role. The hues are those of Okabe & Ito (2008); people with the
+/// common kinds of colour blindness can distinguish them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Colour {
     /// Text.
     Ink,
-    /// True trajectories, beneath what is compared with them.
+    /// True trajectories, drawn beneath the rollouts.
     Truth,
     /// Axis text and baselines.
     Muted,
@@ -197,21 +197,22 @@ pub enum Colour {
     Grid,
     /// Curve colour 0 to 5; larger numbers start again.
     Curve(usize),
-    /// One of eight colours for values that have an order, from the smallest to the largest.
+    /// One of eight colours for ordered values, from the smallest to the largest.
     Ordered(usize),
 }
 
-/// Colours of a scale: more cannot be told apart.
+/// Number of colours for ordered values: more could not be distinguished.
 pub(crate) const ORDERED: usize = 8;
 
 impl Colour {
-    /// The colour of the value at `place` of `count` in order: the ends of the scale are those of the values.
+    /// Returns the colour of the value at `place` of `count` ordered values. The smallest and the largest have the
+    /// ends of the scale.
     pub(crate) const fn of_ordered(place: usize, count: usize) -> Self {
         let last = if count > 1 { count - 1 } else { 1 };
         Self::Ordered((2 * place * (ORDERED - 1) + last) / (2 * last))
     }
 
-    /// Light-page colour, `#rrggbb`. The page's style sheet overrides it by [`class`](Self::class).
+    /// Returns the colour on light pages, `#rrggbb`. The page's style sheet overrides it by [`class`](Self::class).
     pub(crate) const fn hex(self) -> &'static str {
         match self {
             Self::Ink => "#1b2733",
@@ -228,14 +229,14 @@ impl Colour {
         }
     }
 
-    /// The same, as red, green and blue.
+    /// Returns the same colour as red, green and blue.
     pub(crate) fn rgb(self) -> [u8; 3] {
         let rgb = u32::from_str_radix(&self.hex()[1..], 16).unwrap_or(0);
         let [_, red, green, blue] = rgb.to_be_bytes();
         [red, green, blue]
     }
 
-    /// Name of the colour in the page's style sheet.
+    /// Returns the name of the colour in the page's style sheet.
     pub(crate) const fn class(self) -> &'static str {
         match self {
             Self::Ink => "ink",
@@ -249,7 +250,7 @@ impl Colour {
 }
 
 impl Dash {
-    /// Lengths of ink and of gap in pixels; `None` for an unbroken line.
+    /// Returns the lengths of ink and gap in pixels; `None` for an unbroken line.
     pub(crate) const fn lengths(self) -> Option<(f64, f64)> {
         match self {
             Self::Solid => None,

@@ -1,26 +1,27 @@
-//! Long series for the page's script, in few bytes.
+//! Compact encoding of long series for the page's script.
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde_json::{Map, Value, json};
 
-/// Every value of a trajectory, for a page that draws the part that is looked at.
+/// Every value of a trajectory. The page draws the visible part.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Detail<'a> {
-    /// From one value to the next, in the unit of the horizontal axis.
+    /// Distance between values, in the unit of the horizontal axis.
     pub(crate) step: f64,
-    /// The values, the first at 0; NaN where there is none.
+    /// Values; the first is at position 0, and NaN stands for a missing value.
     pub(crate) values: &'a [f64],
 }
 
-/// Stands for NaN; 65,534 for the largest value.
+/// Code for NaN. 65,534 is the code for the largest value.
 const MISSING: u16 = u16::MAX;
 const LARGEST: f64 = 65_534.0;
-/// A series that reaches further than this many heights of its plot would lose its shape in 16 bits.
+/// Series that extend over more than this many plot heights would lose their shape in 16 bits.
 const FAR: f64 = 50.0;
 
 impl Detail<'_> {
-    /// `step`, and `packed`: little-endian numbers in base 64. They are 16-bit steps between `from` and `to`, or 32-bit
-    /// floats, without these two, where the values are infinite somewhere or reach far beyond a plot of this `height`.
+    /// Returns `step`, and `packed`: little-endian numbers in base 64. They are 16-bit steps between `from` and `to`.
+    /// If a value is infinite, or values reach far beyond a plot of this `height`, they are 32-bit floats without
+    /// `from` and `to`.
     pub(crate) fn fields(&self, height: f64) -> Map<String, Value> {
         let mut fields = Map::new();
         fields.insert("step".to_owned(), json!(self.step));

@@ -1,4 +1,4 @@
-//! Scene to PNG, through tiny-skia.
+//! Painting of a scene as PNG, with tiny-skia.
 
 use tiny_skia::{
     Color, FillRule, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Rect as SkiaRect, Stroke,
@@ -10,7 +10,7 @@ use super::scene::{CIRCLE_RADIUS, GroupKind, Mark, Rect, Scene, outline};
 use super::{Colour, Marker};
 use crate::ReportError;
 
-/// Pixels of the bitmap for each pixel of the layout.
+/// Pixels of the bitmap per pixel of the layout.
 const PIXEL_RATIO: f32 = 2.0;
 
 const AREA_OPACITY: f32 = 0.18;
@@ -45,7 +45,7 @@ impl Canvas {
         Ok(Self { pixels })
     }
 
-    /// What lies in a plot. As in the SVG, symbols at the very ends of the axis stay whole.
+    /// Returns the clip mask of a plot. As in the SVG, symbols at the ends of the axis stay whole.
     fn clip(&self, plot: Rect) -> Option<Mask> {
         let x = plot.x as f32 - 7.0;
         let y = plot.y as f32;
@@ -55,7 +55,7 @@ impl Canvas {
         Some(mask)
     }
 
-    /// What is not finite has no path, and is left out.
+    /// Paints a mark. Coordinates that are not finite have no path, and are left out.
     fn paint(&mut self, mark: &Mark, clip: Option<&Mask>) {
         match mark {
             Mark::Line { points, colour, width, dash } => {
@@ -92,12 +92,12 @@ impl Canvas {
     }
 }
 
-/// From the layout to the bitmap.
+/// Returns the transform from the layout to the bitmap.
 fn scaled() -> Transform {
     Transform::from_scale(PIXEL_RATIO, PIXEL_RATIO)
 }
 
-/// A line through `points`, moved by an offset.
+/// Returns a line through `points`, moved by an offset.
 fn joined(points: &[(f64, f64)], (x, y): (f64, f64)) -> PathBuilder {
     let mut path = PathBuilder::new();
     for (index, (dx, dy)) in points.iter().enumerate() {
@@ -125,7 +125,7 @@ fn paint_of(colour: Colour, opacity: f32) -> Paint<'static> {
     paint
 }
 
-/// The page is white, so that no pixel is transparent.
+/// Encodes the picture without transparency, because the page is white.
 fn encode(pixels: Pixmap) -> Result<Vec<u8>, ReportError> {
     let width = pixels.width();
     let height = pixels.height();
@@ -148,7 +148,8 @@ mod tests {
     use super::*;
     use crate::chart::{Dash, scene::MarkGroup};
 
-    /// Rows of pixels of a scene of 20 x 20 with one mark in the middle of a plot of 10 x 10.
+    /// Returns the pixel rows of a scene of 20 x 20 with one mark in
+    /// the middle of a plot of 10 x 10.
     fn painted(kind: GroupKind, mark: Mark) -> Vec<[u8; 3]> {
         let plot = Rect { x: 8.0, y: 5.0, width: 4.0, height: 10.0 };
         let groups = vec![MarkGroup { kind, plot, marks: vec![mark] }];
@@ -164,12 +165,12 @@ mod tests {
         Mark::Line { points, colour: Colour::Ink, width: 2.0, dash }
     }
 
-    /// A line from the top to the bottom of the scene.
+    /// Returns a line from the top to the bottom of the scene.
     fn across() -> Mark {
         line(vec![(10.0, 0.0), (10.0, 20.0)], Dash::Solid)
     }
 
-    /// Rows that are inked in the middle.
+    /// Returns the rows that have ink in the middle.
     fn dark(pixels: &[[u8; 3]]) -> Vec<usize> {
         (0..40).filter(|row| pixels[40 * row + 20] == [0x1b, 0x27, 0x33]).collect()
     }
@@ -188,7 +189,7 @@ mod tests {
         let corner = vec![(2.0, 2.0), (7.0, 2.0), (7.0, 18.0)];
         let pixels = painted(GroupKind::Rules, line(corner, Dash::Dashed));
         let is_inked = |x: usize, y: usize| pixels[40 * (2 * y) + 2 * x] == [0x1b, 0x27, 0x33];
-        // Seven of ink, five of them before the corner; four of none; seven of ink.
+        // Seven pixels of ink, five of them before the corner; four without; then seven of ink.
         assert!(is_inked(6, 2) && is_inked(7, 3));
         assert!(!is_inked(7, 5) && !is_inked(7, 7));
         assert!(is_inked(7, 9) && is_inked(7, 14) && !is_inked(7, 16));

@@ -1,17 +1,18 @@
-//! From values to positions along an axis.
+//! Scales: positions of values along an axis.
 
-/// How values are spaced.
+/// Spacing of values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ScaleKind {
-    /// Evenly.
+    /// Even spacing.
     Linear,
-    /// Evenly, with ticks at whole numbers only.
+    /// Even spacing, with ticks at whole numbers only.
     Whole,
-    /// By their logarithm.
+    /// Logarithmic spacing.
     Log,
-    /// Evenly; values are instants in seconds since 1970, with ticks at dates.
+    /// Even spacing of instants, in seconds since 1970, with ticks at dates.
     Time,
-    /// Instants as in [`Self::Time`] in these stretches, first and last instant; what lies between them takes little room.
+    /// Instants as in [`Self::Time`], in stretches with a first and a last
+    /// instant. The time between stretches takes little room.
     CutTime(Vec<(f64, f64)>),
     /// Value i stands for name i.
     Names(Vec<String>),
@@ -28,30 +29,31 @@ pub struct Scale {
     pub max: f64,
 }
 
-/// Values that span more than this factor are shown on a logarithmic scale.
+/// Values that span more than this factor have a logarithmic scale.
 const LOG_ABOVE: f64 = 30.0;
 
 impl Scale {
-    /// A linear scale from `min` to `max` exactly, widened if they are equal.
+    /// Returns a linear scale from exactly `min` to `max`, widened if they are equal.
     pub fn linear(min: f64, max: f64) -> Self {
         let (min, max) = if min < max { (min, max) } else { widened(min) };
         Self { kind: ScaleKind::Linear, min, max }
     }
 
-    /// A scale of instants, in seconds since 1970, from `first` to `last` exactly, widened by a second if they are equal.
+    /// Returns a scale of instants, in seconds since 1970, from exactly `first` to
+    /// `last`, widened by a second if they are equal.
     pub fn time(first: f64, last: f64) -> Self {
         let max = if first < last { last } else { first + 1.0 };
         Self { kind: ScaleKind::Time, min: first, max }
     }
 
-    /// A scale of instants in ascending `stretches`, which are not empty.
+    /// Returns a scale of instants in ascending `stretches`, which must not be empty.
     pub(crate) fn cut_time(stretches: Vec<(f64, f64)>) -> Self {
         let min = stretches.first().map_or(0.0, |stretch| stretch.0);
         let max = stretches.last().map_or(1.0, |stretch| stretch.1);
         Self { kind: ScaleKind::CutTime(stretches), min, max }
     }
 
-    /// A logarithmic scale that holds `values` with a margin; linear if any of them is not positive.
+    /// Returns a logarithmic scale that holds `values` with a margin; linear if a value is not positive.
     pub fn log_around(values: &[f64]) -> Self {
         match extent(values) {
             Some((low, high)) if low > 0.0 => {
@@ -62,8 +64,8 @@ impl Scale {
         }
     }
 
-    /// A linear scale that holds the finite `values` with a margin, or a logarithmic one
-    /// where they are positive and span more than a factor of 30.
+    /// Returns a linear scale that holds the finite `values` with a margin. It is logarithmic if they are positive and
+    /// span more than a factor of 30.
     pub fn around(values: &[f64]) -> Self {
         match extent(values) {
             Some((low, high)) if low > 0.0 && high / low > LOG_ABOVE => {
@@ -74,7 +76,7 @@ impl Scale {
         }
     }
 
-    /// A linear scale that holds the finite `values` with a margin.
+    /// Returns a linear scale that holds the finite `values` with a margin.
     pub fn linear_around(values: &[f64]) -> Self {
         match extent(values) {
             Some((low, high)) if low < high => {
@@ -88,32 +90,32 @@ impl Scale {
         }
     }
 
-    /// Ranks 1 to `worst`.
+    /// Returns a scale for ranks 1 to `worst`.
     pub fn ranks(worst: usize) -> Self {
         let worst = worst.max(2) as f64;
         let margin = 0.07 * (worst - 1.0);
         Self { kind: ScaleKind::Whole, min: 1.0 - margin, max: worst + margin }
     }
 
-    /// Whether values are spaced by their logarithm.
+    /// Whether the spacing is logarithmic.
     pub fn is_log(&self) -> bool {
         self.kind == ScaleKind::Log
     }
 
-    /// One place for each name.
+    /// Returns a scale with one place per name.
     pub fn names(names: Vec<String>) -> Self {
         let max = names.len().max(1) as f64 - 0.5;
         Self { kind: ScaleKind::Names(names), min: -0.5, max }
     }
 
-    /// Where `value` lies: 0 at `min`, 1 at `max`, outside beyond them.
+    /// Returns the position of `value`: 0 at `min`, 1 at `max`, beyond them outside.
     pub fn fraction(&self, value: f64) -> f64 {
         match &self.kind {
             ScaleKind::CutTime(stretches) => cut_fraction(stretches, value),
             ScaleKind::Log => {
                 let min = self.min.ln();
                 let max = self.max.ln();
-                // What cannot be shown on a logarithmic scale lies far below it.
+                // Values that a logarithmic scale cannot show lie far below it.
                 if value > 0.0 { (value.ln() - min) / (max - min) } else { -1.0 }
             }
             _ => (value - self.min) / (self.max - self.min),
@@ -121,7 +123,7 @@ impl Scale {
     }
 }
 
-/// Share of the axis that is left of each gap that is cut out.
+/// Share of the axis that a removed gap still takes.
 const CUT: f64 = 0.02;
 
 fn cut_fraction(stretches: &[(f64, f64)], value: f64) -> f64 {
@@ -143,7 +145,7 @@ fn cut_fraction(stretches: &[(f64, f64)], value: f64) -> f64 {
     at
 }
 
-/// Smallest and largest finite value.
+/// Returns the smallest and the largest finite value; `None` if there is no finite value.
 pub(crate) fn extent(values: &[f64]) -> Option<(f64, f64)> {
     values.iter().filter(|value| value.is_finite()).fold(None, |extent, &value| match extent {
         None => Some((value, value)),

@@ -1,4 +1,4 @@
-//! Marks at pixel positions: what is left of a chart when it has been laid out.
+//! Marks at pixel positions: the result of a chart's layout.
 
 use super::{Colour, Dash, Marker};
 
@@ -7,7 +7,7 @@ use super::{Colour, Dash, Marker};
 pub(crate) struct Scene {
     pub(crate) width: f64,
     pub(crate) height: f64,
-    /// The rectangle between the axes, of the last plot where there are several.
+    /// The rectangle between the axes. With several plots, that of the last plot.
     pub(crate) plot: Rect,
     pub(crate) groups: Vec<MarkGroup>,
 }
@@ -16,21 +16,21 @@ pub(crate) struct Scene {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct MarkGroup {
     pub(crate) kind: GroupKind,
-    /// The plot it belongs to; curves are clipped to it.
+    /// The plot of the group; curves are clipped to it.
     pub(crate) plot: Rect,
     pub(crate) marks: Vec<Mark>,
 }
 
-/// What a group is; the page's script finds it by this.
+/// Kind of a group. The page's script finds groups by it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum GroupKind {
-    /// Grid, axes, labels of one axis: "x", "left", "right".
+    /// Grid, axes and labels of one axis: "x", "left", "right".
     Axis(&'static str),
     /// Title and legend.
     Heading,
-    /// Vertical lines, and the text above them.
+    /// Vertical lines with the text above them.
     Rules,
-    /// Curve number i; clipped to the plot.
+    /// Curve number i, clipped to the plot.
     Series(usize),
 }
 
@@ -134,7 +134,7 @@ impl Text {
     }
 }
 
-/// Outline of `marker` around the origin, as closed polygons; circles have none.
+/// Returns the outline of `marker` around the origin, as a closed polygon; circles have none.
 pub(crate) fn outline(marker: Marker) -> Vec<(f64, f64)> {
     match marker {
         Marker::Circle => Vec::new(),
@@ -149,7 +149,7 @@ pub(crate) fn outline(marker: Marker) -> Vec<(f64, f64)> {
     }
 }
 
-/// Radius of a circle marker.
+/// Radius of a circle marker in pixels.
 pub(crate) const CIRCLE_RADIUS: f64 = 4.0;
 
 fn quarter_turns((x, y): (f64, f64), turns: usize) -> (f64, f64) {
@@ -161,7 +161,8 @@ fn quarter_turns((x, y): (f64, f64), turns: usize) -> (f64, f64) {
     }
 }
 
-/// About how wide `text` is at `size` pixels: a generous estimate, so that nothing overlaps in any common font.
+/// Estimates the width of `text` at `size` pixels. The estimate is generous,
+/// so that nothing overlaps in any common font.
 pub(crate) fn text_width(text: &str, size: u32) -> f64 {
     let units: f64 =
         text.chars()
@@ -177,7 +178,7 @@ pub(crate) fn text_width(text: &str, size: u32) -> f64 {
     units * f64::from(size)
 }
 
-/// `text` in lines that have `room` at `size` pixels; a longer word stands alone.
+/// Breaks `text` into lines that fit in `room` at `size` pixels. A longer word stands alone.
 pub(crate) fn lines(text: &str, size: u32, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
@@ -192,7 +193,7 @@ pub(crate) fn lines(text: &str, size: u32, room: f64) -> Vec<String> {
     lines
 }
 
-/// As much of `text` as has `room` at `size` pixels, with an ellipsis where some of it is left out.
+/// Shortens `text` with an ellipsis until it fits in `room` at `size` pixels.
 pub(crate) fn fitted(text: &str, size: u32, room: f64) -> String {
     if text_width(text, size) <= room {
         return text.to_owned();

@@ -1,4 +1,4 @@
-//! Scene to SVG text.
+//! Painting of a scene as SVG text.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use super::{Colour, Marker};
 
 const FONT: &str = "'DejaVu Sans', Verdana, 'Segoe UI', Helvetica, Arial, sans-serif";
 
-/// Paints `scene` as an SVG element. `id` must be unique in the document it becomes part of.
+/// Paints `scene` as an SVG element. `id` must be unique in its document.
 ///
 /// Colours are attributes, so that the file stands alone, and classes, so that a style sheet can override them.
 pub(crate) fn svg(scene: &Scene, id: &str, title: &str, description: &str) -> String {
@@ -39,7 +39,7 @@ pub(crate) fn svg(scene: &Scene, id: &str, title: &str, description: &str) -> St
     out
 }
 
-/// Clip path number `number`: the plot, and room for symbols at its very ends.
+/// Writes clip path number `number`: the plot, with room for symbols at its ends.
 fn write_clip(out: &mut String, plot: Rect, id: &str, number: usize) {
     let x = tenths(plot.x - 7.0);
     let y = tenths(plot.y);
@@ -66,7 +66,7 @@ fn write_group(out: &mut String, group: &MarkGroup, id: &str, clip: usize) {
             )
         }
     };
-    // Lines and areas are scaled when the page zooms; symbols only move. So they come apart.
+    // When the page zooms, lines and areas are scaled and symbols only move. So they are separate groups.
     let (symbols, others): (Vec<&Mark>, Vec<&Mark>) =
         group.marks.iter().partition(|mark| matches!(mark, Mark::Symbol { .. }));
     let scaled = matches!(group.kind, GroupKind::Series(_));
@@ -153,7 +153,7 @@ fn write_text(out: &mut String, text: &Text) {
     let _ = write!(out, ">{}</text>", escaped(&text.content));
 }
 
-/// The line and marker of `key` as a small picture for a legend outside the chart.
+/// Draws the line and marker of `key` as a small picture, for a legend outside the chart.
 pub(crate) fn sample_svg(key: &Key) -> String {
     let mut out = format!(
         "<svg class=\"sample\" viewBox=\"0 0 {SAMPLE} 14\" width=\"{SAMPLE}\" height=\"14\" aria-hidden=\"true\">"
@@ -163,7 +163,7 @@ pub(crate) fn sample_svg(key: &Key) -> String {
     out
 }
 
-/// Path data in tenths of a pixel, relative after the first point: short, and the same on every platform.
+/// Returns path data in tenths of a pixel, relative after the first point: short, and equal on every platform.
 fn path(points: &[(f64, f64)]) -> String {
     let mut out = String::with_capacity(8 * points.len());
     let mut previous: Option<(i64, i64)> = None;
@@ -174,7 +174,7 @@ fn path(points: &[(f64, f64)]) -> String {
             None => {
                 let _ = write!(out, "M{} {}", short(x), short(y));
             }
-            // A vertical or horizontal repeat of the same pixel adds nothing.
+            // A repeated pixel adds nothing to the line.
             Some(last) if last == (x, y) => continue,
             Some((last_x, last_y)) => {
                 let _ = write!(out, "l{} {}", short(x - last_x), short(y - last_y));
@@ -185,7 +185,7 @@ fn path(points: &[(f64, f64)]) -> String {
     out
 }
 
-/// `tenths` / 10 without trailing zeros.
+/// Formats `tenths` / 10 without trailing zeros.
 fn short(tenths: i64) -> String {
     let sign = if tenths < 0 { "-" } else { "" };
     let size = tenths.unsigned_abs();
@@ -204,7 +204,7 @@ fn tenths(value: f64) -> String {
     short(whole_tenths(value))
 }
 
-/// `text` with the five characters that mean something in markup replaced.
+/// Escapes the five characters of `text` that have a meaning in markup.
 pub(crate) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -214,7 +214,7 @@ pub(crate) fn escaped(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
-            // Control characters are not allowed in XML at all.
+            // XML does not allow control characters.
             c if c.is_control() && !matches!(c, '\n' | '\t' | '\r') => out.push('\u{fffd}'),
             c => out.push(c),
         }

@@ -1,4 +1,4 @@
-//! Where an axis is marked, and with what.
+//! Ticks of an axis: their positions and labels.
 
 use super::{
     Scale, ScaleKind,
@@ -6,18 +6,18 @@ use super::{
 };
 use crate::number::{number, setting, whole};
 
-/// One mark on an axis; minor ones have no label.
+/// One tick of an axis; minor ticks have no label.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tick {
     pub(crate) value: f64,
     pub(crate) label: Option<String>,
 }
 
-/// The ticks of `scale`, about `wanted` of them labelled.
+/// Returns the ticks of `scale`, about `wanted` of them with labels.
 pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
     match &scale.kind {
         ScaleKind::Linear => linear(scale, wanted, 0.0),
-        // Up to ten ranks are all named.
+        // Up to ten ranks all have labels.
         ScaleKind::Whole => linear(scale, wanted.max(10), 1.0),
         ScaleKind::Log => log(scale, wanted),
         ScaleKind::Time => dates(scale.min, scale.max, wanted),
@@ -38,16 +38,16 @@ pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
     }
 }
 
-/// More ticks than any axis has room for.
+/// Upper limit for the number of ticks, more than any axis has room for.
 const MOST: f64 = 1000.0;
 
-/// Only the two ends, where nothing between them can be told apart.
+/// Returns ticks at the two ends only, for a range whose numbers are too close to distinguish.
 fn ends(scale: &Scale) -> Vec<Tick> {
     let finite = [scale.min, scale.max].into_iter().filter(|value| value.is_finite());
     finite.map(|value| Tick { value, label: Some(number(value)) }).collect()
 }
 
-/// Multiples of 1, 2 or 5 times a power of ten, at least `smallest_step` apart.
+/// Returns ticks at multiples of 1, 2 or 5 times a power of ten, at least `smallest_step` apart.
 fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
     let low = scale.min.min(scale.max);
     let high = scale.min.max(scale.max);
@@ -61,7 +61,7 @@ fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
         .max(smallest_step);
     let first = (low / step).ceil();
     let last = (high / step).floor();
-    // Below the smallest or above the largest numbers there are steps that no number can tell apart.
+    // At the smallest and the largest numbers, a step can be below the resolution of floats.
     if !(step > 0.0 && (first + 1.0) * step > first * step && last - first <= MOST) {
         return ends(scale);
     }
@@ -71,7 +71,7 @@ fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
         let value = i as f64 * step;
         Tick { value, label: Some(label(value, step)) }
     };
-    // Ranks start at 1, which is no multiple of a larger step.
+    // Ranks start at 1, which is not a multiple of a larger step.
     if smallest_step > 0.0 && step > 1.0 {
         let best = Tick { value: 1.0, label: Some("1".to_owned()) };
         return std::iter::once(best).chain((first.max(1)..=last).map(tick)).collect();
@@ -79,7 +79,8 @@ fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
     (first..=last).map(tick).collect()
 }
 
-/// Powers of ten with a label and their multiples without; multiples by 2 and 5 get one where there is room.
+/// Returns labelled ticks at powers of ten, and ticks at their multiples. Multiples by 2 and 5 have labels
+/// if there is room.
 fn log(scale: &Scale, wanted: usize) -> Vec<Tick> {
     if !(scale.min >= f64::MIN_POSITIVE && scale.max.is_finite()) {
         return ends(scale);
@@ -94,16 +95,16 @@ fn log(scale: &Scale, wanted: usize) -> Vec<Tick> {
         _ => &[1],
     };
     let mut ticks = Vec::new();
-    // Over many decades only those are marked that have a label.
+    // Over many decades, only ticks with a label are drawn.
     let digits = if last - first > 40 { 1..2_u32 } else { 1..10_u32 };
     let far = last - first > 40;
     for exponent in (first..=last).filter(|exponent| !far || exponent.rem_euclid(every) == 0) {
         for digit in digits.clone() {
-            // Parsing gives the nearest number to what is printed; multiplying would not.
+            // Parsing gives the nearest float to the label. Multiplication would not.
             let value: f64 = format!("{digit}e{exponent}").parse().unwrap_or(f64::NAN);
             if scale.min <= value && value <= scale.max {
                 let shown = labelled.contains(&digit) && exponent.rem_euclid(every) == 0;
-                // One style on one axis: 1e-2 beside 1e-3, but 0.01 beside 0.1.
+                // One axis has one style: 1e-2 beside 1e-3, but 0.01 beside 0.1.
                 let style = if scale.min < 5e-3 && exponent < 0 {
                     format!("{digit}e{exponent}")
                 } else {
@@ -116,7 +117,7 @@ fn log(scale: &Scale, wanted: usize) -> Vec<Tick> {
     ticks
 }
 
-/// `value` with as many decimals as a `step` needs.
+/// Formats `value` with as many decimals as `step` needs.
 fn label(value: f64, step: f64) -> String {
     let decimals = (-(step * 1.0001).log10().floor()).max(0.0) as usize;
     if decimals > 4 || value.abs() >= 1e6 {

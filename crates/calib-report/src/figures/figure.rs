@@ -6,14 +6,14 @@ use crate::chart::{
     png, svg,
 };
 
-/// A figure ready to be written in either format.
+/// A figure that can be written as SVG or PNG.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     chart: Chart,
     layout: Layout,
 }
 
-/// What the files of a figure show.
+/// Arrangement of the plots in the files of a figure.
 #[derive(Debug, Clone, PartialEq)]
 enum Layout {
     /// All curves in one plot.
@@ -25,32 +25,33 @@ enum Layout {
 }
 
 impl Figure {
-    /// The figure of one chart.
+    /// Creates the figure of one chart.
     pub const fn new(chart: Chart) -> Self {
         Self { chart, layout: Layout::Single }
     }
 
-    /// A figure whose files show `panels` below each other instead of all curves of `chart` in one plot.
+    /// Creates a figure whose files show `panels` below each other, instead of all curves of `chart` in one plot.
     pub(crate) const fn with_panels(chart: Chart, panels: Vec<Chart>) -> Self {
         Self { chart, layout: Layout::Stack(panels) }
     }
 
-    /// A figure of `rows` of small plots, with title and legend of `chart`.
+    /// Creates a figure of `rows` of small plots, with title and legend of `chart`.
     pub(crate) const fn with_grid(chart: Chart, rows: Vec<Vec<GridCell>>, height: f64) -> Self {
         Self { chart, layout: Layout::Grid(rows, height) }
     }
 
-    /// The chart behind it, with all curves in one plot.
+    /// The chart of the figure, with all curves in one plot.
     pub const fn chart(&self) -> &Chart {
         &self.chart
     }
 
-    /// The figure as a stand-alone SVG document, 960 pixels wide, on white.
+    /// Returns the figure as a stand-alone SVG document, 960 pixels wide, on white.
     pub fn svg(&self) -> String {
         svg(&self.scene(LegendPlace::Inside), "figure", &self.chart.title, &self.chart.description)
     }
 
-    /// The figure without its title as two SVG elements of a page, for a wide screen and a narrow one. `id` is unique in the page.
+    /// Returns the figure without title as two SVG elements of a page, for wide and
+    /// narrow screens. `id` must be unique in the page.
     pub(crate) fn elements(&self, id: &str) -> [String; 2] {
         let narrow = match &self.layout {
             Layout::Grid(rows, height) => draw_stacked(&self.chart, rows, *height),
@@ -61,11 +62,11 @@ impl Figure {
         [element(&self.scene(LegendPlace::Outside), id), element(&narrow, &format!("{id}-narrow"))]
     }
 
-    /// The figure as the bytes of a PNG file, 1920 pixels wide, on white.
+    /// Returns the figure as the bytes of a PNG file, 1920 pixels wide, on white.
     ///
     /// # Errors
     ///
-    /// The drawing library could not encode it.
+    /// If the drawing library cannot encode it.
     pub fn png(&self) -> Result<Vec<u8>, ReportError> {
         png(&self.scene(LegendPlace::Inside))
     }

@@ -1,45 +1,45 @@
-//! Learning curves: how the error of each value falls, or does not, along the run.
+//! Learning curves: the error of each setting along a training run.
 
 use calib_stats::Summary;
 
 use crate::chart::{Axis, Chart, Colour, Dash, ORDERED, Point, Scale, Series, Side, extent};
 use crate::{Figure, LearningEnvironment, ReportError, Setting};
 
-/// One figure of learning curves, for one sensor in one environment.
+/// Learning curves of one sensor in one environment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LearningCurves {
     /// The predicted sensor.
     pub sensor: String,
     /// The swept hyperparameter, as in the study file.
     pub field: String,
-    /// Where the agents learned.
+    /// Environment in which the agents learned.
     pub environment: LearningEnvironment,
     /// Steps of a run.
     pub steps: usize,
-    /// One curve a value, in the order of the grid.
+    /// One curve per setting, in the order of the grid.
     pub curves: Vec<LearningCurve>,
 }
 
-/// Error against step of one value.
+/// Error of one setting against the step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LearningCurve {
-    /// The value.
+    /// The setting.
     pub value: Setting,
-    /// Points in the order of their steps: a step, and the error over the window that ends there, summarised over
-    /// runs. The mean is infinite from where the first run diverged.
+    /// Points in the order of their steps: the step, and the error over the window that ends at it, summarised over runs.
+    /// The mean is infinite from the first diverged run onwards.
     pub points: Vec<(usize, Summary)>,
 }
 
 impl LearningCurve {
-    /// The step by whose end a run had diverged.
+    /// Returns the step by which a run had diverged, if any run did.
     pub(crate) fn diverged(&self) -> Option<usize> {
         self.points.iter().find(|(_, summary)| summary.mean.is_infinite()).map(|&(step, _)| step)
     }
 }
 
 impl LearningCurves {
-    /// How the curve at a place is drawn. Numbers in order are on a scale of colours, and dashed in turn where neighbours would look
-    /// alike; of others there are six colours, then the same with dashes, then with dots.
+    /// Returns the look of the curve at a position. Ordered numbers have a colour scale, and alternate between line patterns if
+    /// neighbours would look alike. Other settings have six colours, then the same with dashes, then with dots.
     fn look(&self) -> impl Fn(usize) -> (Colour, Dash) + use<> {
         const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
         let numbers: Option<Vec<f64>> =
@@ -56,12 +56,12 @@ impl LearningCurves {
         }
     }
 
-    /// Draws the figure: step against mean error, with 95 % intervals. A value of which a run diverged ends there,
-    /// in a cross at the upper edge.
+    /// Draws the figure: mean error against step, with 95 % intervals. The curve of a setting with a diverged run ends in a
+    /// cross at the upper edge.
     ///
     /// # Errors
     ///
-    /// No curve has a point.
+    /// If no curve has a point.
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: learning curves, {}", self.sensor, self.environment);
         if self.curves.iter().all(|curve| curve.points.is_empty()) {
@@ -91,8 +91,8 @@ impl LearningCurves {
     }
 }
 
-/// A curve that explodes before it diverges must not press all others flat: the axis ends at a thousand times the
-/// smallest error.
+/// Returns the vertical scale. It ends at a thousand times the smallest error, so that a curve that explodes before it
+/// diverges does not flatten all others.
 fn around(means: &[f64]) -> Scale {
     let top = extent(means).map_or(f64::INFINITY, |(low, _)| 1e3 * low.max(f64::MIN_POSITIVE));
     Scale::around(&means.iter().map(|&mean| mean.min(top)).collect::<Vec<_>>())
@@ -100,7 +100,7 @@ fn around(means: &[f64]) -> Scale {
 
 fn series(curve: &LearningCurve, colour: Colour, dash: Dash) -> Series {
     let drawn = curve.points.iter().take_while(|(_, summary)| summary.mean.is_finite()).count();
-    // The first infinite point is the cross.
+    // The first infinite point becomes the cross.
     let points = &curve.points[..curve.points.len().min(drawn + 1)];
     Series {
         label: curve.value.to_string(),

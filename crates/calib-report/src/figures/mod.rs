@@ -1,4 +1,4 @@
-//! The paper's figures, from typed rows.
+//! The figures of the paper, drawn from typed rows.
 
 mod figure;
 mod learning;

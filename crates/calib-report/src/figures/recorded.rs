@@ -1,4 +1,4 @@
-//! What a sensor showed in each period: while it was learned from, and in each deployment.
+//! Recorded values of a sensor, period by period: the training range and each deployment.
 
 use super::rollout::axis_label;
 use crate::chart::{Axis, Chart, Colour, Dash, GridCell, Point, Rule, Scale, Series, Side, extent};
@@ -6,9 +6,9 @@ use crate::number::{duration, number};
 use crate::{Figure, ReportError};
 
 const HEIGHT: f64 = 110.0;
-/// Gaps are cut out that are longer than this share of what was recorded: our choice.
+/// Gaps longer than this share of the recorded time are cut out: our choice.
 const LONG_GAP: f64 = 0.1;
-/// Lengths of more gaps than these hide each other.
+/// Most gaps whose lengths are shown: more labels would hide each other.
 const NAMED_GAPS: usize = 3;
 
 /// One sensor in several periods, in plots below each other with the same vertical axis.
@@ -18,35 +18,35 @@ pub struct RecordedFigure {
     pub sensor: String,
     /// Its physical unit: "kPa".
     pub unit: Option<String>,
-    /// The periods, in the order in which they are shown.
+    /// The periods, in the order of their plots.
     pub periods: Vec<RecordedPeriod>,
 }
 
-/// What was recorded in a period.
+/// Recorded values of one period.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedPeriod {
-    /// What it is called: "training", "april".
+    /// Name of the period: "training", "april".
     pub name: String,
-    /// What it is for.
+    /// Use of the period.
     pub used_for: PeriodUse,
-    /// Time of the first value and of the last, as text.
+    /// Times of the first and the last value, as text.
     pub times: [String; 2],
-    /// Instants, in seconds since 1970, and values in physical units; NaN where the line breaks.
+    /// Instants, in seconds since 1970, and values in physical units; NaN breaks the line.
     pub points: Vec<(f64, f64)>,
 }
 
-/// What a period is for.
+/// Use of a period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PeriodUse {
-    /// It was learned from.
+    /// Training range.
     Learning,
-    /// It was held out: a deployment.
+    /// Held-out period of a deployment.
     Deployment,
 }
 
 impl RecordedFigure {
-    /// Share of the values of deployments that lie outside of the range of all values that were learned from; none where either has
-    /// no values.
+    /// Returns the share of deployment values outside the range of all training
+    /// values; `None` if there are no values of either kind.
     pub fn outside_training(&self) -> Option<f64> {
         let values = |used_for: PeriodUse| {
             let own = self.periods.iter().filter(move |period| period.used_for == used_for);
@@ -61,13 +61,14 @@ impl RecordedFigure {
         (all > 0).then(|| outside as f64 / all as f64)
     }
 
-    /// Means of what was learned from and of what was held out, of the values that are drawn; none where either has no values.
+    /// Returns the means of the drawn training values and of the drawn held-out
+    /// values; `None` if there are no values of either kind.
     pub fn means(&self) -> Option<[f64; 2]> {
         let learned = self.mean(PeriodUse::Learning)?;
         Some([learned, self.mean(PeriodUse::Deployment)?])
     }
 
-    /// Mean of the values that are drawn of the periods with this use: the smallest and the largest of each stretch.
+    /// Returns the mean of the drawn values of this use: the smallest and the largest value per stretch of time.
     fn mean(&self, used_for: PeriodUse) -> Option<f64> {
         let periods = self.periods.iter().filter(|period| period.used_for == used_for);
         let values = periods.flat_map(|period| period.points.iter().map(|(_, value)| *value));
@@ -75,11 +76,11 @@ impl RecordedFigure {
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
-    /// Draws the figure: a plot for each period that has values, over its dates.
+    /// Draws the figure: one plot over its dates per period that has values.
     ///
     /// # Errors
     ///
-    /// No period has a value.
+    /// If no period has a value.
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: recorded in each period", self.sensor);
         let shown: Vec<(&RecordedPeriod, Extent)> =
@@ -111,7 +112,7 @@ impl RecordedFigure {
     }
 }
 
-/// The ends of what is known of a period.
+/// Extent of a period in time and in value.
 struct Extent {
     secs: (f64, f64),
     values: (f64, f64),
@@ -132,7 +133,7 @@ impl RecordedPeriod {
         format!("{}: {}, between {} and {}", self.name, self.span(), number(low), number(high))
     }
 
-    /// From the first value to the last one; seconds are left out where neither has any.
+    /// Returns the time span as text. Seconds are left out if both times have none.
     fn span(&self) -> String {
         let minutes = self
             .times
@@ -147,7 +148,7 @@ impl RecordedPeriod {
     fn plot(&self, extent: &Extent, scale: &Scale) -> Chart {
         let colour = match self.used_for {
             PeriodUse::Learning => Colour::Ink,
-            // What Online replays has its colour.
+            // Same colour as the curve of the held-out period in sensitivity figures.
             PeriodUse::Deployment => Colour::Curve(0),
         };
         let series = Series {
@@ -164,7 +165,7 @@ impl RecordedPeriod {
         Chart { rules: self.cuts(), ..Chart::of(x, left, vec![series]) }
     }
 
-    /// All points, and a break where a gap is cut out.
+    /// Returns all points, with a break at each gap that is cut out.
     fn broken_points(&self) -> Vec<Point> {
         let ends: Vec<f64> = self.stretches().iter().skip(1).map(|stretch| stretch.0).collect();
         let mut points = Vec::with_capacity(self.points.len() + ends.len());
@@ -177,7 +178,7 @@ impl RecordedPeriod {
         points
     }
 
-    /// The scale of its dates, without what lies in long gaps.
+    /// Returns the scale of the dates, without long gaps.
     fn dates(&self, extent: &Extent) -> Scale {
         match self.stretches().as_slice() {
             [] | [_] => Scale::time(extent.secs.0, extent.secs.1),
@@ -185,13 +186,13 @@ impl RecordedPeriod {
         }
     }
 
-    /// What was recorded between long gaps: first and last instant of each stretch.
+    /// Returns the stretches between long gaps: the first and the last instant of each.
     fn stretches(&self) -> Vec<(f64, f64)> {
         let known = self.points.iter().filter(|(_, value)| value.is_finite());
         let times: Vec<f64> = known.map(|&(secs, _)| secs).collect();
         let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let whole: f64 = steps.iter().sum();
-        // The longest first: a gap is long beside all that is not in longer gaps.
+        // The longest gap comes first. A gap is long relative to the time that is not in longer gaps.
         steps.sort_by(|a, b| b.total_cmp(a));
         let mut left = whole;
         let mut shortest = f64::INFINITY;
@@ -209,12 +210,12 @@ impl RecordedPeriod {
                 _ => stretches.push((at, at)),
             }
         }
-        // Instants that stand alone are no stretches to show dates of.
+        // A stretch of a single instant has no dates to show.
         let has_length = stretches.iter().all(|(first, last)| first < last);
         if has_length { stretches } else { Vec::new() }
     }
 
-    /// Lines where gaps are cut out, with their lengths where there is room.
+    /// Returns lines at the gaps that are cut out, with their lengths if there is room.
     fn cuts(&self) -> Vec<Rule> {
         let stretches = self.stretches();
         let mut cuts: Vec<Rule> = stretches

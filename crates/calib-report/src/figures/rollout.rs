@@ -5,44 +5,44 @@ use crate::downsample::min_max_indices;
 use crate::number::{duration, number, time_unit};
 use crate::{Figure, ReportError};
 
-/// Points drawn for each trajectory; longer ones are thinned so that every peak stays visible.
+/// Drawn points per trajectory. Longer ones are thinned so that every peak stays visible.
 pub const MAX_POINTS: usize = 2000;
-/// Curves that get all their points; if there are more, they share what these would have had,
+/// Most curves with all their points. More curves share the points of these,
 /// so that a page with many rollouts stays small.
 const FULL_CURVES: usize = 4;
-/// Points of a curve, however many there are.
+/// Fewest points of a curve, however many curves there are.
 const MIN_POINTS: usize = 500;
 
-/// One rollout figure, for one sensor.
+/// The rollouts of one sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RolloutFigure {
     /// The sensor.
     pub sensor: String,
     /// Its physical unit: "kPa".
     pub unit: Option<String>,
-    /// What the plant did; drawn beneath the rollouts.
+    /// Recorded trajectory of the plant, drawn beneath the rollouts.
     pub truth: Option<Trajectory>,
-    /// What the models did from the same start.
+    /// Rollouts of the models from the same start state.
     pub rollouts: Vec<Trajectory>,
 }
 
-/// Values of one sensor at a steady rate.
+/// Values of one sensor at a constant rate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     /// Name in the legend.
     pub label: String,
-    /// Seconds from one value to the next.
+    /// Seconds between values.
     pub period_secs: f64,
-    /// Values in physical units, from the start of the rollout; NaN where there is none.
+    /// Values in physical units, from the start of the rollout; NaN for a missing value.
     pub values: Vec<f64>,
 }
 
 impl RolloutFigure {
-    /// Draws the figure: time since the start, in the unit that suits its length, against the sensor's value.
+    /// Draws the figure: the sensor's value against time since the start, in a unit that suits its length.
     ///
     /// # Errors
     ///
-    /// There is no trajectory with values, or a sample period is not positive.
+    /// If no trajectory has values, or a sample period is not positive.
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: rollouts over the true trajectory", self.sensor);
         let length = checked_length(self.trajectories(), &title)?;
@@ -51,7 +51,7 @@ impl RolloutFigure {
         let points = (FULL_CURVES * MAX_POINTS / curves).clamp(MIN_POINTS, MAX_POINTS);
         let truth = self.truth.iter().map(|t| t.series(unit_secs, points, Colour::Truth, 2.2));
         let rollouts = self.rollouts.iter().enumerate().map(|(index, t)| {
-            // Colour 0 is Online's in the sensitivity figures; rollouts are of calibration models.
+            // Colour 0 belongs to the held-out period in sensitivity figures, and rollouts belong to models.
             t.series(unit_secs, points, Colour::Curve(1 + index), 1.3)
         });
         let series: Vec<Series> = truth.chain(rollouts).collect();
@@ -68,12 +68,12 @@ impl RolloutFigure {
         Ok(Figure::with_panels(chart, panels))
     }
 
-    /// What the plant did, if it is shown, then what the models did.
+    /// Returns the recorded trajectory, if it is shown, then the rollouts.
     pub(crate) fn trajectories(&self) -> impl Iterator<Item = &Trajectory> {
         self.truth.iter().chain(&self.rollouts)
     }
 
-    /// Names of the rollouts that leave the plot somewhere.
+    /// Returns the names of the rollouts that leave the plot.
     pub(crate) fn runaways(&self) -> Vec<&str> {
         let (low, high) = limits(self.truth.iter());
         self.rollouts
@@ -83,7 +83,7 @@ impl RolloutFigure {
             .collect()
     }
 
-    /// What is drawn, and between which values each curve moves, for those who cannot see it.
+    /// Describes the curves and their ranges for readers who cannot see the chart.
     fn description(&self, length: f64) -> String {
         let curves: Vec<String> = self
             .trajectories()
@@ -97,7 +97,7 @@ impl RolloutFigure {
         format!("{} over {} from the start: {}.", self.sensor, duration(length), curves.join("; "))
     }
 
-    /// Every value of every curve, in the order and the unit of the chart.
+    /// Returns every value of every curve, in the order and the unit of the chart.
     pub(crate) fn details(&self) -> Vec<Detail<'_>> {
         let (unit_secs, _) =
             time_unit(self.trajectories().map(Trajectory::secs).fold(0.0, f64::max));
@@ -109,7 +109,7 @@ impl RolloutFigure {
             .collect()
     }
 
-    /// One plot for each rollout, over the truth: several noisy curves in one plot hide each other.
+    /// Returns one plot per rollout, over the truth: several noisy curves in one plot hide each other.
     fn panels(&self, chart: &Chart) -> Vec<Chart> {
         let (truth, rollouts) = chart.series.split_at(usize::from(self.truth.is_some()));
         let last = rollouts.len().saturating_sub(1);
@@ -129,7 +129,7 @@ impl RolloutFigure {
 }
 
 impl Trajectory {
-    /// Seconds from the first value to the last one.
+    /// Returns the seconds from the first value to the last.
     pub(crate) fn secs(&self) -> f64 {
         self.period_secs * self.values.len().saturating_sub(1) as f64
     }
@@ -154,7 +154,7 @@ impl Trajectory {
     }
 }
 
-/// The longest span of `all` in seconds.
+/// Checks all trajectories, and returns the longest time span in seconds.
 pub(super) fn checked_length<'a>(
     all: impl Iterator<Item = &'a Trajectory>,
     title: &str,
@@ -172,8 +172,8 @@ pub(super) fn checked_length<'a>(
     longest.ok_or_else(|| ReportError::Empty { figure: title.to_owned(), missing: "values" })
 }
 
-/// A scale that holds the truths and, within one height of them on either side, the rollouts: a model that runs away
-/// must not press everything flat.
+/// Returns a scale that holds the truths and the rollouts. Rollouts count only within one height of the truths on
+/// either side, so that a runaway model does not flatten the plot.
 pub(super) fn scale_around<'a>(
     truths: impl Iterator<Item = &'a Trajectory> + Clone,
     rollouts: impl Iterator<Item = &'a Trajectory>,
@@ -186,7 +186,7 @@ pub(super) fn scale_around<'a>(
     Scale::linear_around(&finite.map(|value| value.clamp(low, high)).collect::<Vec<_>>())
 }
 
-/// One height of the truths below them and above them; no limits where they have no height.
+/// Returns limits at one height of the truths below and above them; infinite limits if they have no height.
 fn limits<'a>(truths: impl Iterator<Item = &'a Trajectory>) -> (f64, f64) {
     let ends = truths.filter_map(|truth| extent(&truth.values));
     match ends.reduce(|(low, high), (least, most)| (low.min(least), high.max(most))) {
@@ -195,7 +195,7 @@ fn limits<'a>(truths: impl Iterator<Item = &'a Trajectory>) -> (f64, f64) {
     }
 }
 
-/// The sensor with its unit, if that is known.
+/// Returns the sensor with its unit, if the unit is known.
 pub(super) fn axis_label(sensor: &str, unit: Option<&str>) -> String {
     unit.map_or_else(|| sensor.to_owned(), |unit| format!("{sensor} ({unit})"))
 }

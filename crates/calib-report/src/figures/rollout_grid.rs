@@ -1,16 +1,16 @@
-//! What was recorded and what each model made of it, start by start.
+//! Recorded values beside the rollouts of each model, one row per start state.
 
 use super::rollout::{Trajectory, axis_label, checked_length, scale_around};
 use crate::chart::{Axis, Chart, Colour, GridCell, Scale};
 use crate::number::{duration, time_unit};
 use crate::{Figure, ReportError};
 
-/// Points of each small plot.
+/// Points per small plot.
 const POINTS: usize = 700;
 const HEIGHT: f64 = 120.0;
 
-/// Small plots of one sensor: a row for each start, what was recorded in the first column, one model in each other.
-/// All have the same axes.
+/// Small plots of one sensor: one row per start state, the record in the first column, and one column per model.
+/// All plots have the same axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RolloutGrid {
     /// The sensor.
@@ -19,28 +19,28 @@ pub struct RolloutGrid {
     pub unit: Option<String>,
     /// Names of the models, in the order of their columns.
     pub models: Vec<String>,
-    /// One row for each start.
+    /// One row per start state.
     pub rows: Vec<RolloutRow>,
 }
 
-/// One start of a [`RolloutGrid`].
+/// One start state of a [`RolloutGrid`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RolloutRow {
-    /// What the row is called: "start 1".
+    /// Name of the row: "start 1".
     pub label: String,
-    /// What the plant did.
+    /// Recorded trajectory.
     pub truth: Trajectory,
-    /// What each model did from there; `None` where it was not rolled out from this start.
+    /// Rollout of each model from there; `None` for models without a rollout from this start state.
     pub rollouts: Vec<Option<Trajectory>>,
 }
 
 impl RolloutGrid {
-    /// Draws the figure. The vertical axis holds what was recorded and, within one height of it on either side,
-    /// the rollouts.
+    /// Draws the figure. The vertical axis holds the record, and the rollouts
+    /// within one height of the record on either side.
     ///
     /// # Errors
     ///
-    /// There is no trajectory with values, or a sample period is not positive.
+    /// If no trajectory has values, or a sample period is not positive.
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: recorded, and rolled out from the same starts", self.sensor);
         let truths = || self.rows.iter().map(|row| &row.truth);
@@ -96,7 +96,7 @@ impl RolloutGrid {
     }
 }
 
-/// One curve alone; what was recorded stands in the first column, in ink.
+/// Returns the chart of one curve. The record stands in the first column, in the colour of text.
 fn cell_chart(
     trajectory: &Trajectory,
     column: usize,

@@ -14,20 +14,20 @@ use crate::{
     Trajectory,
 };
 
-/// Rows of a rollout's data table; copying gives every point drawn.
+/// Rows of a rollout's data table. Copying gives every drawn point.
 const ROLLOUT_ROWS: usize = 40;
 
-/// How to read small plots of rollouts.
+/// Caption of small plots of rollouts.
 const GRID_CAPTION: &str = "Plots of a sensor have the same axes. The first of each start is what the plant did; the others are rollouts of models from there.";
 
-/// More dense curves than this hide each other.
+/// Most dense curves that can share a plot without hiding each other.
 const MANY_CURVES: usize = 3;
 
-/// Values of trajectories that a page holds in full, some 2.7 bytes each; what comes after them is thinned to
-/// what is drawn.
+/// Trajectory values that a page holds in full, some 2.7 bytes each. Further
+/// trajectories are thinned to the drawn points.
 pub(super) const WHOLE_VALUES: usize = 600_000;
 
-/// The section of sensitivity curves.
+/// Returns the section of sensitivity curves.
 pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     let mut figures = Vec::new();
     let mut parts = Vec::new();
@@ -76,7 +76,7 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     Ok(Section { id: "sensitivity", title: "Sensitivity curves", parts, body })
 }
 
-/// The caption of several figures, if all have the same; nothing otherwise.
+/// Returns the caption that all figures share; empty if captions differ.
 fn shared(captions: &[String]) -> &str {
     match captions {
         [first, others @ ..] if !others.is_empty() && others.iter().all(|other| other == first) => {
@@ -86,12 +86,12 @@ fn shared(captions: &[String]) -> &str {
     }
 }
 
-/// What holds of all figures of a section, said once above them.
+/// Returns a caption that applies to all figures of a section, for one paragraph above them.
 pub(super) fn common_caption(caption: &str) -> Markup {
     html! { @if !caption.is_empty() { p.lead.common { (prose(caption)) } } }
 }
 
-/// What can be done with a chart.
+/// Returns the instructions for a chart's tools.
 fn help(report: &Report) -> Markup {
     html! {
         details.help.sampled {
@@ -113,7 +113,7 @@ fn help(report: &Report) -> Markup {
     }
 }
 
-/// The section of rollouts.
+/// Returns the section of rollouts.
 pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
     let mut figures = Vec::new();
     let mut parts = Vec::new();
@@ -171,7 +171,8 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
     Ok(Section { id: "rollouts", title: "Rollouts", parts, body })
 }
 
-/// How many curves are on at first: all, unless they are dense and many; then the truth and one rollout.
+/// Returns the number of curves that are on at first: all, or the truth
+/// and one rollout if curves are dense and many.
 fn shown(chart: &Chart) -> usize {
     let dense = chart.series.iter().all(|series| series.marker.is_none());
     if dense && chart.series.len() > MANY_CURVES { 2 } else { chart.series.len() }
@@ -209,7 +210,7 @@ impl Sensitivity {
         caption
     }
 
-    /// What means are over: "windows".
+    /// Returns the samples that means are over: "windows".
     fn samples(&self) -> &'static str {
         let counted = self.errors.iter().filter(|curve| curve.source != ErrorSource::Evidence);
         match counted.clone().filter(|curve| curve.over == Samples::Runs).count() {
@@ -286,7 +287,7 @@ fn sensitivity_table(sensitivity: &Sensitivity) -> Table {
     }
 }
 
-/// Values of all trajectories at evenly spaced times of the longest one.
+/// Returns the values of all trajectories at evenly spaced times of the longest one.
 fn rollout_table(rollout: &RolloutFigure) -> Table {
     let all: Vec<&Trajectory> = rollout.trajectories().collect();
     let length = all.iter().map(|t| t.secs()).fold(0.0, f64::max);
@@ -305,7 +306,7 @@ fn rollout_table(rollout: &RolloutFigure) -> Table {
     }
 }
 
-/// A time after the start, and the value of each trajectory at it.
+/// Returns a row: a time after the start, and the value of each trajectory then.
 fn sampled_row(all: &[&Trajectory], secs: f64) -> Vec<Cell> {
     std::iter::once(Cell::Number(secs))
         .chain(all.iter().map(|t| {

@@ -9,28 +9,28 @@ use crate::chart::{
 };
 use crate::{Chart, Figure, Table};
 
-/// What belongs to a chart of the page.
+/// A chart of the page with its parts.
 pub(super) struct Drawn<'a> {
     pub(super) chart: &'a Chart,
-    /// Unique in the page.
+    /// Identifier, unique in the page.
     pub(super) id: &'a str,
-    /// How to read it.
+    /// Caption that explains the chart.
     pub(super) caption: &'a str,
-    /// Its numbers.
+    /// Numbers of the chart.
     pub(super) table: &'a Table,
     pub(super) numbers: Numbers,
-    /// How many curves are on at first.
+    /// Number of curves that are on at first.
     pub(super) shown: usize,
-    /// All values of its curves, or nothing where the points that are drawn are all there is.
+    /// All values of its curves; empty if the drawn points are all values.
     pub(super) details: &'a [Detail<'a>],
 }
 
-/// What the table of a chart holds.
+/// Content of the table of a chart.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Numbers {
     /// All numbers of the chart.
     All,
-    /// A few of them; copying and saving give all.
+    /// A sample of the numbers; copying and saving give all.
     Sampled,
 }
 
@@ -76,7 +76,7 @@ impl Drawn<'_> {
     }
 }
 
-/// A figure that is only looked at: many small plots.
+/// Returns a figure without interaction: many small plots.
 pub(super) fn still(figure: &Figure, id: &str) -> Markup {
     let title = &figure.chart().title;
     html! {
@@ -90,7 +90,7 @@ pub(super) fn still(figure: &Figure, id: &str) -> Markup {
     }
 }
 
-/// Ways to take a figure away that is only looked at.
+/// Returns the buttons to save a figure without interaction.
 pub(super) fn still_tools(title: &str) -> Markup {
     html! {
         div.tools role="group" aria-label={ "Tools of " (title) } {
@@ -99,7 +99,7 @@ pub(super) fn still_tools(title: &str) -> Markup {
     }
 }
 
-/// The picture of a figure that is only looked at.
+/// Returns the picture of a figure without interaction.
 pub(super) fn still_plot(figure: &Figure, id: &str) -> Markup {
     let [wide, narrow] = figure.elements(id);
     html! {
@@ -107,7 +107,7 @@ pub(super) fn still_plot(figure: &Figure, id: &str) -> Markup {
     }
 }
 
-/// Both layouts of a picture; the style sheet shows the one that the screen has room for.
+/// Returns both layouts of a picture. The style sheet shows the one that fits the screen.
 fn wide_and_narrow(wide: &str, narrow: &str) -> Markup {
     html! {
         div.wide { (PreEscaped(wide)) }
@@ -115,12 +115,12 @@ fn wide_and_narrow(wide: &str, narrow: &str) -> Markup {
     }
 }
 
-/// How to read a figure, unless that stands above all of its kind.
+/// Returns the caption of a figure, unless a common caption stands above the section.
 fn caption_line(caption: &str) -> Markup {
     html! { @if !caption.is_empty() { p { (prose(caption)) } } }
 }
 
-/// The signs of a chart's curves, where they cannot be switched.
+/// Returns the legend of a chart whose curves cannot be switched off.
 pub(super) fn legend(chart: &Chart) -> Markup {
     html! {
         div.legend role="group" aria-label={ "Curves of " (chart.title) } {
@@ -134,7 +134,8 @@ pub(super) fn legend(chart: &Chart) -> Markup {
     }
 }
 
-/// Zooming, and ways to take the chart away; without the script there are none, as they would do nothing.
+/// Returns the buttons to zoom and to save. They are hidden without
+/// the script, because they would do nothing.
 fn tools(chart: &Chart) -> Markup {
     html! {
         div.tools role="group" aria-label={ "Tools of " (chart.title) } {
@@ -155,7 +156,8 @@ fn save(format: &str) -> Markup {
     }
 }
 
-/// Curves can be switched off; the sign for diverged values is only explained.
+/// Returns a legend entry. Curves can be switched off; the sign for
+/// diverged values only has an explanation.
 fn legend_entry(index: usize, key: &Key) -> Markup {
     let sample = PreEscaped(sample_svg(key));
     html! {

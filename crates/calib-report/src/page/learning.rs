@@ -7,13 +7,13 @@ use super::figure::{Drawn, Numbers};
 use super::{Section, SectionEntry};
 use crate::{Cell, LearningCurves, Report, ReportError, Table};
 
-/// More curves than there are colours and patterns for are switched off at first.
+/// With more curves than there are colours and patterns, the others are switched off at first.
 const MANY_CURVES: usize = 18;
 
-/// Rows of a data table; copying gives every point.
+/// Rows of a data table. Copying gives every point.
 const ROWS: usize = 50;
 
-/// The first figure of each sensor is open, the others wait behind a line.
+/// Returns the section. The first figure of each sensor is open, and the others are folded.
 pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
     let mut sensors: Vec<(&str, Vec<Markup>)> = Vec::new();
     let mut parts = Vec::new();
@@ -60,10 +60,11 @@ pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
     Ok(Section { id: "learning", title: "Learning curves", parts, body })
 }
 
-/// The caption that most figures have, if more than one has it: the others say what is different.
+/// Returns the most common caption, if several figures have it.
+/// Other figures state only what differs.
 fn usual(captions: &[String]) -> &str {
     let times = |caption: &String| captions.iter().filter(|other| *other == caption).count();
-    // Of equals the first.
+    // `max_by_key` returns the last of equals, so the search runs backwards to find the first.
     let most = captions.iter().rev().max_by_key(|caption| times(caption));
     most.filter(|caption| times(caption) > 1).map_or("", String::as_str)
 }
@@ -108,7 +109,7 @@ impl LearningCurves {
         }
     }
 
-    /// A step, and the error of each curve at it.
+    /// Returns a row: a step, and the error of each curve at this step.
     fn row(&self, step: usize) -> Vec<Cell> {
         std::iter::once(Cell::Count(step as u64))
             .chain(self.curves.iter().map(|curve| {

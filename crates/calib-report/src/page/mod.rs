@@ -17,7 +17,7 @@ use crate::{Report, ReportError};
 pub(crate) use overview::overview;
 
 const STYLE: &str = include_str!("style.css");
-/// One block, so that its names are not the page's.
+/// The script. A block keeps its names out of the page's scope.
 const SCRIPT: &str = concat!(
     "\"use strict\";\n{\n",
     include_str!("script/numbers.js"),
@@ -28,17 +28,17 @@ const SCRIPT: &str = concat!(
     include_str!("script/page.js"),
     "}\n"
 );
-/// Nothing may be loaded from anywhere, whatever a label contains.
+/// Content security policy: nothing may be loaded, whatever a label contains.
 const POLICY: &str =
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
 
-/// Renders `report`.
+/// Renders `report` as HTML.
 pub(crate) fn html(report: &Report) -> Result<String, ReportError> {
     let sections = sections(report)?;
     Ok(document(&report.title, report.subtitle.as_deref(), "Skip to the verdict", &sections))
 }
 
-/// A complete page; `skip` names the first section for those who read by ear.
+/// Returns a complete page. `skip` names the first section for users of screen readers.
 fn document(title: &str, subtitle: Option<&str>, skip: &str, sections: &[Section]) -> String {
     let page = html! {
         (DOCTYPE)
@@ -82,7 +82,7 @@ fn document(title: &str, subtitle: Option<&str>, skip: &str, sections: &[Section
     page.into_string()
 }
 
-/// Links to the parts of a section.
+/// Returns links to the parts of a section.
 fn contents(section: &Section) -> Markup {
     html! {
         ul.contents aria-label={ "In this section: " (section.title) } {
@@ -94,18 +94,18 @@ fn contents(section: &Section) -> Markup {
 struct Section {
     id: &'static str,
     title: &'static str,
-    /// Its figures and tables, in order.
+    /// Figures and tables of the section, in order.
     parts: Vec<SectionEntry>,
     body: Markup,
 }
 
-/// A figure or table that the contents of its section lead to.
+/// A figure or table that the contents of its section link to.
 struct SectionEntry {
     id: String,
     title: String,
 }
 
-/// The sections that have something to show: the verdict, then its evidence, then what it rests on.
+/// Returns the sections that have content: the verdict, its evidence, then data and reproduction.
 fn sections(report: &Report) -> Result<Vec<Section>, ReportError> {
     let mut sections = vec![verdicts::verdicts(report)];
     if !report.sensitivities.is_empty() {

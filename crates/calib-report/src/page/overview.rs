@@ -10,14 +10,14 @@ use super::{
 };
 use crate::{Overview, OverviewFigure};
 
-/// The caption of a figure, unless the figure before it has the same.
+/// Returns the caption of a figure, unless it equals that of the previous figure.
 fn own_caption(figures: &[OverviewFigure], number: usize) -> &str {
     let caption = &figures[number].caption;
     let before = number.checked_sub(1).map(|before| &figures[before].caption);
     if before == Some(caption) { "" } else { caption }
 }
 
-/// Renders `overview`.
+/// Renders `overview` as HTML.
 pub(crate) fn overview(overview: &Overview) -> String {
     let Overview { title, subtitle, decision, findings, warnings, figures, tables, command } =
         overview;

@@ -1,4 +1,4 @@
-//! The section of what was recorded, period by period.
+//! The section of recorded values, period by period.
 
 use maud::html;
 
@@ -7,10 +7,10 @@ use super::figure::still;
 use super::{Section, SectionEntry};
 use crate::{Report, ReportError};
 
-/// How to read the plots of a sensor.
+/// Caption of the plots of a sensor.
 const CAPTION: &str = "In the unit of the log. Of each short stretch of time the smallest and the largest value are shown, so that every peak is. Long gaps are cut out, at the dotted lines.";
 
-/// One figure a sensor.
+/// Returns the section, with one figure per sensor.
 pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
     let mut stills = Vec::new();
     let mut parts = Vec::new();

@@ -1,4 +1,4 @@
-//! A sweep of several hyperparameters: how much each matters, one plot each, and two against each other.
+//! A sweep of several hyperparameters: their importance, one plot each, and two against each other.
 
 use maud::{Markup, html};
 
@@ -12,7 +12,7 @@ use crate::{Cell, ReportError, Sensitivity, Table};
 /// Steps of colour between the best and the worst cell.
 const SHADES: f64 = 7.0;
 
-/// The parts on one sensor. `caption` says how to read the curves; `table` holds all combinations.
+/// Returns the parts on one sensor. `caption` explains the curves; `table` holds all combinations.
 pub(super) fn markup(
     sensitivity: &Sensitivity,
     id: &str,

@@ -1,4 +1,4 @@
-//! Tables, the data profile, and what is needed to reproduce the report.
+//! Tables, the data profile, and the instructions to reproduce the report.
 
 use maud::{Markup, html};
 
@@ -9,12 +9,12 @@ use crate::{
     Cell, Channel, ChannelStatus, DataProfile, JumpStatistics, Report, Reproduction, Setting, Table,
 };
 
-/// Text up to this length stays on one line.
+/// Longest text, in bytes, that stays on one line.
 const SHORT: usize = 24;
-/// The same for headings, on a narrow screen.
+/// Longest heading, in bytes, that stays on one line on a narrow screen.
 const SHORT_HEAD: usize = 32;
 
-/// A table with a title, a caption and a copy button.
+/// Returns a table with a title, a caption and a copy button.
 pub(super) fn table(table: &Table, id: &str) -> Markup {
     html! {
         div.table id=(id) {
@@ -28,7 +28,7 @@ pub(super) fn table(table: &Table, id: &str) -> Markup {
     }
 }
 
-/// The table alone, in a box that scrolls sideways.
+/// Returns the table alone, in a box that scrolls sideways.
 pub(super) fn rows(table: &Table) -> Markup {
     html! {
         div.scroll tabindex="0" role="region" aria-label=(table.title) {
@@ -73,7 +73,7 @@ fn cell(table: &Table, cells: &[Cell], row: usize, column: usize) -> Markup {
     }
 }
 
-/// Jump statistics, and the tables that came with the report.
+/// Returns the section of jump statistics and of the report's further tables.
 pub(super) fn statistics(report: &Report) -> Section {
     let jumps = (!report.jumps.is_empty()).then(|| jumps(&report.jumps));
     let mut body = Vec::new();
@@ -111,7 +111,7 @@ fn jumps(jumps: &[JumpStatistics]) -> Table {
     }
 }
 
-/// The data profile.
+/// Returns the section of the data profile.
 pub(super) fn data(data: &DataProfile) -> Section {
     let kept = data.channels.iter().filter(|channel| channel.status == ChannelStatus::Kept).count();
     let body = html! {
@@ -161,7 +161,7 @@ fn channel_row(channel: &Channel) -> Vec<Cell> {
     ]
 }
 
-/// Command, study file, versions, seeds and fingerprint.
+/// Returns the section with command, study file, versions, seeds and fingerprint.
 pub(super) fn reproduction(reproduction: &Reproduction) -> Section {
     let body = html! {
         p { "The same command on the same data with the same versions gives the same numbers, to the byte." }

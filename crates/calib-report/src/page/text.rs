@@ -1,12 +1,12 @@
-//! Sentences as they are set on the page.
+//! Typesetting of sentences on the page.
 
 use maud::{Markup, html};
 
-/// `text` with what stands between backticks as code, percentages that stay on one line, and numbers such as 1e-4, which
-/// browsers break at their sign.
+/// Typesets `text`: words between backticks become code, and percentages and numbers such as 1e-4 stay on one line.
+/// Browsers would break such numbers at their sign.
 pub(super) fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
-    // An odd backtick at the end opens nothing.
+    // An unpaired backtick at the end opens nothing.
     let closed = parts.len() - usize::from(parts.len().is_multiple_of(2));
     let (parts, rest) = parts.split_at(closed);
     html! {
@@ -17,7 +17,7 @@ pub(super) fn prose(text: &str) -> Markup {
     }
 }
 
-/// A name of so many bytes may need more than a line: it breaks between its parts, and not within one.
+/// Longest name, in bytes, that stays on one line. Longer names break between their parts, and not within one.
 const LONG_NAME: usize = 16;
 
 fn unbroken(text: &str) -> Markup {

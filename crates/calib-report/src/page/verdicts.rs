@@ -1,4 +1,4 @@
-//! The opening of the report.
+//! The first section of the report, with the verdicts.
 
 use maud::{Markup, html};
 
@@ -11,13 +11,13 @@ use calib_stats::Bounded;
 
 use crate::{Cell, ChoiceBaseline, Reason, Report, Setting, Table, Verdict};
 
-/// More cards than this are no overview: they wait behind a line, and the table of verdicts comes first.
+/// Most cards of an overview. More cards are folded, and the table of verdicts comes first.
 const MANY_CARDS: usize = 9;
 
-/// More lines than this are no summary.
+/// Most lines of a summary.
 const MANY_LINES: usize = 5;
 
-/// One card for each sensor, warnings, and a table of all verdicts.
+/// Returns the section: one card per sensor, warnings, and a table of all verdicts.
 pub(super) fn verdicts(report: &Report) -> Section {
     let warnings = [caveats(&report.verdicts), report.warnings.clone()].concat();
     let judged = report.verdicts.iter().any(|verdict| verdict.online.is_some());
@@ -28,7 +28,7 @@ pub(super) fn verdicts(report: &Report) -> Section {
         @if let Some(predicts) = &report.predicts { p.predicts { (prose(predicts)) } }
         @match summary(report).as_slice() {
             [] => {}
-            // The table says it shorter.
+            // The table gives the same in less space.
             many if many.len() > MANY_LINES && report.decision.is_some() => {}
             [one] => { p.summary { (prose(one)) } }
             several => { ul.summary { @for line in several { li { (prose(line)) } } } }
@@ -75,7 +75,7 @@ fn all_verdicts(report: &Report) -> Markup {
     }
 }
 
-/// The advice and what it would have cost; how it came about is behind a line.
+/// Returns a card: the advice and its cost. The reasons are folded.
 fn card(verdict: &Verdict, report: &Report) -> Markup {
     html! {
         article class={ "card " (verdict.class()) } {
@@ -98,7 +98,7 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
     }
 }
 
-/// Other ways to choose that a card has, and what they are called there.
+/// Other selection methods on a card, with their names there.
 const OTHER_WAYS: [(&str, ChoiceBaseline); 4] = [
     ("Default", ChoiceBaseline::Default),
     ("Log replay", ChoiceBaseline::LogReplay),
@@ -106,7 +106,7 @@ const OTHER_WAYS: [(&str, ChoiceBaseline); 4] = [
     ("Any setting, on average", ChoiceBaseline::Random),
 ];
 
-/// What the choice and other ways to choose cost.
+/// Returns the costs of the choice and of other selection methods.
 fn costs(verdict: &Verdict) -> Markup {
     let unknown = if verdict.has_all_diverged() { "diverged" } else { "not checked" };
     html! {
@@ -123,7 +123,7 @@ fn costs(verdict: &Verdict) -> Markup {
     }
 }
 
-/// The errors of the chosen agent and of simple predictors, where one of these is to be used.
+/// Returns the errors of the chosen agent and of simple predictors, if the advice is a simple predictor.
 fn errors(verdict: &Verdict) -> Markup {
     let agent = verdict.online.as_ref().map(|online| online.chosen_error);
     let used = verdict.simple_to_use();
@@ -142,7 +142,7 @@ fn errors(verdict: &Verdict) -> Markup {
     }
 }
 
-/// An NRMSE as a number, and as a bar that is full at 1, the error of the mean.
+/// Returns an NRMSE as a number, and as a bar that is full at 1, the error of the mean.
 fn error(name: &str, error: f64) -> Markup {
     html! {
         div {
@@ -155,7 +155,7 @@ fn error(name: &str, error: f64) -> Markup {
     }
 }
 
-/// One way to choose, with its cost as a number, or as the word for an `unknown` one, and as a bar that is full at 50 %.
+/// Returns the cost of one selection method as a number (or the word for `unknown`), and as a bar that is full at 50 %.
 fn cost(name: &str, value: Option<&Setting>, regret: Option<Bounded>, unknown: &str) -> Markup {
     html! {
         div {
@@ -182,7 +182,7 @@ fn cost(name: &str, value: Option<&Setting>, regret: Option<Bounded>, unknown: &
     }
 }
 
-/// How much of a bar a regret fills, in percent; half as much error again fills it.
+/// Returns the percentage of a bar that a regret fills. A regret of 50 % fills it.
 fn bar_percent(regret: f64) -> f64 {
     (regret / 0.5).clamp(0.0, 1.0) * 100.0
 }
@@ -222,7 +222,7 @@ fn comparison(report: &Report) -> Table {
     }
 }
 
-/// What would be chosen by other parts of the runs; none where nothing is known of them.
+/// Returns the choices by other parts of the runs; `None` if nothing is known of them.
 fn parts(report: &Report) -> Option<Table> {
     let names: Vec<&str> = report.verdicts.first()?.parts.iter().map(|part| part.part).collect();
     if names.len() < 2 {
@@ -242,7 +242,7 @@ fn parts(report: &Report) -> Option<Table> {
     Some(if report.has_models() { table } else { table.without_empty_columns() })
 }
 
-/// The choice by each part of the run, and its error there.
+/// Returns a row: the choice by each part of the run, and its error there.
 fn row_of_parts(verdict: &Verdict) -> Vec<Cell> {
     let start_up = percent_cell(verdict.start_up_share);
     let head = [Cell::Text(verdict.sensor.clone()), model(verdict), start_up];
@@ -253,7 +253,7 @@ fn row_of_parts(verdict: &Verdict) -> Vec<Cell> {
     head.into_iter().chain(of_parts).collect()
 }
 
-/// What the choices and other ways to choose cost.
+/// Returns the costs of the choices and of other selection methods.
 fn alternatives(report: &Report) -> Table {
     let ways = [
         ("Default", ChoiceBaseline::Default),
@@ -290,7 +290,7 @@ fn alternatives(report: &Report) -> Table {
     }
 }
 
-/// Correlations of the rankings, and whether the choice is among the best.
+/// Returns the correlations of the rankings, and whether the choice is among the best.
 fn agreement(verdict: &Verdict) -> [Cell; 3] {
     let online = verdict.online.as_ref();
     let top = online.and_then(|online| online.top_k).map_or(Cell::Missing, |top| {
@@ -303,29 +303,29 @@ fn agreement(verdict: &Verdict) -> [Cell; 3] {
     ]
 }
 
-/// A number between −1 and 1.
+/// Formats a number between −1 and 1.
 fn correlation(value: Option<f64>) -> Cell {
     value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.2}")))
 }
 
-/// The model that chose, if there is one: a column without any is left out.
+/// Returns the model that chose, if there is one. A column without any model is left out.
 fn model(verdict: &Verdict) -> Cell {
     if verdict.has_model() { Cell::Text(verdict.model.clone()) } else { Cell::Missing }
 }
 
-/// The hyperparameter, if all verdicts are about the same.
+/// Returns the hyperparameter, if all verdicts are about the same one.
 fn common_field(verdicts: &[Verdict]) -> Option<&str> {
     let first = &verdicts.first()?.field;
     verdicts.iter().all(|verdict| verdict.field == *first).then_some(first)
 }
 
-/// `field` is the hyperparameter of all rows, which then stands above their choices.
+/// Returns a row. `field` is the hyperparameter of all rows, which then stands in the heading.
 fn row(verdict: &Verdict, field: Option<&str>) -> Vec<Cell> {
     let online = verdict.online.as_ref();
     let ties: Vec<String> = verdict
         .tie_set
         .iter()
-        // Another rule does not look at worst ranks: what ties in them was told apart.
+        // Other selection methods do not use worst ranks, and have separated these settings.
         .filter(|value| verdict.reason == Reason::WorstRank && **value != verdict.chosen)
         .map(ToString::to_string)
         .collect();
@@ -358,12 +358,12 @@ fn row(verdict: &Verdict, field: Option<&str>) -> Vec<Cell> {
     ]
 }
 
-/// "up to 4 %"; of a bound that is no number, what is said in its place.
+/// Returns "up to 4 %"; for a bound without a number, the words in its place.
 fn upper_bound(upper: f64) -> String {
     if is_many_times(upper) { percent(upper) } else { format!("up to {}", percent(upper)) }
 }
 
-/// The share, if there is one.
+/// Returns the share, if there is one.
 fn percent_cell(share: Option<f64>) -> Cell {
     share.map_or(Cell::Missing, Cell::Percent)
 }

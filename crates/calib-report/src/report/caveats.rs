@@ -1,17 +1,17 @@
-//! What the reader must know before relying on verdicts, each thing once.
+//! Caveats: what to know before relying on verdicts, each mentioned once.
 
 use super::sentence::listed;
 use super::{ChoiceBaseline, Grade, Separation, Verdict};
 use crate::number::percent;
 
-/// Rankings that agree less than this contradict each other. Our choice.
+/// Rankings with a smaller correlation than this contradict each other. Our choice.
 const CONTRADICTS: f64 = -0.5;
 
-/// A random setting that is better by less says nothing.
+/// A smaller advantage of a random setting means nothing.
 const AS_GOOD: f64 = 0.01;
 
-/// What stands in the way of verdicts: their notes, and held-out data that tells nothing apart. What holds of all of them is said once,
-/// and of some with their sensors; and models, where other models of the sensor are not concerned.
+/// Returns the caveats of verdicts: their notes, and held-out data that shows no differences. A caveat of all verdicts has no names.
+/// Other caveats name their sensors, and their models if other models of the sensor do not have the caveat.
 pub fn caveats(verdicts: &[Verdict]) -> Vec<String> {
     let mut told: Vec<(String, Vec<&Verdict>)> = Vec::new();
     for verdict in verdicts {
@@ -25,7 +25,7 @@ pub fn caveats(verdicts: &[Verdict]) -> Vec<String> {
     told.into_iter().map(|(text, about)| placed(text, &about, verdicts)).collect()
 }
 
-/// A caveat with what it is about, unless it is about everything.
+/// Adds the sensors or models that a caveat is about, unless it is about all.
 fn placed(text: String, noted: &[&Verdict], all: &[Verdict]) -> String {
     if noted.len() == all.len() {
         return text;
@@ -60,7 +60,7 @@ impl Verdict {
         alike.into_iter().chain(self.misordered()).chain(self.notes.iter().cloned()).collect()
     }
 
-    /// That held-out data ranks the settings otherwise than the evidence of a choice that is to be deployed.
+    /// Returns a caveat if held-out data ranks the settings of a deployable choice in another order than the evidence did.
     fn misordered(&self) -> Option<String> {
         let is_deployed = matches!(self.grade, Grade::Good | Grade::Fair)
             && self.without_learning().is_none()
@@ -128,7 +128,7 @@ mod tests {
         verdict.online.as_mut().unwrap().spearman = Some(-0.8);
         let told = caveats(std::slice::from_ref(&verdict));
         assert!(told[0].contains("the other way round (Spearman -0.80)"), "{told:?}");
-        // What is not to be deployed needs no warning.
+        // A choice that must not be deployed needs no warning.
         verdict.grade = Grade::Poor;
         assert_eq!(caveats(&[verdict]), [""; 0]);
     }
@@ -140,7 +140,7 @@ mod tests {
         alike.online.as_mut().unwrap().values = Separation::Alike;
         let told = caveats(std::slice::from_ref(&alike));
         assert!(told[0].contains("the same error"), "{told:?}");
-        // Where the sensor stands still, that is said instead.
+        // A constant sensor has a caveat of its own.
         alike.online.as_mut().unwrap().stands_still = true;
         assert_eq!(caveats(&[alike]), [""; 0]);
     }

@@ -1,17 +1,17 @@
-//! Rows about the data, the rollouts, and how the report was made.
+//! Rows about the data, the rollouts, and the reproduction of the report.
 
-/// How far the rollouts of one member are from a replay of the log.
+/// Difference between the rollouts of one ensemble member and a replay of the log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JumpStatistics {
     /// The calibration model.
     pub model: String,
-    /// Its member.
+    /// Number of the ensemble member.
     pub member: usize,
-    /// Steps counted.
+    /// Number of counted steps.
     pub steps: u64,
-    /// Share of steps that did not go to the next row of the log.
+    /// Share of steps that are jumps: they do not go to the next row of the log.
     pub jump_rate: f64,
-    /// Share of steps that went to another time of the log.
+    /// Share of steps that go to another time of the log.
     pub departure_rate: f64,
     /// Mean number of steps between two jumps.
     pub mean_run_length: f64,
@@ -19,20 +19,20 @@ pub struct JumpStatistics {
     pub note: Option<String>,
 }
 
-/// What the data looked like, and what was kept of it.
+/// Summary of the data before and after preprocessing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataProfile {
-    /// Rows used.
+    /// Number of rows used.
     pub rows: u64,
-    /// Segments: maximal runs without a gap.
+    /// Number of segments: maximal runs without a gap.
     pub segments: u64,
-    /// Seconds from one row to the next.
+    /// Seconds between rows.
     pub period_secs: f64,
     /// Time of the first row, as text.
     pub first: String,
     /// Time of the last row, as text.
     pub last: String,
-    /// Anything else, as name and value: "held-out rows", "duplicates dropped".
+    /// Further facts as name and value: "held-out rows", "duplicates dropped".
     pub facts: Vec<(String, String)>,
     /// Every channel of the log.
     pub channels: Vec<Channel>,
@@ -45,9 +45,9 @@ pub struct Channel {
     pub name: String,
     /// Its physical unit.
     pub unit: Option<String>,
-    /// Smallest value, in that unit; `None` if there is none.
+    /// Smallest value, in that unit; `None` if there are no values.
     pub min: Option<f64>,
-    /// Largest value, in that unit.
+    /// Largest value, in that unit; `None` if there are no values.
     pub max: Option<f64>,
     /// Share of rows without a value.
     pub missing: f64,
@@ -58,18 +58,18 @@ pub struct Channel {
 /// Whether a channel is part of the states.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ChannelStatus {
-    /// It is.
+    /// The channel is part of the states.
     Kept,
-    /// It was left out, for this reason.
+    /// The channel was left out, for this reason.
     Dropped(String),
 }
 
-/// How to make the report again.
+/// Instructions to make the report again.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Reproduction {
     /// The command line.
     pub command: String,
-    /// The study file, resolved: with all defaults and overrides.
+    /// The resolved study file, with all defaults and overrides.
     pub study_toml: String,
     /// Programs and packages with their versions.
     pub versions: Vec<(String, String)>,

@@ -1,4 +1,4 @@
-//! What a report says, before it is a page.
+//! Content of a report, before it becomes a page.
 
 mod caveats;
 mod data;
@@ -25,54 +25,55 @@ use crate::{
     LearningCurves, RecordedFigure, ReportError, RolloutFigure, RolloutGrid, Sensitivity, page,
 };
 
-/// Everything the report shows. Empty lists and `None` leave their section out.
+/// All content of the report. Empty lists and `None` leave their section out.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Report {
     /// Name of the study.
     pub title: String,
-    /// One line below it: the plant, the period, who ran it.
+    /// One line below the title: the plant, the period, the author.
     pub subtitle: Option<String>,
-    /// What agents predict, and how far ahead.
+    /// Predicted quantity, and how far ahead.
     pub predicts: Option<String>,
-    /// What to deploy where there are several deployments: a choice for each, and one for all.
+    /// What to deploy if there are several deployments: one choice per deployment, and one for all.
     pub decision: Option<Table>,
-    /// What to deploy, sensor by sensor. Several on one sensor, from several models, stand beside each other:
-    /// which of them had the smallest regret is told, and no other preference.
+    /// What to deploy, one verdict per sensor and model. The report says which model had the smallest regret
+    /// on a sensor, and states no other preference.
     pub verdicts: Vec<Verdict>,
-    /// What the reader must know before trusting the verdict.
+    /// Warnings to read before trusting the verdicts.
     pub warnings: Vec<String>,
     /// Sensitivity curves.
     pub sensitivities: Vec<Sensitivity>,
-    /// Learning curves; those of one sensor follow one another, Online first.
+    /// Learning curves; those of one sensor are adjacent, the held-out period first.
     pub learning: Vec<LearningCurves>,
-    /// What was recorded of each sensor while it was learned from, and in each deployment.
+    /// Recorded values of each sensor in the training range and in each deployment.
     pub recorded: Vec<RecordedFigure>,
     /// Rollouts over the true trajectory.
     pub rollouts: Vec<RolloutFigure>,
-    /// Rollouts of all models from the same starts, beside what was recorded.
+    /// Rollouts of all models from the same start states, beside the record.
     pub rollout_grids: Vec<RolloutGrid>,
-    /// How often rollouts left the log.
+    /// Jump statistics of the rollouts.
     pub jumps: Vec<JumpStatistics>,
     /// Further tables: DTW distances, representation scores.
     pub tables: Vec<Table>,
-    /// What the data looked like.
+    /// Summary of the data.
     pub data: Option<DataProfile>,
-    /// How to make the report again.
+    /// Instructions to make the report again.
     pub reproduction: Reproduction,
 }
 
 impl Report {
-    /// Whether a calibration model had a part in any verdict; else the replayed log decided alone.
+    /// Whether a calibration model contributed to any verdict. Otherwise log replay decided alone.
     pub(crate) fn has_models(&self) -> bool {
         self.verdicts.is_empty() || self.verdicts.iter().any(Verdict::has_model)
     }
 
-    /// The report as one self-contained HTML document: no network, styles, script and figures inline.
+    /// Returns the report as one self-contained HTML document: no network,
+    /// with styles, script and figures inline.
     ///
     /// # Errors
     ///
-    /// A figure cannot be drawn; see [`Sensitivity::figure`], [`LearningCurves::figure`], [`RecordedFigure::figure`],
-    /// [`RolloutFigure::figure`] and [`RolloutGrid::figure`].
+    /// If a figure cannot be drawn; see [`Sensitivity::figure`], [`LearningCurves::figure`],
+    /// [`RecordedFigure::figure`], [`RolloutFigure::figure`] and [`RolloutGrid::figure`].
     pub fn html(&self) -> Result<String, ReportError> {
         page::html(self)
     }

@@ -1,12 +1,11 @@
-//! What a verdict means for the plant, in one or two sentences without statistics.
+//! Meaning of a verdict for the plant, in one or two sentences without statistics.
 
 use super::sentence::{assigned, chance_of_change, changed};
 use super::{ChoiceBaseline, Grade, Separation, Simpler, Verdict};
 use crate::number::{number, percent};
 
 impl Verdict {
-    /// What the choice would have cost on data that nobody had seen, what changing nothing would have cost, and what to do where
-    /// neither will do.
+    /// Returns the cost of the choice on held-out data, the cost of changing nothing, and what to do if neither is good enough.
     pub fn plain(&self) -> String {
         let Some(online) = &self.online else {
             return "No data was held out, so what it would have cost at the plant is unknown."
@@ -54,7 +53,7 @@ impl Verdict {
                 if online.windows > 1 { " of each window" } else { "" },
             ),
         };
-        // What is a simple predictor has no error beside it.
+        // A choice that equals a simple predictor needs no comparison with it.
         let matched = self.matched.as_ref().filter(|_| self.frozen.is_none());
         let best = matched.and_then(|_| self.beside_the_best());
         let matched = matched.and_then(Simpler::matched_sentence);
@@ -63,7 +62,7 @@ impl Verdict {
         format!("{}{}", sentences.join(" "), self.typical_of_predictor())
     }
 
-    /// The typical error of the predictor that is to be used as it is, where it is known.
+    /// Returns the typical error of the recommended simple predictor, if it is known.
     fn typical_of_predictor(&self) -> String {
         let predictor = self.without_learning();
         let own = self.simple.iter().find(|row| Some(row.predictor) == predictor);
@@ -76,7 +75,7 @@ impl Verdict {
         })
     }
 
-    /// Why the default, which learns nothing after the log, is kept although another setting was chosen.
+    /// Returns the reason to keep a default that learns nothing after the log, although another setting was chosen.
     fn learning_off(&self) -> Option<String> {
         self.without_learning().filter(|_| !self.learns_nothing)?;
         let default = self.alternative(ChoiceBaseline::Default)?.value.as_ref()?;
@@ -99,7 +98,7 @@ impl Verdict {
         ))
     }
 
-    /// Why no setting is worth deploying, and what to do about it.
+    /// Returns the reason why no setting is worth deploying, and what to do about it.
     fn not_learned(&self) -> String {
         if let Some(share) = self.left_training() {
             return format!(
@@ -127,7 +126,7 @@ impl Verdict {
             .to_owned()
     }
 
-    /// That the choice has no skill, and which value has some.
+    /// Returns the sentence that the choice has no skill, and names the best setting if that has some.
     fn without_skill(&self) -> String {
         let best = self.online.as_ref().and_then(|online| Some((&online.best, online.best_skill?)));
         let best = best

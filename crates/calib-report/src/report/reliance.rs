@@ -1,11 +1,11 @@
-//! What a grade is called, and what it allows to say.
+//! Names of grades, and the advice that each grade allows.
 
 use calib_agent::SimplePredictor;
 use calib_sweep::ENOUGH_WINDOWS;
 
 use super::{Grade, HeldOutResult, Separation, Simpler, Verdict, simple::WORTH_MENTIONING};
 
-/// An agent that goes on learning is worth it with at most this share of the error of what learns nothing more. Our choice.
+/// Further learning is worthwhile if the error is at most this share of that without further learning. Our choice.
 const WORTH_A_WORD: f64 = 0.99;
 
 const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
@@ -13,7 +13,7 @@ const UNDECIDED: &str = "Undecided: the agent may be better";
 const FEW_WINDOWS: &str = "Undecided: too few held-out windows to tell";
 
 impl Verdict {
-    /// Whether a choice that could be used is as good as any other, as far as it was chosen from anything.
+    /// Whether a usable choice was made from evidence that shows no difference between settings.
     pub(super) fn is_arbitrary(&self) -> bool {
         self.evidence == Separation::Alike
             && matches!(self.grade, Grade::Good | Grade::Fair | Grade::Unchecked)
@@ -24,7 +24,7 @@ impl Verdict {
         self.online.as_ref().is_some_and(|online| online.regret.is_none())
     }
 
-    /// How far the choice can be relied on, in a few words.
+    /// Returns the reliability of the choice in a few words.
     pub(crate) fn badge(&self) -> &'static str {
         match (&self.online, self.grade) {
             _ if self.is_arbitrary() => "No clear difference: all settings did alike",
@@ -59,12 +59,13 @@ impl Verdict {
         }
     }
 
-    /// The simple predictor to use although the choice is a good one, because further learning adds nothing to it.
+    /// Returns the simple predictor to use instead of a good choice, because further learning adds nothing to it.
     pub fn without_learning(&self) -> Option<SimplePredictor> {
         self.frozen.filter(|_| matches!(self.grade, Grade::Good | Grade::Fair))
     }
 
-    /// Whether the chosen agent has less error than the default that learns nothing, by more than a rounding, which could be chance.
+    /// Whether the chosen agent has less error than the default that learns nothing.
+    /// The difference is above rounding, but may be chance.
     pub(super) fn may_gain_by_learning(&self) -> bool {
         let against = self.online.as_ref().and_then(|online| online.against_default);
         self.without_learning().is_some()
@@ -72,8 +73,8 @@ impl Verdict {
             && against.is_some_and(|ratio| ratio.value < WORTH_MENTIONING)
     }
 
-    /// Whether held-out windows exclude that further learning lowers the error by a hundredth. Where the choice learns nothing
-    /// itself, they do if no other setting did better in any window, or hardly better.
+    /// Whether held-out windows exclude that further learning lowers the error by 1 %. If the choice itself learns nothing, they
+    /// exclude it if no other setting was better in any window, or hardly better.
     pub(super) fn excludes_a_gain(&self) -> bool {
         let Some(online) = &self.online else { return false };
         match (online.against_default.filter(|_| !self.learns_nothing), online.regret) {
@@ -85,12 +86,12 @@ impl Verdict {
         }
     }
 
-    /// Whether so few windows were held out that they tell hardly any difference from chance.
+    /// Whether there are too few held-out windows to separate most differences from chance.
     pub(super) fn has_few_windows(&self) -> bool {
         self.online.as_ref().is_some_and(|online| online.windows < ENOUGH_WINDOWS)
     }
 
-    /// What to do, in a word or two.
+    /// Returns the advice in a word or two.
     pub(crate) fn advice(&self) -> String {
         match self.grade {
             _ if self.is_arbitrary() => "keep the default".to_owned(),
@@ -104,23 +105,23 @@ impl Verdict {
         }
     }
 
-    /// Whether the agent has less error than the simple predictor to use instead, which could be chance.
+    /// Whether the agent has less error than the recommended simple predictor, which may be chance.
     fn may_beat_simple(&self) -> bool {
         self.simpler.as_ref().is_some_and(Simpler::may_be_worse)
     }
 
-    /// Whether a simple predictor is to be used instead of an agent.
+    /// Whether the advice is a simple predictor instead of an agent.
     pub(crate) fn is_simpler_better(&self) -> bool {
         self.grade == Grade::Simpler || self.without_learning().is_some()
     }
 
-    /// The simple predictor to use, where one is.
+    /// Returns the recommended simple predictor, if there is one.
     pub(crate) fn simple_to_use(&self) -> Option<SimplePredictor> {
         let simpler = self.simpler.as_ref().filter(|_| self.grade == Grade::Simpler);
         self.without_learning().or(simpler.map(|simpler| simpler.predictor))
     }
 
-    /// Its name in the style sheet.
+    /// Returns the name of the grade in the style sheet.
     pub(crate) fn class(&self) -> &'static str {
         match self.grade {
             _ if self.without_learning().is_some() => "simpler",
@@ -132,7 +133,7 @@ impl Verdict {
         }
     }
 
-    /// Whether what choices cost Online says which is better.
+    /// Whether the costs of the choices on held-out data show which choice is better.
     pub(crate) fn has_costs(&self) -> bool {
         matches!(self.grade, Grade::Good | Grade::Fair | Grade::Simpler | Grade::Poor)
     }

@@ -1,4 +1,4 @@
-//! A verdict in sentences that need no statistics to be understood.
+//! A verdict in sentences for readers without knowledge of statistics.
 
 use calib_stats::{Bounded, Estimate, Interval};
 
@@ -12,14 +12,14 @@ pub(super) use words::assigned;
 pub use words::listed;
 use words::{fields, ordinal};
 
-/// Choices that differ more often than this from draw to draw are told as uncertain.
+/// Choices with a smaller share of the resamples than this count as uncertain.
 const STABLE: f64 = 0.8;
 
-/// Shares that would be written as 100 %.
+/// Larger shares would be rounded to 100 %.
 const ALL: f64 = 0.995;
 
 impl Verdict {
-    /// The verdict in one sentence.
+    /// Returns the verdict in one sentence.
     pub fn headline(&self) -> String {
         let Self { sensor, chosen, .. } = self;
         let choice = self.assigned();
@@ -92,20 +92,20 @@ impl Verdict {
         }
     }
 
-    /// Whether errors are small beside the spread of returns in training (less than half of it) although nothing beats the mean of
-    /// each window: the windows are too short, or too quiet, to tell whether anything was learnt.
+    /// Whether errors are small relative to the spread of returns in training (less than half), although nothing beats the mean of
+    /// each window. The windows are then too short, or too quiet, to show whether an agent learned.
     pub(super) fn hardly_varies(&self) -> bool {
         self.left_training().is_none()
             && self.online.as_ref().is_some_and(|online| online.best_error < 0.5)
     }
 
-    /// The share of held-out values outside of the range that was learned from, where that is most of them: such a sensor is not quiet,
-    /// it is elsewhere.
+    /// Returns the share of held-out values outside the training range, if it is more than half. Such a sensor is not quiet: it has
+    /// left its training range.
     pub(super) fn left_training(&self) -> Option<f64> {
         self.outside_training.filter(|share| *share > 0.5)
     }
 
-    /// "The best setting has NRMSE 0.97 and skill -0.02", where held-out data says so.
+    /// Returns NRMSE and skill of the best setting on held-out data as a sentence, if they are known.
     pub(super) fn best_numbers(&self) -> Option<String> {
         let online = self.online.as_ref()?;
         if !online.best_error.is_finite() {
@@ -121,25 +121,25 @@ impl Verdict {
         ))
     }
 
-    /// The choice as one would type it.
+    /// Returns the choice as it is typed.
     pub(super) fn assigned(&self) -> String {
         assigned(&self.field, &self.chosen)
     }
 
-    /// That keeping the default is the choice.
+    /// Returns the sentence that the choice is the default.
     pub(super) fn chosen_is_default(&self) -> String {
         format!("The chosen setting, {}, is the default.", self.assigned())
     }
 
-    /// The default, if held-out data says that it is better than the choice.
+    /// Returns the default, if held-out data shows that it is better than the choice.
     pub(super) fn better_default(&self) -> Option<&Setting> {
         let against = self.online.as_ref()?.against_default?;
         let better = against.interval.is_some_and(|interval| interval.low > 1.0);
         self.alternative(ChoiceBaseline::Default)?.value.as_ref().filter(|_| better)
     }
 
-    /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement. Of a choice that is
-    /// not to be used no more than what it was, and how it did. What is in `notes` is told elsewhere.
+    /// Returns the reasons, one sentence each: selection, ties, stability, held-out result, alternatives, agreement. A choice that must
+    /// not be used has only its name and its result. `notes` are reported elsewhere.
     pub fn reasons(&self) -> Vec<String> {
         let mut reasons = if self.grade == Grade::NotLearnt && self.evidence == Separation::Apart {
             vec![format!("The choice of {} is {}.", self.model, self.assigned())]
@@ -156,7 +156,7 @@ impl Verdict {
         reasons
     }
 
-    /// How it was chosen.
+    /// Returns the reasons for the choice.
     fn reasons_of_choice(&self) -> Vec<String> {
         if self.values == 1 {
             return vec!["There is no other setting to choose from.".to_owned()];
@@ -174,7 +174,7 @@ impl Verdict {
         reasons
     }
 
-    /// How it did on held-out data, beside other ways to choose.
+    /// Returns the result on held-out data, beside other selection methods.
     fn reasons_of_online(&self, online: &HeldOutResult) -> Vec<String> {
         let mut reasons = vec![online_sentence(self, online)];
         if online.stands_still || self.has_all_diverged() {
@@ -279,7 +279,7 @@ impl Verdict {
         ))
     }
 
-    /// What is drawn again to see how sure a choice is.
+    /// Returns the name of the evidence that is resampled for the stability of a choice.
     const fn evidence(&self) -> &'static str {
         if self.has_model() {
             "its evidence (models, runs and windows of the log)"
@@ -382,7 +382,7 @@ impl Verdict {
     }
 }
 
-/// "20 % less", of a quotient of errors.
+/// Formats a ratio of errors: "20 % less".
 pub(super) fn changed(ratio: f64) -> String {
     match ratio {
         ratio if ratio.is_infinite() => "divergence".to_owned(),
@@ -391,7 +391,7 @@ pub(super) fn changed(ratio: f64) -> String {
     }
 }
 
-/// "10 % to 30 % less", "9 % less to 2 % more", of an interval of such quotients.
+/// Formats an interval of ratios: "10 % to 30 % less", "9 % less to 2 % more".
 fn between(Interval { low, high }: Interval) -> String {
     match (low, high) {
         (low, high) if high <= 1.0 => format!("{} to {}", percent(1.0 - high), changed(low)),
@@ -400,12 +400,12 @@ fn between(Interval { low, high }: Interval) -> String {
     }
 }
 
-/// " (95 %: 10 % to 30 % less)", of a quotient of errors; nothing where no interval is known.
+/// Formats the interval of a ratio of errors: " (95 %: 10 % to 30 % less)"; empty without an interval.
 pub(super) fn chance_of_change(ratio: Estimate) -> String {
     ratio.interval.map_or_else(String::new, |interval| format!(" (95 %: {})", between(interval)))
 }
 
-/// "2.5 % (95 %: at most 4 %)".
+/// Formats a regret with its bound: "2.5 % (95 %: at most 4 %)".
 pub(super) fn with_interval(regret: Bounded) -> String {
     let value = percent(regret.value);
     regret.upper.map_or_else(
@@ -455,12 +455,12 @@ fn online_sentence(verdict: &Verdict, online: &HeldOutResult) -> String {
     }
 }
 
-/// "4 windows, 16 runs".
+/// Formats the evidence: "4 windows, 16 runs".
 fn windows(online: &HeldOutResult) -> String {
     format!("{}, {}", counted(online.windows, "window"), counted(online.runs, "run"))
 }
 
-/// So many of them, in words: "1 run", "4 runs".
+/// Formats a count with its noun: "1 run", "4 runs".
 fn counted(count: usize, name: &str) -> String {
     format!("{count} {name}{}", if count == 1 { "" } else { "s" })
 }
@@ -486,7 +486,7 @@ fn skill_sentence(online: &HeldOutResult) -> Option<String> {
     })
 }
 
-/// A skill with two decimals, and no sign of its own where they are 0.
+/// Formats a skill with two decimals, without a sign if they are 0.
 fn signed(skill: f64) -> String {
     format!("{skill:.2}").replace("-0.00", "0.00")
 }

@@ -7,45 +7,46 @@ use super::Verdict;
 use super::sentence::{chance_of_change, changed, listed};
 use crate::number::number;
 
-/// A simple predictor on the held-out windows.
+/// Result of a simple predictor on the held-out windows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimpleRow {
-    /// What predicts.
+    /// The predictor.
     pub predictor: SimplePredictor,
-    /// Its mean score over windows.
+    /// Mean score over windows.
     pub error: f64,
-    /// Its typical error in the sensor's own unit, (1 − γ) RMSE: mean over windows. None where the unit is not known.
+    /// Typical error in the sensor's own unit, (1 − γ) RMSE: mean over windows; `None` if the unit is not known.
     pub typical_error: Option<f64>,
 }
 
-/// An agent with less than this share of a predictor's error may be worth more windows: as much as what counts as no worse. Our choice.
+/// If the agent's error is below this share of the predictor's, more windows may be
+/// worthwhile. It equals the limit for "no worse". Our choice.
 pub(super) const WORTH_MENTIONING: f64 = 0.98;
 
-/// A predictor whose error is within this factor of the agent's does as well, whatever windows show. Our choice.
+/// A predictor whose error is within this factor of the agent's is as good, whatever the windows show. Our choice.
 const AS_WELL: f64 = 1.01;
 
-/// A few windows decide a mean error over windows where its quotient is so many times the geometric one, or the other way round.
+/// A few windows decide a mean error if its ratio differs from the geometric mean ratio by more than this factor.
 const FEW_DECIDE: f64 = 2.0;
 
-/// A simple predictor beside the chosen agent.
+/// Comparison of a simple predictor with the chosen agent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simpler {
-    /// What predicts.
+    /// The predictor.
     pub predictor: SimplePredictor,
-    /// Error of the agent by that of the predictor, geometric mean over held-out windows.
+    /// Error of the agent divided by that of the predictor: geometric mean over held-out windows.
     pub ratio: Option<Estimate>,
-    /// Whether the predictor is better, and that is no chance.
+    /// Whether the predictor is better, and the difference is not chance.
     pub is_better: bool,
     /// Typical errors of predictor and agent, in the sensor's own unit: (1 − γ) RMSE, mean over windows.
     pub typical_errors: Option<[f64; 2]>,
-    /// Held-out windows in which the agent has more than ten times the error of the predictor.
+    /// Number of held-out windows in which the agent has more than ten times the error of the predictor.
     pub runaway_windows: usize,
     /// Whether the agent starts from a simple predictor.
     pub has_baseline: bool,
 }
 
 impl Simpler {
-    /// Error of the predictor by that of the agent, where neither is without bounds.
+    /// Returns the error of the predictor divided by that of the agent, if both are finite and not 0.
     fn inverse(&self) -> Option<Estimate> {
         let ratio = self.ratio.filter(|ratio| ratio.value.is_finite() && ratio.value != 0.0)?;
         let interval = ratio
@@ -54,27 +55,27 @@ impl Simpler {
         Some(Estimate { value: 1.0 / ratio.value, interval })
     }
 
-    /// Whether the predictor is better, and windows show that this is no chance. A single window shows nothing.
+    /// Whether windows show that the predictor is better, and not by chance. A single window shows nothing.
     pub(super) fn is_shown(&self) -> bool {
         self.is_better && self.ratio.is_some_and(|ratio| ratio.interval.is_some())
     }
 
-    /// "42 % less", of the error of the predictor beside the agent's.
+    /// Formats the predictor's error relative to the agent's: "42 % less".
     fn difference(&self) -> Option<String> {
         Some(changed(self.inverse()?.value))
     }
 
-    /// Whether the agent has less error by more than a rounding, which could be chance.
+    /// Whether the agent has less error. The difference is above rounding, but may be chance.
     pub(super) fn may_be_worse(&self) -> bool {
         !self.is_better && self.ratio.is_some_and(|ratio| ratio.value < WORTH_MENTIONING)
     }
 
-    /// Whether the predictor is better by less than a hundredth.
+    /// Whether the agent has at most 1 % more error than the predictor, or less.
     fn does_as_well(&self) -> bool {
         self.ratio.is_some_and(|ratio| ratio.value < AS_WELL)
     }
 
-    /// Whether the mean over windows compares them otherwise than the geometric mean does, because of a few windows.
+    /// Whether a few windows make the mean over windows disagree with the geometric mean.
     fn is_decided_by_few(&self) -> bool {
         let means = self.typical_errors.map(|[predictor, agent]| agent / predictor);
         means.zip(self.ratio).is_some_and(|(means, ratio)| {
@@ -83,7 +84,7 @@ impl Simpler {
         })
     }
 
-    /// Typical errors of both.
+    /// Returns the typical errors of both as a sentence.
     fn typical(&self) -> String {
         let few = if self.is_decided_by_few() {
             ", as a mean over windows, which the worst of them decide"
@@ -100,7 +101,7 @@ impl Simpler {
         })
     }
 
-    /// That the agent matches it.
+    /// Returns the sentence that the agent matches the predictor.
     pub(super) fn matched_sentence(&self) -> Option<String> {
         let ratio = self.ratio.filter(|ratio| ratio.value.is_finite() && ratio.value != 0.0)?;
         Some(format!(
@@ -112,7 +113,7 @@ impl Simpler {
         ))
     }
 
-    /// What that means, and what to try.
+    /// Returns the meaning of the comparison, and what to try.
     pub(super) fn plain(&self) -> String {
         let name = self.predictor.label();
         let interval = self.inverse().map_or_else(String::new, chance_of_change);
@@ -137,7 +138,7 @@ impl Simpler {
 }
 
 impl Verdict {
-    /// The advice where a simple predictor does as well or better.
+    /// Returns the advice if a simple predictor is as good or better.
     pub(super) fn simpler_headline(&self, simpler: &Simpler) -> String {
         let name = simpler.predictor.label();
         let sensor = &self.sensor;
@@ -166,16 +167,16 @@ impl Verdict {
         }
     }
 
-    /// "2 of 4 held-out windows": those in which the agent has more than ten times the error of a predictor, where it has not in others.
-    /// There a mean over all windows says little.
+    /// Returns the windows in which the agent has more than ten times the error of a predictor: "2 of 4 held-out windows". `None` if
+    /// there are no such windows, or all are. A mean over all windows says little then.
     fn runaway_windows(&self, simpler: &Simpler) -> Option<String> {
         let windows = self.online.as_ref()?.windows;
         let some = simpler.runaway_windows;
         (some > 0 && some < windows).then(|| format!("{some} of {windows} held-out windows"))
     }
 
-    /// How much less error the agent has than the best simple predictor on the held-out windows, where that is another than the one
-    /// that the log prefers. Which it is is known only afterwards.
+    /// Compares the agent's error with that of the best simple predictor on the held-out windows, if the log prefers another one.
+    /// Only the held-out data shows which predictor is best.
     pub(super) fn beside_the_best(&self) -> Option<String> {
         let matched = self.matched.as_ref()?.predictor;
         let agent = self.online.as_ref()?.chosen_error;
@@ -194,14 +195,14 @@ impl Verdict {
         ))
     }
 
-    /// "persistence for PIT300".
+    /// Returns the recommended predictor and the sensor: "persistence for PIT300".
     pub(super) fn instead(&self) -> String {
         let simpler = self.simpler.as_ref().map(|simpler| simpler.predictor);
         let name = simpler.or(self.frozen).map_or("a simple predictor", SimplePredictor::label);
         format!("{name} for {}", self.sensor)
     }
 
-    /// How every simple predictor did.
+    /// Returns the results of all simple predictors as a sentence.
     pub(super) fn simple_sentence(&self) -> Option<String> {
         let chosen_error = self.online.as_ref()?.chosen_error;
         if self.simple.is_empty() {

@@ -4,15 +4,15 @@ use super::sentence::{assigned, listed};
 use super::{ChoiceBaseline, Grade, Report, Verdict};
 use crate::number::{number, percent};
 
-/// Whether there are verdicts of several models on the same sensor.
+/// Whether several models have verdicts on the same sensor.
 pub(crate) fn are_of_several_models(verdicts: &[Verdict]) -> bool {
     verdicts.iter().any(|verdict| {
         verdicts.iter().any(|other| other.sensor == verdict.sensor && other.model != verdict.model)
     })
 }
 
-/// What to do for all sensors, what it costs, and what the alternatives would have cost; what each model says where
-/// there are several: a line for each sensor, or one line. None for a single verdict, which says it all.
+/// Returns what to do for all sensors, its cost, and the costs of the alternatives. With several models, it gives
+/// the choice of each: one line per sensor, or one line in all. Empty for a single verdict, which needs no summary.
 pub(crate) fn summary(report: &Report) -> Vec<String> {
     if are_of_several_models(&report.verdicts) {
         return choices_of_models(&report.verdicts);
@@ -55,7 +55,7 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         sentences.push(format!("No setting learns {}.", listed(&each)));
     }
     let online = || verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
-    // What an agent would have cost that nobody needs is of no interest.
+    // The cost of an agent is irrelevant where the advice is a simple predictor.
     let compared: Vec<&Verdict> =
         online().filter(|verdict| verdict.has_costs() && !verdict.is_simpler_better()).collect();
     if online().next().is_none() {
@@ -66,8 +66,8 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     vec![sentences.join(" ")]
 }
 
-/// Sensor by sensor what each model chooses, and whose choice is best on held-out data. No model is preferred to
-/// another before such data tells them apart.
+/// Returns, per sensor, the choice of each model, and the best choice on held-out data. No model is preferred
+/// before held-out data shows a difference.
 fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
     let mut sensors: Vec<&str> = Vec::new();
     for verdict in verdicts {
@@ -89,7 +89,7 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
     lines
 }
 
-/// What all models choose, if it is the same, or that no value is worth choosing.
+/// Returns the common choice of all models, or the sentence that no setting is worth choosing.
 fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     let not_learnt = own.iter().all(|verdict| verdict.grade == Grade::NotLearnt);
     if let (true, Some(share)) =
@@ -132,7 +132,7 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     Some(format!("{sensor}: all models choose {choice}{}.{warning}", standing(first)))
 }
 
-/// " (2 % regret, fair)": what a choice costs, and how far it can be relied on.
+/// Formats the cost of a choice and its reliability: " (2 % regret, fair)".
 fn standing(verdict: &Verdict) -> String {
     let Some(regret) = verdict.regret() else { return String::new() };
     let word = verdict.grade.word();
@@ -143,7 +143,7 @@ fn standing(verdict: &Verdict) -> String {
     }
 }
 
-/// What each model chooses, and which choice held-out data likes best.
+/// Returns the choice of each model, and the one with the best result on held-out data.
 fn differing(sensor: &str, own: &[&Verdict]) -> String {
     let all: Vec<String> = own
         .iter()
@@ -166,13 +166,13 @@ fn differing(sensor: &str, own: &[&Verdict]) -> String {
 }
 
 impl Verdict {
-    /// "NRMSE 1.02", of the best setting on held-out data.
+    /// Formats the error of the best setting on held-out data: "NRMSE 1.02".
     fn best_error(&self) -> Option<String> {
         let error = self.online.as_ref()?.best_error;
         error.is_finite().then(|| format!("NRMSE {}", number(error)))
     }
 
-    /// "PIT300 (best NRMSE 1.02)"
+    /// Formats the sensor with its best error: "PIT300 (best NRMSE 1.02)"
     fn sensor_and_error(&self) -> String {
         match self.best_error() {
             Some(error) => format!("{} (best {error})", self.sensor),
@@ -185,7 +185,7 @@ fn sensors(verdicts: &[&Verdict]) -> String {
     listed(&verdicts.iter().map(|verdict| verdict.sensor.clone()).collect::<Vec<_>>())
 }
 
-/// "`learning_rate` = 1e-4 for PIT300 and 3e-5 for TIT101".
+/// Formats the choices: "`learning_rate` = 1e-4 for PIT300 and 3e-5 for TIT101".
 fn choices(verdicts: &[&Verdict]) -> String {
     listed(
         &verdicts
@@ -201,7 +201,8 @@ fn choices(verdicts: &[&Verdict]) -> String {
     )
 }
 
-/// Largest regrets over sensors, of the choices and of the alternatives. Sensors are named unless they are all.
+/// Returns the largest regrets over sensors, of the choices and of the
+/// alternatives. Sensors are named unless `are_all`.
 fn costs(verdicts: &[&Verdict], are_all: bool) -> Option<String> {
     let largest = |regret: fn(&Verdict) -> Option<f64>| {
         verdicts.iter().filter_map(|verdict| regret(verdict)).reduce(f64::max)

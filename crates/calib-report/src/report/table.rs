@@ -5,13 +5,13 @@
 pub struct Table {
     /// Title above it.
     pub title: String,
-    /// How to read it, in one or two sentences.
+    /// Explanation of the table in one or two sentences.
     pub caption: String,
     /// Column headings.
     pub columns: Vec<String>,
-    /// Cells, `[rows, columns]`; missing ones at the end of a row stay empty.
+    /// Cells, `[rows, columns]`; missing cells at the end of a row stay empty.
     pub rows: Vec<Vec<Cell>>,
-    /// Which cells are printed bold.
+    /// The cells that are bold.
     pub best: Option<Best>,
 }
 
@@ -28,22 +28,22 @@ pub enum Cell {
     Count(u64),
     /// A value of a hyperparameter.
     Setting(crate::Setting),
-    /// Nothing.
+    /// An empty cell.
     Missing,
 }
 
-/// Where to look for the best number.
+/// The cells that are bold.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Best {
-    /// These cells are bold, as (row, column): the best ones and those that cannot be told apart from them, say. The caption
+    /// These cells, as (row, column): for example the best ones, and those without a clear difference from them. The caption
     /// says what bold means.
     Cells(Vec<(usize, usize)>),
-    /// The largest number of each column is bold.
+    /// The largest number of each column.
     LargestOfColumn,
 }
 
 impl Cell {
-    /// The number in the cell that "best" is decided by.
+    /// Returns the number by which the largest of a column is found.
     const fn score(&self) -> Option<f64> {
         match self {
             Self::Number(value) | Self::Percent(value) if value.is_finite() => Some(*value),
@@ -59,7 +59,7 @@ impl From<Option<f64>> for Cell {
 }
 
 impl Table {
-    /// Whether cell (`row`, `column`) is bold: the largest of its column, ties being all largest, or one of those listed.
+    /// Whether cell (`row`, `column`) is bold: one of the largest of its column, or one of the listed cells.
     pub fn is_best(&self, row: usize, column: usize) -> bool {
         match &self.best {
             None => false,
@@ -72,7 +72,7 @@ impl Table {
         }
     }
 
-    /// The table without columns that hold nothing in any row.
+    /// Removes columns that are empty in all rows.
     #[must_use]
     pub fn without_empty_columns(mut self) -> Self {
         let used: Vec<bool> = (0..self.columns.len())
@@ -127,7 +127,7 @@ mod tests {
         cells.map(Cell::Number).to_vec()
     }
 
-    /// The bold cells of two rows of three.
+    /// Returns the bold cells of two rows of three.
     fn best(table: &Table) -> Vec<(usize, usize)> {
         let cells = (0..2).flat_map(|r| (0..3).map(move |c| (r, c)));
         cells.filter(|&(r, c)| table.is_best(r, c)).collect()

@@ -1,4 +1,4 @@
-//! What to deploy, and how well that is supported.
+//! What to deploy, and how well the evidence supports it.
 
 use calib_agent::SimplePredictor;
 use calib_stats::{Bounded, Estimate};
@@ -6,7 +6,7 @@ use calib_stats::{Bounded, Estimate};
 use super::{ChoiceBaseline, Grade, SimpleRow, Simpler};
 use crate::Setting;
 
-/// The value a calibration model chose for one sensor.
+/// The setting that a calibration model chose for one sensor, and its support.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
     /// The predicted sensor.
@@ -15,192 +15,192 @@ pub struct Verdict {
     pub field: String,
     /// The calibration model that chose, or "log replay" without one.
     pub model: String,
-    /// Its choice.
+    /// The chosen setting.
     pub chosen: Setting,
-    /// How well held-out data supports it.
+    /// Support by held-out data.
     pub grade: Grade,
-    /// How it was chosen.
+    /// Selection method.
     pub reason: Reason,
-    /// Whether what it was chosen from prefers any value to another.
+    /// Whether the evidence shows differences between settings.
     pub evidence: Separation,
-    /// All values that share the smallest worst rank, in grid order.
+    /// All settings that share the smallest worst rank, in grid order.
     pub tie_set: Vec<Setting>,
-    /// The worst rank of the choice; 1 = best in every member, 0 without a model.
+    /// Worst rank of the choice; 1 = best in every ensemble member, 0 without a model.
     pub worst_rank: usize,
-    /// Number of values.
+    /// Number of settings.
     pub values: usize,
-    /// Number of members of the ensemble; 0 without a model.
+    /// Number of ensemble members; 0 without a model.
     pub members: usize,
-    /// What other draws of members, runs and windows of the log choose, with their shares; the most frequent first.
+    /// Choices of resamples of ensemble members, runs and windows of the log, with their shares; the most frequent first.
     pub stability: Vec<(Setting, f64)>,
-    /// How many of these draws choose the same value or one next to it on the grid; none where that says nothing.
+    /// Share of the resamples that choose the same setting or its neighbour on the grid; `None` where that has no meaning.
     pub stability_nearby: Option<f64>,
-    /// Share of the held-out values outside of the range that was learned from; none where it is not known.
+    /// Share of the held-out values outside the training range; `None` if unknown.
     pub outside_training: Option<f64>,
-    /// How far held-out values lie from the training mean, in spreads of the training range, where that is so far that nothing was
-    /// learned of such values.
+    /// Distance of held-out values from the training mean, in standard deviations of the training range. `None` unless it is so
+    /// large that agents learned nothing about such values.
     pub elsewhere: Option<f64>,
-    /// How the choice did Online; `None` if no data was held out.
+    /// Result of the choice on held-out data; `None` if no data was held out.
     pub online: Option<HeldOutResult>,
-    /// Other ways to choose, and what they would have cost.
+    /// Other selection methods and their costs.
     pub alternatives: Vec<Alternative>,
-    /// Simple predictors on the same held-out windows, the simplest first; empty where they are not known.
+    /// Simple predictors on the same held-out windows, the simplest first; empty if unknown.
     pub simple: Vec<SimpleRow>,
-    /// The simple predictor to use instead of the agent, if the agent is not known to match it.
+    /// The simple predictor to use instead of the agent, if the agent is not shown to match it.
     pub simpler: Option<Simpler>,
-    /// The simple predictor that the log prefers, where the agent is known to match it.
+    /// The simple predictor that the log prefers, if the agent is shown to match it.
     pub matched: Option<Simpler>,
-    /// The simple predictor to use because further learning adds nothing: the choice is that and learns nothing, or it is not shown
-    /// to improve by a hundredth on a default that is.
+    /// The simple predictor to use because further learning adds nothing. Either the choice is that predictor and learns nothing,
+    /// or the choice is not shown to be 1 % better than such a default.
     pub frozen: Option<SimplePredictor>,
     /// Whether that is the choice itself, which learns nothing then: what it gains on the default is no gain by learning.
     pub learns_nothing: bool,
     /// What would be chosen by each part of the runs.
     pub parts: Vec<PartRow>,
-    /// Share of the choice's squared error on held-out data that is made in the first tenth of its runs.
+    /// Share of the choice's squared error on held-out data that falls into the first tenth of its runs.
     pub start_up_share: Option<f64>,
-    /// What the reader must know before relying on this verdict: [`super::caveats`].
+    /// Notes to read before relying on this verdict: [`super::caveats`].
     pub notes: Vec<String>,
 }
 
-/// What would be chosen by the errors over a part of each run.
+/// The choice by the errors over one part of each run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartRow {
     /// The part in words: "whole run".
     pub part: &'static str,
-    /// What is chosen by it.
+    /// The setting chosen by this part.
     pub chosen: Setting,
-    /// Mean score of the verdict's choice over that part of held-out runs.
+    /// Mean score of the verdict's choice over this part of the held-out runs.
     pub error: Option<f64>,
 }
 
-/// Whether errors tell the values of the grid apart.
+/// Whether errors differ between the settings of the grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Separation {
-    /// Some value has a smaller error than another.
+    /// Some setting has a smaller error than another.
     Apart,
-    /// All values have the same error.
+    /// All settings have the same error.
     Alike,
 }
 
-/// What streams a choice by logarithms is made from.
+/// Training runs from which a choice by logarithms is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sources {
-    /// Those of the members alone.
+    /// Only those in ensemble members.
     Members,
-    /// Those of the replayed log as well.
+    /// Those in ensemble members and on the replayed log.
     MembersAndLog,
-    /// Those of the replayed log alone: there is no model.
+    /// Only those on the replayed log: there is no model.
     Log,
 }
 
-/// What a choice is the best by.
+/// Criterion by which the choice is the best.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reason {
-    /// The smallest worst rank over members.
+    /// The smallest worst rank over ensemble members.
     WorstRank,
     /// The smallest mean rank over ensemble members.
     MeanRank,
     /// The smallest mean error over ensemble members.
     MeanError,
-    /// The smallest mean logarithm of the error over so many streams of the members.
+    /// The smallest mean logarithm of the error over training runs in ensemble members.
     MeanLogError {
-        /// Streams.
+        /// Number of training runs.
         streams: usize,
     },
-    /// The same over the streams of members and of the replayed log.
+    /// The smallest mean logarithm of the error over training runs in ensemble members and on the replayed log.
     Pooled {
-        /// Streams.
+        /// Number of training runs.
         streams: usize,
-        /// What they are of.
+        /// Environments of the training runs.
         sources: Sources,
     },
-    /// The same over the windows of the replayed log alone.
+    /// The smallest mean logarithm of the error over windows of the replayed log.
     LogReplay {
-        /// Windows.
+        /// Number of windows.
         streams: usize,
     },
-    /// The default is left only for a value that is better by more than a standard error over so many streams.
+    /// The default, unless another setting is better by more than one standard error over training runs.
     OneStandardError {
-        /// Streams.
+        /// Number of training runs.
         streams: usize,
-        /// What they are of.
+        /// Environments of the training runs.
         sources: Sources,
     },
 }
 
-/// The choice, judged by held-out data.
+/// Result of the choice on held-out data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeldOutResult {
-    /// What was judged: "over the whole run".
+    /// Judged part of the runs: "over the whole run".
     pub part: String,
-    /// Windows of the held-out range that were replayed.
+    /// Number of replayed windows of the held-out period.
     pub windows: usize,
-    /// Runs over all of them.
+    /// Number of runs over all windows.
     pub runs: usize,
-    /// Whether the errors of different values differ.
+    /// Whether the errors of different settings differ.
     pub values: Separation,
-    /// Whether the sensor has one value throughout every window, so that there was nothing to predict.
+    /// Whether the sensor is constant in every window, so that there was nothing to predict.
     pub stands_still: bool,
-    /// Mean Online score of the choice; infinite if it diverged.
+    /// Mean held-out score of the choice; infinite if it diverged.
     pub chosen_error: f64,
-    /// 1 − RMSE / standard deviation of the returns; 0 is the error of predicting the mean.
+    /// 1 − RMSE / standard deviation of the returns; predicting the mean has skill 0.
     pub chosen_skill: Option<f64>,
-    /// The best value over all windows.
+    /// The best setting over all windows.
     pub best: Setting,
-    /// Its mean Online score.
+    /// Mean held-out score of the best setting.
     pub best_error: f64,
-    /// Its skill.
+    /// Skill of the best setting.
     pub best_skill: Option<f64>,
-    /// exp(mean over windows of ln(error / best error of the window)) − 1; `None` where it is undefined.
+    /// Regret: exp(mean over windows of ln(error / best error of the window)) − 1; `None` if undefined.
     pub regret: Option<Bounded>,
-    /// Error of the choice by that of the default, geometric mean over windows; `None` where it is the default.
+    /// Error of the choice divided by that of the default: geometric mean over windows; `None` if the choice is the default.
     pub against_default: Option<Estimate>,
-    /// Spearman correlation between the model's ranking and Online's; `None` where it is undefined.
+    /// Spearman correlation between the ranking by the evidence and that on held-out data; `None` if undefined.
     pub spearman: Option<f64>,
-    /// Kendall's τ-b between them.
+    /// Kendall's τ-b between these rankings.
     pub kendall: Option<f64>,
-    /// Whether the choice is among the k best Online.
+    /// Whether the choice is among the k best on held-out data.
     pub top_k: Option<TopK>,
 }
 
-/// Whether the choice is among the `k` best values Online.
+/// Whether the choice is among the `k` best settings on held-out data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TopK {
-    /// How many values count as best.
+    /// Number of settings that count as best.
     pub k: usize,
     /// Whether the choice is one of them.
     pub hit: bool,
 }
 
-/// Another way to choose, and what it would have cost.
+/// Another selection method and its cost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alternative {
-    /// Which one.
+    /// The method.
     pub baseline: ChoiceBaseline,
-    /// The value it would have chosen, where it is one.
+    /// The setting that it would have chosen, if it chooses one setting.
     pub value: Option<Setting>,
-    /// Its regret Online; `None` without Online.
+    /// Its regret on held-out data; `None` without held-out data.
     pub regret: Option<Bounded>,
 }
 
 impl Verdict {
-    /// Whether a calibration model had a part in it; else the replayed log decided alone.
+    /// Whether a calibration model contributed to the verdict. Otherwise log replay decided alone.
     pub(crate) const fn has_model(&self) -> bool {
         self.members > 0
     }
 
-    /// Another way to choose.
+    /// Returns the result of another selection method.
     pub fn alternative(&self, baseline: ChoiceBaseline) -> Option<&Alternative> {
         self.alternatives.iter().find(|alternative| alternative.baseline == baseline)
     }
 
-    /// The regret of the choice, where it is known.
+    /// Returns the regret of the choice, if it is known.
     pub(crate) fn regret(&self) -> Option<f64> {
         Some(self.online.as_ref()?.regret?.value)
     }
 
-    /// The regret of another way to choose, where it is known.
+    /// Returns the regret of another selection method, if it is known.
     pub(crate) fn regret_of(&self, baseline: ChoiceBaseline) -> Option<f64> {
         Some(self.alternative(baseline)?.regret?.value)
     }

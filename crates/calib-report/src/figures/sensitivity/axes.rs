@@ -6,13 +6,13 @@ use super::{NRMSE, Sensitivity};
 use crate::chart::{Axis, Scale, extent};
 
 impl Sensitivity {
-    /// The values as numbers, if they can stand on a logarithmic axis: none is a name, and none is 0, such as the step size
-    /// that leaves an agent as it was pre-trained.
+    /// Returns the values as numbers, if a logarithmic axis can show them: no value is a name or 0. 0 is the step size that
+    /// leaves a pre-trained agent unchanged.
     fn numbers(&self) -> Option<Vec<f64>> {
         self.values.iter().map(|value| value.as_number().filter(|number| *number != 0.0)).collect()
     }
 
-    /// Horizontal position of each value: the number itself, or else its place in the grid.
+    /// Returns the horizontal position of each value: the number itself, or its place in the grid.
     pub(super) fn positions(&self) -> Vec<f64> {
         self.numbers().unwrap_or_else(|| (0..self.values.len()).map(|place| place as f64).collect())
     }
@@ -26,14 +26,15 @@ impl Sensitivity {
         Axis { label: self.field.clone(), scale }
     }
 
-    /// Mean errors that can be drawn, and their intervals.
+    /// Returns the summaries whose mean error is finite.
     fn drawn_summaries(&self) -> impl Iterator<Item = &Summary> + Clone {
         let summaries = self.errors.iter().flat_map(|curve| curve.summaries.iter().flatten());
         summaries.filter(|summary| summary.mean.is_finite())
     }
 
-    /// The least and the greatest end of an interval that the plot has room for. A single wild interval must not press all curves
-    /// flat: it may reach one spread beyond the means, and not so far towards zero that a logarithmic axis would show little else.
+    /// Returns the lowest and the highest interval end that the plot has room for. Intervals reach at most one spread beyond the
+    /// means, so that a single wide interval does not flatten all curves. Towards zero they end earlier, because of the
+    /// logarithmic axis.
     fn room_of_intervals(&self) -> Option<(f64, f64)> {
         let means: Vec<f64> = self.drawn_summaries().map(|summary| summary.mean).collect();
         let (lowest, highest) = extent(&means)?;
@@ -42,7 +43,7 @@ impl Sensitivity {
         Some(((lowest - spread).max(floor), highest + spread))
     }
 
-    /// Whether intervals reach farther than the plot.
+    /// Whether an interval reaches beyond the plot.
     pub(crate) fn cuts_intervals(&self) -> bool {
         let Some((least, greatest)) = self.room_of_intervals() else { return false };
         let mut ends = self.drawn_summaries().filter_map(|summary| summary.interval);
@@ -61,7 +62,7 @@ impl Sensitivity {
     }
 
     pub(super) fn rank_axis(&self) -> Axis {
-        // A slice of a grid has the ranks of all of it.
+        // A slice of a grid has ranks among the whole grid.
         let worst = self.worst_ranks.iter().flat_map(|curve| &curve.worst_ranks).copied().max();
         let scale = Scale::ranks(worst.unwrap_or(0).max(self.values.len()));
         Axis { label: "worst rank (1 = best)".to_owned(), scale }

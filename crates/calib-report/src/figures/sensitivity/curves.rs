@@ -5,11 +5,12 @@ use calib_stats::Summary;
 use super::{ErrorCurve, ErrorSource, RankCurve, Sensitivity};
 use crate::chart::{Colour, Dash, Marker, Point, Series, Side};
 
-/// How much wider a curve of ranks is than the one that is drawn after it.
+/// Extra width of a rank curve per curve that is drawn after it, in pixels.
 const WIDER: f64 = 2.2;
 
 impl Sensitivity {
-    /// Scores, then worst ranks; points from left to right, whatever the order of the grid.
+    /// Returns the error curves, then the rank curves. Points run from left
+    /// to right, whatever the order of the grid.
     pub(super) fn curves(&self, positions: &[f64]) -> Vec<Series> {
         let mut order: Vec<usize> = (0..positions.len()).collect();
         order.sort_by(|&a, &b| positions[a].total_cmp(&positions[b]));
@@ -47,15 +48,15 @@ impl Sensitivity {
     }
 }
 
-/// `alike` is the number of curves from the same kind of environment before it.
+/// Returns an error curve. `alike` is the number of earlier curves from the same kind of environment.
 fn score_series(curve: &ErrorCurve, alike: usize, points: Vec<Point>) -> Series {
     let (colour, dash, width, marker) = match curve.source {
         ErrorSource::Online => (Colour::Curve(0), Dash::Solid, 2.6, Some(Marker::Circle)),
         ErrorSource::LogReplay => (Colour::Muted, Dash::Dotted, 1.8, Some(Marker::TriangleDown)),
         ErrorSource::Simple => (Colour::Muted, Dash::Dashed, 1.6, None),
-        // The first colours after Online's are those of the ensembles.
+        // The colours after that of the held-out period belong to the ensembles.
         ErrorSource::Model => (Colour::Curve(3 + alike), Dash::Solid, 1.8, Some(Marker::Triangle)),
-        // The colour of the ensemble's ranks.
+        // Same colour as the ranks of the ensemble.
         ErrorSource::Evidence => {
             (Colour::Curve(1 + alike), Dash::Solid, 1.8, Some(Marker::Triangle))
         }
@@ -64,7 +65,7 @@ fn score_series(curve: &ErrorCurve, alike: usize, points: Vec<Point>) -> Series 
     Series { label, side: Side::Left, colour, dash, width, marker, points }
 }
 
-/// Ranks are whole, so that curves often lie on each other: those drawn before others are wider, and seen beside them.
+/// Returns a rank curve. Ranks are whole, so curves often coincide. Those drawn first are wider, and stay visible.
 fn rank_series(
     curve: &RankCurve,
     [index, after]: [usize; 2],

@@ -1,19 +1,19 @@
-//! Several hyperparameters: how much each matters, and the two that matter most against each other.
+//! Sweeps of several hyperparameters: the importance of each, and the two most important against each other.
 
 use calib_stats::importance;
 
 use super::{Dimension, LOWER, NRMSE, Sensitivity};
 use crate::{Setting, chart::extent};
 
-/// A number of each combination of two hyperparameters: the best over all others.
+/// A heat map of two hyperparameters. Each cell is the best over all other hyperparameters.
 pub(crate) struct Heat {
-    /// What the numbers are: "Online (held-out), mean NRMSE".
+    /// Name of the numbers: "Online (held-out), mean NRMSE".
     pub(crate) label: String,
     pub(crate) row_field: String,
     pub(crate) rows: Vec<Setting>,
     pub(crate) column_field: String,
     pub(crate) columns: Vec<Setting>,
-    /// `[rows, columns]`; none where the grid has no such combination.
+    /// Cells `[rows, columns]`; `None` where the grid has no such combination.
     pub(crate) cells: Vec<Vec<Option<HeatCell>>>,
 }
 
@@ -21,28 +21,28 @@ pub(crate) struct Heat {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct HeatCell {
     pub(crate) value: f64,
-    /// 0 for the best of all cells to 1 for the worst that is finite; none for those that diverged.
+    /// Position from 0, the best cell, to 1, the worst finite one; `None` for diverged cells.
     pub(crate) place: Option<f64>,
-    /// Whether the choice is in it.
+    /// Whether the cell contains the chosen setting.
     pub(crate) is_chosen: bool,
 }
 
-/// How much each hyperparameter matters.
+/// Importance of each hyperparameter.
 pub(crate) struct Importances {
-    /// What each share is of.
+    /// Name of each column of shares.
     pub(crate) labels: Vec<String>,
-    /// Each hyperparameter, with one share a label, 0 to 1; none where all combinations are alike.
+    /// Each hyperparameter with one share per label, 0 to 1; `None` where all combinations are alike.
     pub(crate) shares: Vec<(String, Vec<Option<f64>>)>,
 }
 
-/// One number a combination, and what it is.
+/// One number per combination, with a name.
 struct Surface {
     label: String,
     values: Vec<f64>,
 }
 
 impl Sensitivity {
-    /// What combinations are compared by: each curve of errors, or ranks where there is none.
+    /// Returns the numbers by which combinations are compared: each error curve, or the ranks if there is no error curve.
     fn surfaces(&self) -> Vec<Surface> {
         let errors = self.errors.iter().map(|curve| Surface {
             label: format!("{}, mean {NRMSE}", curve.label),
@@ -58,7 +58,7 @@ impl Sensitivity {
         });
         let all: Vec<Surface> =
             if self.errors.is_empty() { ranks.collect() } else { errors.collect() };
-        // What no hyperparameter changes, such as a simple predictor, has nothing to show.
+        // A curve that no hyperparameter changes, such as a simple predictor, has nothing to show.
         if all.iter().any(Surface::varies) {
             all.into_iter().filter(Surface::varies).collect()
         } else {
@@ -66,8 +66,8 @@ impl Sensitivity {
         }
     }
 
-    /// For each hyperparameter and curve, the share of the differences that its value alone explains
-    /// ([`calib_stats::importance`]): of logarithms where all are positive, with what diverged as bad as the worst that did not.
+    /// Returns the share of the variance that each hyperparameter alone explains, per curve ([`calib_stats::importance`]).
+    /// It uses logarithms if all values are positive. A diverged value counts as the worst finite one.
     pub(crate) fn importances(&self) -> Importances {
         let surfaces = self.surfaces();
         let shares = self
@@ -82,15 +82,15 @@ impl Sensitivity {
         Importances { labels: surfaces.into_iter().map(|surface| surface.label).collect(), shares }
     }
 
-    /// The two hyperparameters that matter most to the first curve against each other, for every curve. Empty where a single
-    /// one is swept.
+    /// Returns one heat map per curve, of the two hyperparameters that matter most for the first curve. Empty if only one
+    /// hyperparameter is swept.
     pub(crate) fn heats(&self) -> Vec<Heat> {
         let mut order = self.varied();
         let surfaces = self.surfaces();
         let Some(first) = surfaces.first() else { return Vec::new() };
         let share =
             |dimension: &&Dimension| first.explained(&dimension.distinct().1).unwrap_or(0.0);
-        // Stable: of those that matter alike the first of the grid comes first.
+        // The sort is stable: equally important ones stay in the order of the grid.
         order.sort_by(|a, b| share(b).total_cmp(&share(a)));
         let [rows, columns, ..] = order.as_slice() else { return Vec::new() };
         surfaces.iter().map(|surface| surface.heat(rows, columns, self.chosen)).collect()
@@ -149,7 +149,7 @@ impl Surface {
         }
     }
 
-    /// The best value in a cell, where `cell_of` has the cell of each value.
+    /// Returns the best value in a cell; `cell_of` gives the cell of each value.
     fn best_in(&self, cell_of: &[(usize, usize)], cell: (usize, usize)) -> Option<f64> {
         let own = (0..self.values.len()).filter(|&place| cell_of[place] == cell);
         let known = own.map(|place| self.values[place]).filter(|value| !value.is_nan());
@@ -157,7 +157,7 @@ impl Surface {
     }
 }
 
-/// Numbers rise, whatever the order of the grid; names stay. With where each was.
+/// Sorts numbers in ascending order, and leaves names as they are. Also returns the place of each value.
 fn sorted(values: &[&Setting]) -> (Vec<usize>, Vec<Setting>) {
     let mut order: Vec<usize> = (0..values.len()).collect();
     if let Some(numbers) =
@@ -169,7 +169,7 @@ fn sorted(values: &[&Setting]) -> (Vec<usize>, Vec<Setting>) {
     (order, values)
 }
 
-/// Where numbers lie between the best and the worst: by logarithms where all are positive.
+/// Positions of numbers between the best and the worst, on a logarithmic scale if all are positive.
 struct Places {
     best: f64,
     worst: f64,
@@ -205,12 +205,12 @@ mod tests {
     use super::*;
     use crate::{ErrorCurve, ErrorSource, RankCurve, Samples};
 
-    /// The rate and the batch of each setting of [`grid`].
+    /// Returns the positions of the rate and the batch size of each setting of [`grid`].
     fn grid_places() -> impl Iterator<Item = (usize, usize)> {
         (0..2).flat_map(|rate| (0..3).map(move |batch| (rate, batch)))
     }
 
-    /// Two learning rates × three batch sizes: the error is the rate's factor × the batch's, one diverged.
+    /// Returns two learning rates × three batch sizes: the error is the product of two factors, and one setting diverged.
     fn grid() -> Sensitivity {
         let rates = [0.1, 0.01];
         let batches = [1.0, 16.0, 64.0];
@@ -254,11 +254,11 @@ mod tests {
         let slices = grid().slices();
         let fields: Vec<&str> = slices.iter().map(|slice| slice.field.as_str()).collect();
         assert_eq!(fields, ["learning_rate", "batch_size"]);
-        // With batch_size = 16: rates 0.1 and 0.01.
+        // The slice at batch_size = 16 has the rates 0.1 and 0.01.
         assert_eq!(slices[0].values, [Setting::Number(0.1), Setting::Number(0.01)]);
         assert_eq!(slices[0].worst_ranks[0].worst_ranks, [3, 1]);
         assert_eq!((slices[0].chosen, slices[0].default), (Some(1), Some(0)));
-        // With learning_rate = 0.01: batches 1, 16 and 64; the default has another rate.
+        // The slice at learning_rate = 0.01 has the batches 1, 16 and 64; the default has another rate.
         assert_eq!(slices[1].worst_ranks[0].worst_ranks, [6, 1, 2]);
         assert_eq!((slices[1].chosen, slices[1].default), (Some(1), None));
         let without = Sensitivity { chosen: None, ..grid() };

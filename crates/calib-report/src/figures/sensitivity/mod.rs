@@ -1,4 +1,4 @@
-//! Sensitivity curves: how the error, and the models' worst rank, depend on a hyperparameter.
+//! Sensitivity curves: the error, and the worst rank of the models, against a hyperparameter.
 
 mod axes;
 mod curves;
@@ -13,13 +13,13 @@ use crate::{Figure, ReportError, Setting};
 
 pub(crate) use heat::{Heat, HeatCell};
 
-/// What runs are judged by: RMSE relative to the standard deviation of the training returns.
+/// Error measure of runs: RMSE relative to the standard deviation of the training returns.
 pub(crate) const NRMSE: &str = "NRMSE";
 
 /// Smaller errors are better.
 const LOWER: Direction = Direction::LowerIsBetter;
 
-/// One sensitivity figure, for one sensor.
+/// Sensitivity curves of one sensor.
 ///
 /// ```
 /// use calib_report::{ErrorCurve, ErrorSource, RankCurve, Samples, Sensitivity, Setting};
@@ -50,17 +50,17 @@ pub struct Sensitivity {
     pub sensor: String,
     /// The swept hyperparameter, as in the study file: "`learning_rate`".
     pub field: String,
-    /// The grid, in its order.
+    /// The settings in the order of the grid.
     pub values: Vec<Setting>,
-    /// Mean error and interval, read on the left axis.
+    /// Mean errors with intervals, on the left axis.
     pub errors: Vec<ErrorCurve>,
-    /// Worst rank of each calibration model, read on the right axis.
+    /// Worst rank of each calibration model, on the right axis.
     pub worst_ranks: Vec<RankCurve>,
-    /// Index of the value that is recommended.
+    /// Index of the recommended setting.
     pub chosen: Option<usize>,
-    /// Index of the value one would use without calib.
+    /// Index of the default setting.
     pub default: Option<usize>,
-    /// The swept hyperparameters, where a value of the grid is a combination of several.
+    /// The swept hyperparameters, if a setting combines several.
     pub dimensions: Vec<Dimension>,
 }
 
@@ -69,7 +69,7 @@ pub struct Sensitivity {
 pub struct Dimension {
     /// Its name, as in the study file.
     pub field: String,
-    /// What it is in each combination of the grid.
+    /// Its value in each combination of the grid.
     pub values: Vec<Setting>,
 }
 
@@ -78,42 +78,42 @@ pub struct Dimension {
 pub struct ErrorCurve {
     /// Name in the legend.
     pub label: String,
-    /// Which environment it comes from.
+    /// Environment of the errors.
     pub source: ErrorSource,
-    /// What it is a mean over.
+    /// Samples that the mean is over.
     pub over: Samples,
-    /// Summary over these, one for each value of the grid; `None` where nothing was run.
+    /// Summary over the samples, one per setting; `None` where nothing was run.
     pub summaries: Vec<Option<Summary>>,
 }
 
 /// Environments whose error is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorSource {
-    /// Held-out data, replayed: the truth the choice is judged by.
+    /// Replay of the held-out period, which judges the choice.
     Online,
-    /// Training data, replayed: the cheap alternative to a calibration model.
+    /// Replay of the training range: the cheap alternative to a calibration model.
     LogReplay,
-    /// A simple predictor on held-out data, which no value changes: a horizontal line.
+    /// A simple predictor on held-out data. No setting changes it, so it is a horizontal line.
     Simple,
-    /// A calibration model that is no ensemble.
+    /// A calibration model that is not an ensemble.
     Model,
-    /// What a choice by mean errors was made from: one curve an ensemble, in the order of `worst_ranks`.
+    /// Evidence of a choice by mean errors: one curve per ensemble, in the order of `worst_ranks`.
     Evidence,
 }
 
-/// What a mean error is over.
+/// Samples that a mean error is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Samples {
-    /// Runs.
+    /// Training runs.
     Runs,
-    /// Windows, each the mean of its runs.
+    /// Windows, each with the mean of its runs.
     Windows,
-    /// Streams of members and of the replayed log, as a choice counts them.
+    /// Training runs in ensemble members and on the replayed log, as a selection method counts them.
     Streams,
 }
 
 impl Samples {
-    /// What they are called.
+    /// Returns the name of the samples.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Runs => "runs",
@@ -128,21 +128,21 @@ impl Samples {
 pub struct RankCurve {
     /// Name of the calibration model.
     pub label: String,
-    /// W, one for each value of the grid: 1 = best.
+    /// Worst ranks, one per setting: 1 = best.
     pub worst_ranks: Vec<usize>,
 }
 
 impl Sensitivity {
-    /// Draws the figure: a logarithmic horizontal axis where all values are positive numbers, mean error with
-    /// 95 % whiskers on the left, worst rank on the right (on the left if there are no errors).
-    /// Diverged values are crosses at the upper edge. Better is down on both axes, so that shapes can be compared.
+    /// Draws the figure. The horizontal axis is logarithmic if all values are positive numbers. Mean errors with
+    /// 95 % whiskers are on the left, and worst ranks on the right (on the left without errors). Diverged values
+    /// are crosses at the upper edge. Lower is better on both axes, so that shapes can be compared.
     ///
-    /// Of several hyperparameters there is a plot each: a [slice](Self::slices) through the choice.
+    /// Several hyperparameters have one plot each: a [slice](Self::slices) through the choice.
     ///
     /// # Errors
     ///
-    /// The grid is empty, there is no curve, a curve does not have one point for each value,
-    /// or a marked value is not in the grid.
+    /// If the grid is empty, there is no curve, a curve does not have one point per setting, or a marked setting
+    /// is not in the grid.
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: sensitivity to {}", self.sensor, self.field);
         self.check(&title)?;
@@ -153,14 +153,14 @@ impl Sensitivity {
         Ok(Figure::new(self.chart(title)))
     }
 
-    /// All curves in one plot.
+    /// Returns a chart with all curves in one plot.
     fn chart(&self, title: String) -> Chart {
         let positions = self.positions();
         Chart {
             description: self.description(),
             title,
             x: self.horizontal_axis(&positions),
-            // Without errors, ranks are all there is: they get the left axis.
+            // Without errors, the ranks have the left axis.
             left: if self.errors.is_empty() { self.rank_axis() } else { self.error_axis() },
             right: self.has_two_axes().then(|| self.rank_axis()),
             series: self.curves(&positions),

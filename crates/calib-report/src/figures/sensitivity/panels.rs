@@ -8,11 +8,11 @@ const COLUMNS: usize = 3;
 const HEIGHT: f64 = 210.0;
 
 impl Sensitivity {
-    /// Draws several sensitivity figures beside each other, up to three a row, under one legend, as the paper prints them.
+    /// Draws several sensitivity figures side by side, up to three per row, under one legend, as in the paper.
     ///
     /// # Errors
     ///
-    /// One of them cannot be drawn, or there is none.
+    /// If one of them cannot be drawn, or there is none.
     pub fn panels(all: &[Self]) -> Result<Figure, ReportError> {
         if let Some(figure) = Self::sliced_panels(all)? {
             return Ok(figure);
@@ -30,7 +30,7 @@ impl Sensitivity {
         let same_field = all.iter().all(|one| one.field == *field);
         head.title = if same_field { format!("{title} to {field}") } else { title };
         head.description = descriptions(&charts);
-        // The sign for diverged values is explained if any plot has one.
+        // The legend explains the sign for diverged values if any plot has one.
         head.series = widest(&charts);
         let columns = if all.len() == 4 { 2 } else { all.len().min(COLUMNS) };
         let last = charts.len() - 1;
@@ -55,7 +55,7 @@ impl Sensitivity {
         Ok(Figure::with_grid(head, cells.chunks(columns).map(<[_]>::to_vec).collect(), HEIGHT))
     }
 
-    /// A row or more a sensor, where several hyperparameters are swept.
+    /// Returns one or more rows per sensor, if several hyperparameters are swept.
     fn sliced_panels(all: &[Self]) -> Result<Option<Figure>, ReportError> {
         let slices: Vec<Vec<Self>> = all.iter().map(Self::slices).collect();
         if slices.is_empty() || slices.iter().any(Vec::is_empty) {
@@ -80,7 +80,7 @@ fn descriptions(charts: &[Chart]) -> String {
     charts.iter().map(|chart| chart.description.as_str()).collect::<Vec<_>>().join(" ")
 }
 
-/// The curves of the chart that has most of them, and a diverged point if any chart has one.
+/// Returns the curves of the chart with most curves, and a diverged point if any chart has one.
 fn widest(charts: &[Chart]) -> Vec<crate::Series> {
     let most = charts.iter().map(|chart| chart.series.len()).max().unwrap_or(0);
     let mut fullest = charts.iter().filter(|chart| chart.series.len() == most);
@@ -88,7 +88,7 @@ fn widest(charts: &[Chart]) -> Vec<crate::Series> {
     chosen.map(|chart| chart.series.clone()).unwrap_or_default()
 }
 
-/// Plots further right say only what differs: whether the axis is logarithmic.
+/// Keeps the part of a label that says whether the axis is logarithmic. Plots further right need no more.
 fn spacing_only(label: &str) -> String {
     if label.contains("log scale") { "log scale".to_owned() } else { String::new() }
 }

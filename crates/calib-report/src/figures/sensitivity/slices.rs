@@ -1,4 +1,4 @@
-//! Several hyperparameters: one plot each, through the choice.
+//! Sweeps of several hyperparameters: one plot per hyperparameter, through the choice.
 
 use super::{Dimension, ErrorCurve, LOWER, RankCurve, Sensitivity};
 use crate::chart::{Axis, GridCell};
@@ -8,7 +8,7 @@ const COLUMNS: usize = 3;
 const HEIGHT: f64 = 230.0;
 
 impl Dimension {
-    /// Its different values, in the order of the grid, and which of them each combination has.
+    /// Returns the distinct values in the order of the grid, and the index of the value of each combination.
     pub(super) fn distinct(&self) -> (Vec<&Setting>, Vec<usize>) {
         let mut seen: Vec<&Setting> = Vec::new();
         let places = self
@@ -26,25 +26,25 @@ impl Dimension {
 }
 
 impl Sensitivity {
-    /// The hyperparameters that take more than one value, if there are several.
+    /// Returns the hyperparameters with more than one value; empty unless there are several.
     pub(crate) fn varied(&self) -> Vec<&Dimension> {
         let varied = self.dimensions.iter().filter(|dimension| dimension.distinct().0.len() > 1);
         let varied: Vec<&Dimension> = varied.collect();
         if varied.len() > 1 { varied } else { Vec::new() }
     }
 
-    /// Whether several hyperparameters take more than one value.
+    /// Whether several hyperparameters have more than one value.
     pub(crate) fn is_of_several(&self) -> bool {
         !self.varied().is_empty()
     }
 
-    /// One sensitivity for each of several hyperparameters: those combinations of the grid that differ from the choice in
-    /// this one alone. Without a choice they go through the best combination of the first curve. Ranks stay those among all
-    /// combinations. Empty where a single hyperparameter is swept.
+    /// Returns one sensitivity per hyperparameter: the combinations that differ from the choice in this one only. Without a
+    /// choice, slices go through the best combination of the first curve. Ranks stay those among all combinations. Empty if
+    /// only one hyperparameter is swept.
     pub fn slices(&self) -> Vec<Self> {
         let Some(centre) = self.chosen.or_else(|| self.best()) else { return Vec::new() };
         let varied = self.varied();
-        // A list of combinations may have nothing beside the choice.
+        // A list of combinations may contain no such combination besides the choice.
         varied
             .iter()
             .map(|along| {
@@ -64,7 +64,7 @@ impl Sensitivity {
             .collect()
     }
 
-    /// The best combination by the first curve of errors, or else of ranks.
+    /// Returns the best combination by the first error curve, or by the first rank curve without errors.
     fn best(&self) -> Option<usize> {
         let places = 0..self.values.len();
         match (self.errors.first(), self.worst_ranks.first()) {
@@ -79,7 +79,7 @@ impl Sensitivity {
         }
     }
 
-    /// The combinations at `places`, which are told apart by `values` of `field`.
+    /// Returns the combinations at `places`, which differ in the `values` of `field`.
     fn restricted(&self, field: String, values: Vec<Setting>, places: &[usize]) -> Self {
         let among =
             |candidate: Option<usize>| places.iter().position(|&place| Some(place) == candidate);
@@ -103,7 +103,7 @@ impl Sensitivity {
         }
     }
 
-    /// Plots of `slices` beside each other, with common vertical axes: what matters is what is steep.
+    /// Draws the plots of `slices` side by side with common vertical axes: a steep curve marks an important hyperparameter.
     pub(super) fn sliced(&self, title: String, slices: &[Self]) -> Result<Figure, ReportError> {
         let rows = self.slice_rows(slices, None);
         let charts = || rows.iter().flatten().filter_map(|cell| cell.chart.as_ref());
@@ -118,11 +118,11 @@ impl Sensitivity {
         Ok(Figure::with_grid(head, rows, HEIGHT))
     }
 
-    /// Rows of a figure: the plots of `slices`, the first of each row under `heading`.
+    /// Returns the rows of a figure: the plots of `slices`, with `heading` above the first plot.
     pub(super) fn slice_rows(&self, slices: &[Self], heading: Option<&str>) -> Vec<Vec<GridCell>> {
         let (left, right) = self.common_axes(slices);
         let last = slices.len() - 1;
-        // Two rows of two rather than three and one.
+        // Two rows of two look better than three and one.
         let columns = if slices.len() == 4 { 2 } else { COLUMNS };
         let cells: Vec<GridCell> = slices
             .iter()
@@ -147,7 +147,7 @@ impl Sensitivity {
         cells.chunks(columns).map(<[GridCell]>::to_vec).collect()
     }
 
-    /// Vertical axes that hold all of `slices`.
+    /// Returns vertical axes that hold all `slices`.
     fn common_axes(&self, slices: &[Self]) -> (Axis, Option<Axis>) {
         let mut all = slices[0].clone();
         for slice in &slices[1..] {

@@ -447,7 +447,7 @@ fn a_default_that_learns_nothing_is_kept_where_learning_on_is_not_shown_to_help(
     insta::assert_snapshot!(verdict.plain(), @"An agent that goes on learning, with learning_rate = 1e-4, is not shown to do better on held-out data: it has 0.1 % less error than the default (95 %: 1 % less to 1 % more). So keep the default, learning_rate = 1e-3.");
     assert_eq!(verdict.badge(), "Simpler is better: no agent needed");
     assert_eq!(verdict.advice(), "use a line on the sensor");
-    // Much less error in too few windows.
+    // The error is much smaller, but there are too few windows.
     verdict.online.as_mut().unwrap().against_default = Some(estimate(0.85, 0.7, 1.03));
     insta::assert_snapshot!(verdict.headline(), @"Use a line on the sensor for PIT300 for now: further learning may help, but it is not shown.");
     assert_eq!(verdict.badge(), "Undecided: the agent may be better");
@@ -492,7 +492,7 @@ fn a_gain_is_told_beside_the_best_simple_predictor_too() {
 fn an_agent_that_only_is_its_baseline_is_called_so() {
     let mut verdict = Verdict { frozen: Some(SimplePredictor::Ridge), ..verdict() };
     verdict.online.as_mut().unwrap().against_default = None;
-    // Another setting may do better: its regret says so.
+    // The regret shows that another setting may be better.
     assert_eq!(
         verdict.headline(),
         "Use ridge regression for PIT300: no clear gain from further learning."
@@ -558,7 +558,7 @@ fn windows_in_which_the_agent_ran_away_are_told() {
     let told = verdict.plain();
     let means = " Typical error of the predicted mean, in the sensor's unit, as a mean over windows, which the worst of them decide: persistence 0.223, the agent 84.7.";
     assert!(told.contains(means), "{told}");
-    // In all windows: the mean says so.
+    // In all windows: the mean shows it already.
     verdict.simpler.as_mut().unwrap().runaway_windows = 4;
     assert!(!verdict.headline().contains("ten times"), "{}", verdict.headline());
 }

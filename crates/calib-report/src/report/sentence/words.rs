@@ -2,24 +2,25 @@
 
 use crate::{Setting, Sources};
 
-/// A value of a field as one would type it. Where several fields vary, it names them already.
+/// Formats a value with its field, as it is typed. With several fields,
+/// the value already contains their names.
 pub(in crate::report) fn assigned(field: &str, value: &Setting) -> String {
     if is_one(field) { format!("{field} = {value}") } else { value.to_string() }
 }
 
-/// "`learning_rate`", "gamma and `learning_rate`".
+/// Lists the fields: "`learning_rate`", "gamma and `learning_rate`".
 pub(super) fn fields(field: &str) -> String {
     listed(&field.split(SEPARATOR).map(str::to_owned).collect::<Vec<_>>())
 }
 
-/// What stands between the fields of a grid of several.
+/// Separator between the fields of a grid of several.
 const SEPARATOR: &str = ", ";
 
 fn is_one(field: &str) -> bool {
     !field.contains(SEPARATOR)
 }
 
-/// "2nd".
+/// Formats a rank as an ordinal: "2nd".
 pub(super) fn ordinal(rank: usize) -> String {
     let suffix = match (rank % 10, rank % 100) {
         (1, tens) if tens != 11 => "st",
@@ -30,7 +31,7 @@ pub(super) fn ordinal(rank: usize) -> String {
     format!("{rank}{suffix}")
 }
 
-/// "a", "a and b", "a, b and c".
+/// Joins items: "a", "a and b", "a, b and c".
 pub fn listed(items: &[String]) -> String {
     match items {
         [] => String::new(),
@@ -40,7 +41,7 @@ pub fn listed(items: &[String]) -> String {
 }
 
 impl Sources {
-    /// Where they were made: "in kNN and on the replayed log".
+    /// Returns where the training runs took place: "in kNN and on the replayed log".
     pub(super) fn within(self, model: &str) -> String {
         match self {
             Self::Members => format!("in {model}"),
