@@ -136,7 +136,7 @@ def run_plan(ray, options, plan):
     task = ray.remote(num_cpus=options.threads, max_retries=20)(run_shard)
     failed = set()
     for stage in range(1 + max((shard["stage"] for shard in plan["shards"]), default=-1)):
-        # A stage reads the results of those before.
+        # A stage reads the results of earlier stages.
         earlier = {}
         for shard, planned in enumerate(plan["shards"]):
             if planned["stage"] < stage:

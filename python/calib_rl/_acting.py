@@ -311,14 +311,14 @@ def acting_model(value: Any) -> ActionModel:
 
 
 def _example_model() -> ActionModel:
-    """A model with actions of `_example_log`, for examples."""
+    """Returns a model with actions of `_example_log`, for examples."""
     from ._functions import build_model
 
     return build_model(_example_log(), tempfile.mkdtemp(), actions=["valve"], reward="reward")
 
 
 def _example_log() -> Any:
-    """The log of a tank with a valve, for examples: six hundred rows, of which `calib_rl.ActionModel` is made."""
+    """Returns the log of a tank with a valve, for examples: six hundred rows, from which `calib_rl.ActionModel` is built."""
     rng = np.random.default_rng(0)
     level, rows = 0.5, 600
     levels, valves, rewards = [], [], []

@@ -34,7 +34,7 @@ AnySpace = gymnasium.Space[Any]
 
 
 class _Actions:
-    """The action space of a model, and what its actions are to the walkers."""
+    """The action space of a model, and its conversion to the actions of walkers."""
 
     def __init__(self, model: ActionModel, wanted: ActionKind | AnySpace | None, live: bool, model_kind: ModelKind) -> None:
         levels = np.array([action.values for action in model.actions], np.float64)
@@ -76,7 +76,7 @@ class _Actions:
             )
 
     def of(self, actions: Any) -> ArrayLike:
-        """What walkers are given for the actions of all of them."""
+        """Returns the actions of all walkers in the form that these take."""
         if self.kind == "discrete":
             return _wholes(actions)
         if self.kind == "multi_discrete":
@@ -93,10 +93,10 @@ class _Actions:
 
 
 def _wholes(actions: Any) -> NDArray[np.int64]:
-    """Actions by their numbers.
+    """Returns actions as integers.
 
     Raises:
-        ValueError: One is no whole number, such as that of an agent that has diverged.
+        ValueError: One is not an integer, such as that of an agent that has diverged.
     """
     given = np.asarray(actions)
     if given.dtype.kind not in "biu":

@@ -13,13 +13,13 @@ from . import _calib
 from ._errors import StudyError
 from ._study import write_study
 
-# The first line of such a file, with a digest of the others: who edits them makes the file their own.
+# The first line of such a file, followed by a digest of the other lines. A user who edits them owns the file.
 _FIRST = "# Written by calib_rl.build_model, which may replace it until a model is built, unless it is edited: "
-# The digits of the digest that are written.
+# Number of digits of the digest.
 _DIGITS = 16
 # Folders of results that are made before the model.
 _BEFORE_THE_MODEL = ("dataset",)
-# Differences that are told one by one.
+# The most differences that a message lists one by one.
 _TOLD = 4
 
 
@@ -62,12 +62,12 @@ def _digest(text: str) -> str:
 
 
 def _marked(text: str) -> str:
-    """The text with the first line of such files."""
+    """Returns the text with the first line of such files."""
     return f"{_FIRST}{_digest(text)}\n{text}"
 
 
 def _is_own(content: bytes) -> bool:
-    """Whether `build_model` wrote this, and nobody has edited it."""
+    """Whether `build_model` wrote this, and it has not been edited."""
     try:
         text = content.decode()
     except UnicodeDecodeError:
@@ -84,14 +84,14 @@ def _job(path: Path) -> _calib.Job | None:
 
 
 def _has_results(root: Path) -> bool:
-    """Whether a folder of results has any, beside those that are made before the model."""
+    """Whether a folder has results other than those that are made before the model."""
     manifests = root.glob("*/manifest.json")
     others = root.glob("*/*/manifest.json")
     return any(found.relative_to(root).parts[0] not in _BEFORE_THE_MODEL for both in (manifests, others) for found in both)
 
 
 def _refusal(path: Path, there: _calib.Job, wanted: _calib.Job) -> str:
-    """What is said where a model of other arguments is."""
+    """Returns the message for a folder that holds a model of other arguments."""
     before, now = dict(_keys(json.loads(there.json()))), dict(_keys(json.loads(wanted.json())))
     differ = [
         f"{key} is {_shown(before.get(key))} there and {_shown(now.get(key))} here" for key in dict.fromkeys([*before, *now]) if before.get(key) != now.get(key)
@@ -101,7 +101,7 @@ def _refusal(path: Path, there: _calib.Job, wanted: _calib.Job) -> str:
 
 
 def _keys(section: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """The keys of a section and of those in it, such as ``control.model.members``, with their values."""
+    """Yields the keys of a section and of its nested sections, such as ``control.model.members``, with their values."""
     for key, value in section.items():
         if isinstance(value, dict) and value:
             yield from _keys(value, f"{before}{key}.")

@@ -282,7 +282,7 @@ class ControlAgent:
         return Training(mean_return, episodes)
 
     def _seen(self, observation: ArrayLike | Mapping[str, float]) -> ArrayLike:
-        # A row of a frame has names as well, and its order says nothing.
+        # A row of a frame has names too, and its order has no meaning.
         if not isinstance(observation, Mapping) and not hasattr(observation, "keys"):
             return observation
         named: Any = observation
@@ -311,14 +311,14 @@ class AgentAction(NamedTuple):
 
 
 def _plain(value: Any) -> Any:
-    """A number of NumPy as one of Python."""
+    """Converts a number of NumPy to one of Python."""
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"a setting is {value!r}, expected a number or a text")
 
 
 def _example_model() -> ActionModel:
-    """A model with actions, for examples."""
+    """Returns a model with actions, for examples."""
     from ._acting import _example_model as example
 
     return example()

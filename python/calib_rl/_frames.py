@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# What pandas calls the numbers of rows: of an index that it wrote to Parquet, and of a column without a heading in a CSV file.
+# Names that pandas gives to row numbers: to an index that it wrote to Parquet, and to a column without a heading in a CSV file.
 _WRITTEN_INDEX = re.compile(r"__index_level_\d+__")
 _NO_HEADING = re.compile(r"(Unnamed: \d+)?")
 # A column of row numbers counts by one in this share of its steps at least, for rows may be missing and files joined. Our choice.
@@ -66,13 +66,13 @@ def arrow_stream(columns: Any) -> Any:
 
 
 def _is_frame(log: Any, module: str) -> bool:
-    """Whether this is a frame of a library, which somebody has imported then."""
+    """Whether this is a frame of a library, which must then have been imported."""
     library = sys.modules.get(module)
     return library is not None and isinstance(log, getattr(library, "DataFrame", ()))
 
 
 def _without_index(frame: Any) -> Any:
-    """A frame of pandas whose index is a column if it has times or names, and is left out if it numbers the rows."""
+    """Returns a pandas frame whose index is a column if it has times or names, and is left out if it numbers the rows."""
     import pandas
 
     index = frame.index
@@ -91,7 +91,7 @@ def _without_index(frame: Any) -> Any:
 
 
 def _with_column(frame: Any, name: Any, values: Any) -> Any:
-    """The frame with another first column, unless it has one of that name."""
+    """Returns the frame with another first column, unless it has a column of that name."""
     if name not in frame.columns:
         frame.insert(0, name, values)
     return frame
@@ -114,7 +114,7 @@ def _told(name: str) -> str:
 
 
 def _polars_frame(frame: Any) -> Any:
-    """A frame of pandas as one of polars, column by column, without pyarrow."""
+    """Converts a pandas frame to a polars frame, column by column, without pyarrow."""
     try:
         import polars
     except ImportError:
@@ -124,7 +124,7 @@ def _polars_frame(frame: Any) -> Any:
 
 
 def _polars_column(name: str, values: Any) -> Any:
-    """A column of pandas as one of polars: times with a time zone in UTC, numbers, and texts."""
+    """Converts a pandas column to a polars column: times with a time zone become UTC, others are numbers or texts."""
     import pandas
     import polars
 
@@ -152,7 +152,7 @@ def _polars_times(name: str, times: Any) -> Any:
 
 
 def _plain_cells(cells: Sequence[Any]) -> list[Any]:
-    """Cells of a column of objects: numbers if all are, times if all are, else texts."""
+    """Converts the cells of a column of objects: to numbers if all are, to times if all are, or else to texts."""
     there = [cell for cell in cells if cell is not None]
     if all(isinstance(cell, (Real, Decimal, np.bool_)) for cell in there):
         return [None if cell is None else float(cell) for cell in cells]

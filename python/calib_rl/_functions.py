@@ -26,7 +26,7 @@ from ._study import Study
 
 Index = Literal["auto", "kd_tree", "join", "scan"]
 
-# What may stand at the top of a study.
+# The keys and sections at the top of a study.
 SECTIONS = (
     "seed",
     "output",
@@ -181,10 +181,10 @@ def build_model(
         acting["timeout"] = whole(timeout, "timeout", 1)
     if folder is None:
         raise TypeError("folder says where the model of a log lies")
-    # Paths in a study follow its file, so that the folder can be moved with what is in it.
+    # Paths in a study are relative to its file, so that the folder can be moved with its contents.
     own = {**sections.pop("data", {}), "path": str(Path(log).absolute()) if is_path else _LOG}
     if actions is not None:
-        # Nothing is held out: agents are compared in the members, each of which lacks a block.
+        # There is no held-out period: agents are compared in the ensemble members, each of which lacks a block.
         own = {"train_fraction": 1.0, **own}
         given = {name: value for name, value in acting.items() if value is not None}
         sections["control"] = {**sections.get("control", {}), "actions": list(actions), **given}
@@ -203,19 +203,19 @@ def build_model(
     return model
 
 
-# The file that a table is written to.
+# The file for a table.
 _LOG = "log.parquet"
 
 
 def _written(path: Path, sections: dict[str, Any], table: Table | None) -> Study:
-    """The study of these sections, written at ``path``, and the log of a table beside it.
+    """Writes the study of these sections at ``path``, and the log of a table beside it. Returns the study.
 
     Raises:
-        StudyError: A section is not valid. Nothing is written then.
+        StudyError: A section is not valid. Nothing is written in this case.
         FileExistsError: The file holds another study.
-        ImportError: A frame of pandas cannot be read. Nothing is written then.
+        ImportError: A pandas frame cannot be read. Nothing is written in this case.
     """
-    # These are said beside a study, and are no part of its file.
+    # These arguments belong to the call, and are not part of the study's file.
     output = sections.pop("output", None)
     beside: dict[str, Any] = {"output": None if output is None else os.fspath(output)}
     if isinstance(sections.get("model"), str):
@@ -230,16 +230,16 @@ def _written(path: Path, sections: dict[str, Any], table: Table | None) -> Study
 
 
 def _refuse_unknown(sections: Mapping[str, Any], is_acting: bool) -> None:
-    """Refuse a keyword that is no section of a study, and name the nearest argument, section or key.
+    """Refuses a keyword that is not a section of a study, and names the nearest argument, section or key.
 
     Raises:
-        TypeError: There is one.
+        TypeError: There is such a keyword.
     """
     unknown = next((name for name in sections if name not in SECTIONS), None)
     if unknown is None:
         return
     arguments = ["reward", "reward_row", "terminal", "levels", "timeout"] if is_acting else ["segments"]
-    # What may be meant, and how it is given.
+    # The names that a wrong keyword may stand for, with the way to give each.
     meant = {name: f"{name}=" for name in ["actions", *arguments, "folder", "progress", *SECTIONS]}
     study: dict[str, Any] = {"data": {"path": "log.parquet"}, "control": {"actions": ["action"]}}
     resolved = json.loads(_calib.Job("study.toml", _calib.to_toml(study)).json())

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-# Attributes of a class that say nothing of what it does, or that Python makes anew.
+# Attributes of a class that do not affect its behaviour, or that Python makes again in each process.
 _SKIPPED = {
     "__abstractmethods__", "__annotate__", "__annotate_func__", "__annotations__", "__annotations_cache__", "__dict__", "__doc__", "__firstlineno__",
     "__module__", "__orig_bases__", "__parameters__", "__static_attributes__", "__type_params__", "__weakref__", "_abc_impl",
@@ -58,7 +58,7 @@ class _Describer:
 
     def __init__(self, name: str) -> None:
         self._path = [name]
-        # Functions, classes and objects that came before, kept so that no other one gets their address.
+        # Functions, classes and objects described before. They are kept so that no other object gets their address.
         self._seen: dict[int, tuple[int, object]] = {}
         # Containers and modules that are being described, which may contain themselves.
         self._open: list[int] = []
@@ -89,7 +89,7 @@ class _Describer:
         return self._bound(value) or self._object(value)
 
     def _tensor(self, value: Any) -> list[Any]:
-        # What `pickle` keeps of a tensor differs from one process to the next.
+        # `pickle` stores a tensor differently in each process.
         try:
             data = value.detach().cpu().contiguous().view(-1).view(sys.modules["torch"].uint8).numpy().tobytes()
         except Exception as error:
@@ -105,7 +105,7 @@ class _Describer:
     def _within(self, name: str) -> Iterator[None]:
         self._path.append(name)
         yield
-        # What is raised keeps the path.
+        # An exception skips this line, so that its message has the whole path.
         self._path.pop()
 
     def _once(self, value: Any, describe: Callable[[], list[Any]]) -> list[Any]:
@@ -128,14 +128,14 @@ class _Describer:
         return [kind, sorted(items, key=json.dumps) if isinstance(value, (set, frozenset)) else items]
 
     def _code(self, code: CodeType) -> list[Any]:
-        # Neither names of files nor numbers of lines: a function that moves stays what it is.
+        # Names of files and line numbers are left out, so that a moved function keeps its identity.
         counts = [code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags]
         names = [code.co_name, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars]
         table = getattr(code, "co_exceptiontable", b"")
         return ["code", _digest(code.co_code), _digest(table), counts, names, [self.described(constant) for constant in code.co_consts]]
 
     def _function(self, function: FunctionType) -> list[Any]:
-        # `functools.wraps` gives a function the module of another one; its globals are where it was written.
+        # `functools.wraps` gives a function the module of another one. Its globals belong to the module where it was written.
         module = function.__globals__.get("__name__")
         is_own = _is_own(module)
         if not is_own and _is_reachable(module, function.__qualname__, function):
@@ -168,7 +168,7 @@ class _Describer:
         return self._module(value, names) if isinstance(value, ModuleType) else self.described(value)
 
     def _module(self, module: ModuleType, names: set[str]) -> list[Any]:
-        """A module of one's own, by its file and by those of its values that ``names`` has. Any other by its version."""
+        """Describes a module of the user's program by its file and the values in ``names``, and any other module by its version."""
         name = module.__name__
         if not _is_own(name):
             return ["module", name, _version(name)]
@@ -195,7 +195,7 @@ class _Describer:
         return ["class", value.__qualname__, self.described(type(value)), bases, attributes]
 
     def _bound(self, value: Any) -> list[Any] | None:
-        """What stands for functions: methods, properties, and what Python compiled."""
+        """Describes values that stand for functions: methods, properties, and compiled functions."""
         if isinstance(value, MethodType):
             return ["method", self.described(value.__func__), self.described(value.__self__)]
         if isinstance(value, (staticmethod, classmethod)):
@@ -213,7 +213,7 @@ class _Describer:
         return None
 
     def _object(self, value: Any) -> list[Any]:
-        """An object by what `pickle` keeps of it."""
+        """Describes an object by the state that `pickle` stores."""
         try:
             reducer = copyreg.dispatch_table.get(type(value))
             reduced = reducer(value) if reducer else value.__reduce_ex__(4)
@@ -238,7 +238,7 @@ def _digest_of_file(path: str | None) -> str:
 
 
 def _nested(code: CodeType) -> Iterator[CodeType]:
-    """A function's code, and that of the functions in it."""
+    """Yields a function's code, and that of the functions in it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -304,7 +304,7 @@ def _file_of(module: str) -> str | None:
 
 
 def _is_own(name: Any, path: str | None = None) -> bool:
-    """Whether a module belongs to the program itself, and to no installed package."""
+    """Whether a module belongs to the user's program instead of an installed package."""
     if not isinstance(name, str) or name in ("__main__", "__mp_main__"):
         return True
     top = name.partition(".")[0]
@@ -329,5 +329,5 @@ def _version(module: str) -> str:
     try:
         return metadata.version(top)
     except metadata.PackageNotFoundError:
-        # The package of another name, such as scikit-learn for sklearn.
+        # The package has another name than the module, such as scikit-learn for sklearn.
         return ",".join(metadata.version(name) for name in sorted(set(metadata.packages_distributions().get(top, []))))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ._calib import __version__
 from ._errors import CalibError
 
-# Runtimes of 2022 and later read these.
+# Runtimes of 2022 and later read these versions.
 _OPSET, _IR_VERSION = 17, 8
 
 Arrays = dict[str, NDArray[np.float32]]
@@ -47,7 +47,7 @@ def written(agent: Path, path: Path) -> None:
 
 
 def _saved(path: Path) -> tuple[Arrays, dict[str, str]]:
-    """Arrays and texts of a safetensors file that calib wrote."""
+    """Returns the arrays and texts of a safetensors file that calib wrote."""
     content = path.read_bytes()
     start = 8 + int.from_bytes(content[:8], "little")
     header = json.loads(content[8:start])
@@ -60,7 +60,7 @@ def _saved(path: Path) -> tuple[Arrays, dict[str, str]]:
 
 
 class _Graph:
-    """Nodes and constants, in the order in which they are computed. Both are known by the names of their results."""
+    """Nodes and constants in the order of their computation, each known by the name of its result."""
 
     def __init__(self, onnx: Any) -> None:
         self.onnx = onnx
@@ -92,14 +92,14 @@ class _Graph:
 
 
 def _scaled(graph: _Graph, columns: list[tuple[str, float, float]]) -> str:
-    """The state in shares of the columns' ranges, ``float32 [batch, columns]``. The agent divides in double precision too: so a state falls into the same tile."""
+    """Adds the state in shares of the columns' ranges, ``float32 [batch, columns]``. It divides in double precision as the agent does, for equal tiles."""
     _, offsets, scales = zip(*columns)
     above = graph.node("Sub", graph.cast("state", np.float64), graph.constant(np.array(offsets, np.float64)))
     return graph.cast(graph.node("Div", above, graph.constant(np.array(scales, np.float64))), np.float32)
 
 
 def _tile_values(graph: _Graph, scaled: str, weights: NDArray[np.float32], settings: dict[str, Any], columns: int) -> str:
-    """Sums of the weights of the tiles that a state falls into, ``float32 [batch, actions]``. Features have the order of calib's tile coding."""
+    """Adds the sums of the weights of a state's tiles, ``float32 [batch, actions]``. Features have the order of calib's tile coding."""
     tilings, tiles = settings["tilings"], settings["tiles"] + 1
     tiling, column = np.indices((tilings, columns))
     shifts = ((1 + 2 * column) * tiling % tilings).astype(np.float32) / np.float32(tilings)
@@ -126,7 +126,7 @@ def _tile_values(graph: _Graph, scaled: str, weights: NDArray[np.float32], setti
 
 
 def _network_values(graph: _Graph, values: str, arrays: Arrays) -> str:
-    """Outputs of the network that the agent acts by, ``float32 [batch, actions]``."""
+    """Adds the outputs of the network that gives the agent's values, ``float32 [batch, actions]``."""
     layers = sum(name.startswith("online.") and name.endswith(".weight") for name in arrays)
     for layer in range(layers):
         if layer > 0:
@@ -137,7 +137,7 @@ def _network_values(graph: _Graph, values: str, arrays: Arrays) -> str:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write the file whole, or leave what was there."""
+    """Writes the whole file, or leaves the previous one unchanged."""
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         unfinished.write_bytes(content)

@@ -115,7 +115,7 @@ class Printed:
         out.flush()
 
     def _show(self, line: str) -> None:
-        """Show a line in a notebook, in the place of the one before: a single output, also in the file that is kept."""
+        """Shows a line in a notebook in the place of the previous one, so that the notebook's file has a single output too."""
         if self._shown is None and not line:
             return
         from IPython.display import display

@@ -88,13 +88,13 @@ class Study:
             "output": None if output is None else os.fspath(output),
         }
         given = {key: value for key, value in self._arguments.items() if key != "source"}
-        # What is not valid is not written either.
+        # A study that is not valid raises an error here, before it is written.
         self._job = _calib.Job(os.fspath(source), text, redo=redo, **given)
         if text is not None:
             write_study(Path(source), text)
 
     def _given(self) -> dict[str, Any]:
-        """What makes the same study again in another process."""
+        """Returns the arguments that make the same study in another process."""
         return self._arguments
 
     @property
@@ -372,7 +372,7 @@ class Study:
 
 @functools.cache
 def _example_study() -> Study:
-    """A small study of a simulated plant in a temporary folder, for examples: it runs in a second."""
+    """Returns a small study of a simulated plant in a temporary folder, for examples. It runs in a second."""
     study = Study(
         path=Path(tempfile.mkdtemp()) / "study.toml",
         simulate={"days": 2, "channels": 6, "period_secs": 60},
@@ -408,22 +408,22 @@ def write_study(path: Path, text: str) -> None:
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     unfinished.write_text(text, encoding="utf-8")
     try:
-        # A second name replaces nothing, also not what came there meanwhile.
+        # A hard link never replaces a file, not even one that another process has just written.
         os.link(unfinished, path)
     except FileExistsError:
         _holds(path, text)
     except OSError:
-        # There are file systems without second names.
+        # Some file systems have no hard links.
         os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
 
 
 def _holds(path: Path, text: str) -> bool:
-    """Whether the file is there, and holds this text.
+    """Whether the file exists and holds this text.
 
     Raises:
-        FileExistsError: Something else is there.
+        FileExistsError: The file holds something else.
     """
     if not os.path.lexists(path):
         return False

@@ -170,7 +170,7 @@ def tune(
 
 
 def _runs(settings: list[Setting], places: list[int], results: dict[int, list[dict[str, Any]]]) -> list[dict[str, Any]]:
-    """What `Tuned.runs` has of the settings in these places."""
+    """Returns the rows of `Tuned.runs` for the settings in these places."""
     return [
         {
             "setting": settings[place],
@@ -186,7 +186,7 @@ def _runs(settings: list[Setting], places: list[int], results: dict[int, list[di
 
 
 def _are_alike(runs: list[dict[str, Any]], settings: int) -> bool:
-    """Whether all settings got the same returns of episodes in every run."""
+    """Whether all settings have the same returns of episodes in every run."""
     got: dict[tuple[str, int, int], set[str]] = {}
     for run in runs:
         got.setdefault((run["kind"], run["member"], run["run"]), set()).add(json.dumps([run["mean_return"], run["returns"]]))
@@ -194,7 +194,7 @@ def _are_alike(runs: list[dict[str, Any]], settings: int) -> bool:
 
 
 def _cut_off(runs: list[dict[str, Any]]) -> list[str]:
-    """What is said of episodes that agents reset before their end."""
+    """Returns a remark about episodes that agents reset before their end, or an empty list."""
     cut, whole_ones = sum(run["cut_off"] for run in runs), sum(run["episodes"] for run in runs)
     if cut == 0:
         return []
@@ -218,7 +218,7 @@ def _kinds(kinds: Any) -> list[ModelKind]:
 
 
 def _environment(environment: Any, model: ActionModel, kinds: Sequence[ModelKind]) -> dict[str, Any]:
-    """Arguments with which an environment can be made. Otherwise every setting would fail by them."""
+    """Returns valid arguments of the environment. Checking them first prevents the failure of every setting."""
     from .gym import make
 
     if environment is not None and not isinstance(environment, Mapping):
@@ -226,12 +226,12 @@ def _environment(environment: Any, model: ActionModel, kinds: Sequence[ModelKind
     given = dict(environment or {})
     if "kind" in given:
         raise ValueError("environment has a kind; give the kinds of models by kinds=")
-    # A model with actions refuses the others.
+    # A model with actions refuses the left-out arguments.
     known = sorted(set(inspect.signature(make).parameters) - {"model", "member", "kind", "reward", "max_steps"})
     for name in given:
         if name not in known:
             raise ValueError(f"environment has {name!r}, expected arguments of calib_rl.gym.make: {', '.join(known)}")
-    # Networks are trained where the first one is made, which tells nothing more, except that they refuse `live`.
+    # Making a network environment would train networks, and checks nothing more, except that they refuse `live`.
     kind: ModelKind = "network" if given.get("live") and "network" in kinds else "neighbors"
     try:
         make(model, kind=kind, **given).close()
@@ -241,7 +241,7 @@ def _environment(environment: Any, model: ActionModel, kinds: Sequence[ModelKind
 
 
 def _parts(halving: int | None, settings: int) -> list[int]:
-    """The parts of all steps after which settings are left out; 1 at last."""
+    """Returns the divisor of all steps for each round of the halving. The last one is 1."""
     if halving is None:
         return [1]
     factor, parts = whole(halving, "halving", 2), [1]
@@ -252,7 +252,7 @@ def _parts(halving: int | None, settings: int) -> list[int]:
 
 @dataclass
 class _Work:
-    """All units of a call, and what came of them."""
+    """All units of a call, and their results."""
 
     make_agent: Callable[..., Any]
     model: ActionModel
@@ -272,12 +272,12 @@ class _Work:
         self.labels = Names(self.settings).labels
 
     def run_all(self, places: list[int], steps: int) -> dict[int, list[dict[str, Any]]]:
-        """What came of these settings in every run of every member."""
+        """Returns the results of these settings in every run of every ensemble member."""
         from ._tune_unit import Unit
 
         units: list[Unit] = []
         for kind, member, run in itertools.product(self.kinds, self.members, range(self.runs)):
-            # The same chance for all settings, and for all kinds of models.
+            # All settings and all kinds of models have the same seed.
             sequence = np.random.SeedSequence([self.seed, member, run])
             seed = int(sequence.generate_state(1, np.uint64)[0])
             units += [Unit(self.settings[place], place, kind, member, run, seed, steps) for place in places]
@@ -382,13 +382,13 @@ class _Work:
             raise crashes[0]
 
     def constants(self, steps: int) -> list[dict[str, Any]]:
-        """What always taking one action gets in the members of each kind of model, and what random actions get: every agent has to beat both."""
+        """Returns the results of constant actions and of random actions in the ensemble members of each kind of model. Every agent has to beat both."""
         from .gym import make_vec
 
         actions, members = len(self.model.actions), len(self.members)
         environment = {**self.environment, "action_space": "discrete", "live": False}
         timeout = environment.get("timeout") or self.model.timeout
-        # Members are dealt to walks in turn.
+        # Rollouts take the ensemble members in turn.
         of_random, of_constant = self.model._native.fixed_walks(self.runs, steps, timeout)
         policies = actions + 1
         policy = np.repeat(np.arange(policies), [*[of_constant * members] * actions, of_random * members])
@@ -406,7 +406,7 @@ class _Work:
             for _ in range(steps):
                 taken = np.where(is_random, drawn.integers(actions, size=count), policy)
                 _, reward, terminated, truncated, info = walks.step(taken)
-                # The step after the end of an episode begins the next one, and is none of it.
+                # The step after the end of an episode begins the next one, and belongs to neither.
                 rewards += np.where(over, 0.0, reward)
                 walked += ~over
                 uncovered += ~info["covered"] & ~over
@@ -446,7 +446,7 @@ class _Work:
                 names.labels,
                 [list(texts.items()) for texts in names.texts],
                 standard,
-                # It is among the settings, unless it failed.
+                # The default is among the settings, unless it failed.
                 self.default is not None and standard is None,
                 timeout,
                 limits["most_uncovered"],

@@ -19,7 +19,7 @@ from ._tune_settings import Names, Setting
 if TYPE_CHECKING:
     from ._tune_unit import Unit
 
-# What a result follows from beside what is in its key.
+# The version of the results. It covers changes that the rest of the key does not show.
 _FORMAT = 3
 
 
@@ -84,7 +84,7 @@ class Kept:
             return None
         if not _is_result(came, unit):
             return None
-        # Another grid may have it in another place.
+        # Another grid may have the setting in another position.
         came["run"]["candidate"] = unit.candidate
         result: dict[str, Any] = came
         return result
@@ -112,7 +112,7 @@ def _made(folder: Path) -> Path:
 
 
 def _is_result(came: Any, unit: Unit) -> bool:
-    """Whether a file has what a unit gives, and of this unit."""
+    """Whether a file holds the result of this unit."""
     run = came.get("run") if isinstance(came, dict) else None
     if not isinstance(run, dict) or [run.get("kind"), run.get("member"), run.get("run")] != [unit.kind, unit.member, unit.run]:
         return False

@@ -74,7 +74,7 @@ def settings_of(grid: Any, default: Any) -> tuple[list[Setting], int | None]:
     found = known.place_of(default)
     if found is not None:
         return settings, found
-    # Of settings that come to the same the first is chosen.
+    # Of settings with equal results the first one is chosen.
     return [_plain(default), *settings], 0
 
 
@@ -103,7 +103,7 @@ def _shown(value: Any) -> str:
 
 
 def _plain(setting: Mapping[str, Any]) -> Setting:
-    """A setting with Python's own numbers for those of NumPy, which JSON and configurations refuse."""
+    """Returns a setting in which numbers of NumPy are Python's own, because JSON and configurations refuse the former."""
     return {name: value.item() if isinstance(value, (np.number, np.bool_, np.str_)) else value for name, value in setting.items()}
 
 
@@ -191,7 +191,7 @@ def short(value: Any) -> str:
         return f"{value:.4g}"
     if isinstance(value, type) or type(value).__name__ == "function":
         return str(value.__name__)
-    # An address says nothing to a reader.
+    # An address is of no use to a reader.
     return re.sub(r" at 0x[0-9a-fA-F]+", "", str(value))
 
 
@@ -205,7 +205,7 @@ class Names:
             places = [place for place, setting in enumerate(settings) if name in setting]
             for place, text in zip(places, _distinct([settings[place][name] for place in places])):
                 self.texts[place][name] = text
-        # In the order of each setting's own arguments.
+        # Texts have the order of each setting's own arguments.
         self.texts = [{name: texts[name] for name in setting} for setting, texts in zip(settings, self.texts)]
         lines = [_line(texts) for texts in self.texts]
         times = Counter(lines)

@@ -19,7 +19,7 @@ import numpy as np
 from ._acting import ActionModel
 from .gym import make
 
-# An agent may round its steps up to whole batches; one that goes on far beyond never stops.
+# An agent may round its steps up to whole batches. An agent that continues far beyond never stops.
 _BEYOND = 100_000
 
 
@@ -38,7 +38,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         super().__init__(env)
         self.left, self.timeout = steps, timeout
         self.returns: list[float] = []
-        # Episodes that were reset before their end: how many, and their shares of the timeout and rewards.
+        # Number of episodes that were reset before their end, their shares of the timeout, and their rewards.
         self.cut_off, self.cut_share, self.cut_reward = 0, 0.0, 0.0
         self.resets = 0
         self.terminals = 0
@@ -140,7 +140,7 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
 
 
 def _arguments(make_agent: Callable[..., Any], unit: Unit) -> dict[str, Any]:
-    """A copy of the setting. With a seed, if ``make_agent`` names one."""
+    """Returns a copy of the setting, with a seed if ``make_agent`` has such an argument."""
     try:
         wants = "seed" in inspect.signature(make_agent).parameters and "seed" not in unit.setting
     except (TypeError, ValueError):
@@ -150,7 +150,7 @@ def _arguments(make_agent: Callable[..., Any], unit: Unit) -> dict[str, Any]:
 
 
 def _copied(value: Any) -> Any:
-    """A copy, because agents change what they are given, and the next one is to be given the same."""
+    """Returns a copy, because agents change their arguments, and the next agent must get the same ones."""
     try:
         return copy.deepcopy(value)
     except Exception:  # what cannot be copied, such as a lock, is shared
@@ -179,11 +179,11 @@ def _tenths(returns: list[float]) -> list[float]:
 def main() -> None:
     """A process that lives units which it is told on its standard input, and answers on what was its standard output."""
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    # What agents print must not be taken for an answer.
+    # The output of agents must not be taken for an answer.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     sys.path[:] = json.loads(sys.stdin.readline())
     length = int(sys.stdin.readline())
-    # Whatever make_agent imports is imported here.
+    # The modules that make_agent needs are imported here.
     try:
         make_agent, folder, environment = pickle.loads(bytes.fromhex(sys.stdin.readline()[:length]))
         model = ActionModel.open(folder)

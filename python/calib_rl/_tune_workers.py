@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _packer() -> Callable[[Any], bytes]:
-    """Functions of the program itself, and of notebooks, are packed by value where that is possible."""
+    """Returns a function that pickles values. If possible it packs functions of the program itself, and of notebooks, by value."""
     try:
         import cloudpickle
     except ImportError:
@@ -45,7 +45,7 @@ class Worker:
     """A process that lives one unit after the other."""
 
     def __init__(self, message: str) -> None:
-        # Each unit on one processor, with the same sums whatever else there is to do.
+        # Each unit runs on one processor, so that its sums do not depend on other work.
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"), "1")
         command = [sys.executable, "-c", "from calib_rl._tune_unit import main; main()"]
         path = os.pathsep.join(folder for folder in sys.path if folder)

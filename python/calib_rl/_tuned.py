@@ -151,14 +151,14 @@ class Tuned:
         return Path(path)
 
     def _order(self) -> list[int]:
-        """Places of the settings, the chosen one first, then by rank."""
+        """Returns the places of the settings: the chosen one first, then by rank."""
         if not self.verdict:
             return []
         ranks, chosen = self.verdict["selection"], self.verdict["chosen"]
         return sorted(range(len(self.settings)), key=lambda place: (place != chosen, ranks["mean_ranks"][place], ranks["worst_ranks"][place]))
 
     def _rows(self) -> list[dict[str, Any]]:
-        """What is told of each setting, in this order."""
+        """Returns a row for each setting, in this order."""
         if not self.verdict:
             return []
         selection, again = self.verdict["selection"], self.verdict["chosen_of_resamples"]

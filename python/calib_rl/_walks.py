@@ -24,7 +24,7 @@ else:
 
 Column = str | int
 
-# What a walk takes here and in compiled code, beside what it sees.
+# Memory of a walker here and in compiled code, without its observations, in bytes.
 _WALKER_BYTES = 512
 
 

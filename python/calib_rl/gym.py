@@ -51,7 +51,7 @@ _MAX_STEPS = 1000
 
 
 class _Settings(WalkSettings):
-    """What single and vector environments share."""
+    """The common part of single and vector environments."""
 
     def __init__(
         self,
@@ -251,16 +251,16 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         return {"row": rows, "_row": every, "time": times, "_time": every, "distance": distances, "_distance": every}
 
 
-# Arguments of `make` that are for models with actions alone, and their defaults.
+# Arguments of `make` that apply only to models with actions, and their defaults.
 _ACTING_DEFAULTS = {"timeout": None, "pessimism": "nearest", "worst_return": None, "live": False, "kind": "neighbors"}
 
 
 def _settings_for(model: Any, reward: Column | None, max_steps: int | None, **settings: Any) -> dict[str, Any]:
-    """The arguments of `make` with which an environment of this kind of model is made.
+    """Returns the arguments of `make` for this kind of model.
 
     Raises:
         ValueError: An argument is for models of the other kind.
-        TypeError: This is no model.
+        TypeError: This is not a model.
     """
     if isinstance(model, ActionModel):
         if reward is not None:
@@ -469,10 +469,10 @@ def make_vec(
 
 
 def _require_model(model: Any) -> None:
-    """Refuse what is no model, such as its path.
+    """Refuses an argument that is not a model, such as a path.
 
     Raises:
-        TypeError: It is none.
+        TypeError: It is not a model.
     """
     if not isinstance(model, Model):
         shown = repr(model) if isinstance(model, (str, os.PathLike)) else type(model).__name__

@@ -1,4 +1,4 @@
-//! Models with actions: as arrays, walked through by many agents at once, and what a sweep of agents in them says.
+//! Models with actions: their arrays, rollouts of many agents at once, and the verdict on a sweep of agents in them.
 
 use std::{
     path::PathBuf,
@@ -26,7 +26,7 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// A model with actions that is mapped, since so many pages were lost.
+/// A mapped model with actions, and the number of lost pages when it was opened.
 pub(crate) struct SharedActionModel {
     pub(crate) opened: ControlModel,
     pub(crate) lost_pages: LostPages,
@@ -42,7 +42,7 @@ pub(crate) struct PyActionModel {
 }
 
 impl PyActionModel {
-    /// Arrays are mapped, and no table is read: this works in a process that was forked as well.
+    /// Opens a model. Arrays are mapped and no table is read, so this also works in a forked process.
     fn opened(
         py: Python<'_>,
         directory: PathBuf,
@@ -61,7 +61,7 @@ impl PyActionModel {
         &self.shared.opened.model
     }
 
-    /// Name, offset and scale of every column.
+    /// Returns name, offset and scale of every column.
     pub(crate) fn described_columns(&self) -> Vec<(String, f64, f64)> {
         let columns = self.shared.opened.names.columns.iter();
         columns
@@ -69,19 +69,19 @@ impl PyActionModel {
             .collect()
     }
 
-    /// What each action is called, and what it sets.
+    /// Returns the name of each action, and the values that it sets.
     pub(crate) fn described_actions(&self) -> Vec<(String, Vec<f64>)> {
         let names = &self.shared.opened.names;
         names.actions.iter().cloned().zip(names.levels.iter().cloned()).collect()
     }
 
-    /// The increments of the model, made at their first use.
+    /// Returns the increments of the model. They are made at their first use.
     fn increments(&self, py: Python<'_>) -> PyResult<Arc<Increments>> {
         let coverage = self.shared.opened.coverage;
         made_once(py, &self.shared.increments, || Increments::new(self.model(), coverage, &Silent))
     }
 
-    /// The networks of the model, trained at their first use: as `calib control` trains them.
+    /// Returns the networks of the model. They are trained at their first use, as `calib control` trains them.
     fn networks(&self, py: Python<'_>) -> PyResult<Arc<NetworkModel>> {
         let seed = Seed::new(self.shared.opened.names.seed).child("control");
         made_once(py, &self.shared.networks, || {
@@ -94,7 +94,7 @@ impl PyActionModel {
     }
 }
 
-/// The value in `cell`, which `make` makes at its first use.
+/// Returns the value in `cell`. `make` makes it at its first use.
 fn made_once<T: Send + Sync>(
     py: Python<'_>,
     cell: &OnceLock<Arc<T>>,
@@ -110,21 +110,21 @@ fn made_once<T: Send + Sync>(
 
 #[pymethods]
 impl PyActionModel {
-    /// The model in a folder.
+    /// Opens the model in a folder.
     #[staticmethod]
     fn open(py: Python<'_>, directory: PathBuf) -> PyResult<Self> {
         let place = directory.clone();
         Self::opened(py, directory, || ControlModel::in_directory(&place))
     }
 
-    /// The model of a study, which was built.
+    /// Opens the model of a study, which must have been built.
     #[staticmethod]
     fn of_job(py: Python<'_>, job: &Bound<'_, PyJob>) -> PyResult<Self> {
         let job = &job.get().job;
         Self::opened(py, job.layout().control_model(), || ControlModel::of_job(job))
     }
 
-    /// The folder that it was opened from.
+    /// Returns the folder that the model was opened from.
     #[getter]
     fn directory(&self) -> PathBuf {
         self.directory.clone()
@@ -145,7 +145,7 @@ impl PyActionModel {
         self.model().log().len()
     }
 
-    /// Distance up to which a recorded transition covers a state.
+    /// Returns the distance up to which a recorded transition covers a state.
     #[getter]
     fn radius(&self) -> f32 {
         self.model().radius()
@@ -166,25 +166,25 @@ impl PyActionModel {
         self.shared.opened.names.seed
     }
 
-    /// Seconds from one row to the next, which is from one decision to the next.
+    /// Returns the seconds from one row to the next, which is from one decision to the next.
     #[getter]
     fn period(&self) -> f64 {
         self.shared.opened.names.period.as_secs()
     }
 
-    /// Whether actions are numbers.
+    /// Returns whether actions are continuous.
     #[getter]
     fn is_continuous(&self) -> bool {
         self.model().log().settings().is_some()
     }
 
-    /// Name, offset and scale of every column: physical = normalised × scale + offset.
+    /// Returns name, offset and scale of every column: physical = normalised × scale + offset.
     #[getter]
     fn columns(&self) -> Vec<(String, f64, f64)> {
         self.described_columns()
     }
 
-    /// Name, least and largest recorded value of every column of the actions.
+    /// Returns name, least and largest recorded value of every column of the actions.
     #[getter]
     fn action_columns(&self) -> Vec<(String, f64, f64)> {
         let names = &self.shared.opened.names;
@@ -192,7 +192,7 @@ impl PyActionModel {
         each.map(|(name, &[low, high])| (name.clone(), low, high)).collect()
     }
 
-    /// What each action is called, what it sets, and how many transitions have it.
+    /// Returns the name of each action, the values that it sets, and its number of transitions.
     #[getter]
     fn actions(&self) -> Vec<(String, Vec<f64>, usize)> {
         let names = &self.shared.opened.names;
@@ -200,20 +200,20 @@ impl PyActionModel {
         each.map(|((name, level), count)| (name.clone(), level.clone(), count)).collect()
     }
 
-    /// Why agents have nothing to choose, if the log has one action.
+    /// Returns why agents have nothing to choose, if the log has only one action.
     #[getter]
     fn only_action(&self) -> Option<String> {
         self.shared.opened.only_action()
     }
 
-    /// What the recorded behaviour got an episode of at most `timeout` steps: mean, and the best and the worst whole episode.
+    /// Returns the recorded behaviour's return per episode of at most `timeout` steps: the mean, and the best and the worst whole episode.
     fn recorded(&self, timeout: usize) -> PyResult<(f64, Option<f64>, Option<f64>)> {
         let recorded = self.model().log().recorded_return(timeout);
         let recorded = recorded.map_err(errors::unusable)?;
         Ok((recorded.mean, recorded.best, recorded.worst))
     }
 
-    /// Normalised states, `float32 [n, d]`, a view.
+    /// Returns the normalised states, `float32 [n, d]`, a view.
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.shared.lost_pages.check(py)?;
         let states = self.model().log().states();
@@ -221,19 +221,19 @@ impl PyActionModel {
         view(py, &self.shared, |shared| shared.opened.model.log().states().as_slice(), &shape)
     }
 
-    /// Time of every row in microseconds, `int64 [n]`.
+    /// Returns the time of every row in microseconds, `int64 [n]`.
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let count = self.shared.opened.times.len();
         view(py, &self.shared, |shared| shared.opened.times.as_slice(), &[count])
     }
 
-    /// Row that every transition starts from, `uint32 [t]`, a view.
+    /// Returns the row that every transition starts from, `uint32 [t]`, a view.
     fn sources<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let count = self.model().log().len();
         view(py, &self.shared, |shared| shared.opened.model.log().transitions().sources(), &[count])
     }
 
-    /// Action, reward and whether it ends in a terminal, of every transition: `int64 [t]`, `float32 [t]`, `bool [t]`.
+    /// Returns for every transition its action, its reward, and whether it ends in a terminal: `int64 [t]`, `float32 [t]`, `bool [t]`.
     fn decisions<'py>(
         &self,
         py: Python<'py>,
@@ -249,7 +249,7 @@ impl PyActionModel {
         ))
     }
 
-    /// Neighbours of a member, `uint32 [t, actions, k]`, a view.
+    /// Returns the neighbours of an ensemble member, `uint32 [t, actions, k]`, a view.
     fn neighbors<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
         self.shared.lost_pages.check(py)?;
@@ -258,7 +258,7 @@ impl PyActionModel {
         view(py, &self.shared, |shared| shared.opened.model.table(member).0, &shape)
     }
 
-    /// Distances to them, `float32 [t, actions, k]`, a view.
+    /// Returns their distances, `float32 [t, actions, k]`, a view.
     fn distances<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
         self.shared.lost_pages.check(py)?;
@@ -267,17 +267,17 @@ impl PyActionModel {
         view(py, &self.shared, |shared| shared.opened.model.table(member).1, &shape)
     }
 
-    /// Smallest and largest value of every column, `(float32 [d], float32 [d])`.
+    /// Returns the smallest and the largest value of every column, `(float32 [d], float32 [d])`.
     fn extremes<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let states = self.model().log().states();
         let columns = states.columns();
-        // Episodes begin in rows of them.
+        // Start states are rows of the same states.
         let [low, high] = py.detach(|| states.extremes());
         self.shared.lost_pages.check(py)?;
         Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
     }
 
-    /// Walkers, one for each of `members`; `timeout` of 0 is for never.
+    /// Returns walkers, one for each of `members`. A `timeout` of 0 means no limit.
     #[pyo3(signature = (members, columns, physical, timeout, pessimistic, worst_return, live, kind))]
     #[expect(clippy::too_many_arguments, reason = "what decides about walks")]
     fn walkers(
@@ -324,8 +324,8 @@ impl PyActionModel {
         })
     }
 
-    /// How often actions at random, and each constant action, are walked in a member, beside agents that have so many `runs` of so many
-    /// `steps`.
+    /// Returns the numbers of rollouts of random actions, and of each constant action, in one ensemble member. Agents have `runs` runs
+    /// of `steps` steps.
     fn fixed_walks(&self, runs: usize, steps: usize, timeout: usize) -> (usize, usize) {
         let span = RunLength { steps, timeout };
         let FixedWalks { random, constant } =
@@ -333,9 +333,9 @@ impl PyActionModel {
         (random, constant)
     }
 
-    /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them, `settings` what each setting is called, `fields` the
-    /// arguments of each with their values, `default_failed` whether the default was tried and is not among them because it failed, and
-    /// `constants` a JSON list of what constant actions get in each kind of model.
+    /// Returns the verdict on runs of agents in the ensemble members, as JSON. `runs` is a JSON list of runs, `settings` has the name of
+    /// each setting, and `fields` has the arguments of each with their values. `default_failed` is whether the default was tried and is
+    /// missing because it failed. `constants` is a JSON list of the returns of constant actions in each kind of model.
     #[pyo3(signature = (runs, settings, fields, default, default_failed, timeout, most_uncovered, fewest_terminals, resamples, seed, constants, members))]
     #[expect(clippy::too_many_arguments, reason = "what decides about a verdict")]
     fn judge(
@@ -376,7 +376,7 @@ impl PyActionModel {
         }
         let outlying = verdict.random_actions.as_mut().and_then(|random| random.outlying.as_mut());
         if let Some(outlying) = outlying {
-            // Runs count the members that were asked for.
+            // Runs number the members among those that were asked for, so map the number back.
             outlying.member = members.get(outlying.member).copied().unwrap_or(outlying.member);
         }
         let columns: Vec<String> = names.columns.iter().map(|column| column.name.clone()).collect();
@@ -402,7 +402,7 @@ impl PyActionModel {
     }
 }
 
-/// A verdict, and what it says in words.
+/// A verdict, and its text.
 #[derive(Serialize)]
 struct Judged<'a> {
     decision: Decision,

@@ -1,4 +1,4 @@
-//! Many walks through a model with actions at once, a step of all of them a call.
+//! Many rollouts through a model with actions. One call takes a step of all of them.
 
 use std::sync::Arc;
 
@@ -13,35 +13,35 @@ use crate::{
     walkers::{SeenColumn, marked, require_each},
 };
 
-/// Walks through members of a model, which actions change.
+/// Rollouts through ensemble members of a model, controlled by actions.
 #[pyclass(module = "calib_rl._calib")]
 pub(crate) struct ActionWalkers {
     pub(crate) shared: Arc<SharedActionModel>,
     pub(crate) walkers: Walkers,
     pub(crate) columns: Vec<SeenColumn>,
     pub(crate) rules: Rules,
-    /// Steps after which an episode is cut; 0 for never.
+    /// Steps after which an episode is cut; 0 for no limit.
     pub(crate) timeout: u64,
-    /// Whether what is set is searched for.
+    /// Whether each step searches for the neighbours of the settings.
     pub(crate) live: bool,
 }
 
-/// What was done by all walkers, as JSON.
+/// Coverage and drift of all walkers' steps, as JSON.
 #[derive(Serialize, Deserialize)]
 struct Lived {
     coverage: Coverage,
     drift: Drift,
 }
 
-/// What walkers do in a step.
+/// The actions of all walkers in a step.
 enum Done {
     Levels(Vec<i64>),
-    /// `[walkers, columns]`, each a share of its recorded range.
+    /// Settings `[walkers, columns]`, each as a share of its recorded range, and the number of columns.
     Set(Vec<f32>, usize),
 }
 
 impl Done {
-    /// What walker `number` does.
+    /// Returns the action of walker `number`.
     fn target(&self, number: usize) -> Target<'_> {
         match self {
             Self::Levels(levels) => Target::Level(levels[number] as usize),
@@ -51,7 +51,7 @@ impl Done {
 }
 
 impl ActionWalkers {
-    /// The row that walker `number` sees.
+    /// Returns the row that walker `number` observes.
     fn row(&self, number: usize) -> i64 {
         let opened = &self.shared.opened;
         match self.walkers.walks()[number].at {
@@ -70,7 +70,7 @@ impl ActionWalkers {
         }
     }
 
-    /// What every walker sees after its step, in the order of [`step`](Self::step).
+    /// Returns the observations of all walkers after their steps, in the order of [`step`](Self::step).
     fn arrays<'py>(&self, py: Python<'py>, steps: &[WalkerStep]) -> PyResult<Bound<'py, PyTuple>> {
         let count = steps.len();
         let width = self.columns.len();
@@ -99,7 +99,7 @@ impl ActionWalkers {
         PyTuple::new(py, arrays)
     }
 
-    /// What `actions` mean, for `count` walkers.
+    /// Converts `actions` for `count` walkers.
     fn done(&self, actions: &Bound<'_, PyAny>, count: usize) -> PyResult<Done> {
         if self.live {
             return self.set(actions, count);
@@ -151,12 +151,12 @@ impl ActionWalkers {
 
 #[pymethods]
 impl ActionWalkers {
-    /// Where every walk is and what it will draw, as text.
+    /// Returns the place of every walker and its random numbers, as text.
     fn state(&self) -> PyResult<String> {
         serde_json::to_string(&self.walkers).map_err(errors::unusable)
     }
 
-    /// Go on where other walkers through the same members were.
+    /// Restores the state of other walkers through the same ensemble members.
     fn restore(&mut self, state: &str) -> PyResult<()> {
         let walkers: Walkers = serde_json::from_str(state).map_err(errors::unusable)?;
         let restored = walkers.restored(&self.shared.opened.model, &self.walkers);
@@ -165,7 +165,7 @@ impl ActionWalkers {
         Ok(())
     }
 
-    /// Seed some walkers: walker i by seeds[i].
+    /// Seeds walker i with `seeds[i]`, unless that is `None`.
     fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
         require_each(seeds.len(), "seeds", self.walkers.walks().len())?;
         for (number, seed) in seeds.into_iter().enumerate() {
@@ -176,7 +176,7 @@ impl ActionWalkers {
         Ok(())
     }
 
-    /// Coverage and drift of all steps so far, as JSON.
+    /// Returns coverage and drift of all steps so far, as JSON.
     fn lived(&self) -> PyResult<String> {
         let coverage = self.walkers.coverage();
         let drift = self.walkers.drift();
@@ -184,7 +184,7 @@ impl ActionWalkers {
         serde_json::to_string(&lived).map_err(errors::unusable)
     }
 
-    /// Begin anew, all or those where `which` is true; what they see, as `step` has it.
+    /// Begins episodes of all walkers, or of those where `which` is true. Returns the arrays of `step`.
     #[pyo3(signature = (which=None))]
     fn reset<'py>(
         &mut self,
@@ -201,9 +201,9 @@ impl ActionWalkers {
         self.arrays(py, &steps)
     }
 
-    /// A step of every walker: what they see `float32 [n, c]`, rewards `float64 [n]`, whether they ended in a terminal and whether they were cut
-    /// `bool [n]`, rows and times `int64 [n]`, distances `float32 [n]`, whether the step was covered `bool [n]`, displacements `float32 [n, c]`.
-    /// One that was over begins anew, and has no reward for that.
+    /// Takes a step of every walker. Returns observations `float32 [n, c]`, rewards `float64 [n]`, whether episodes ended in a terminal and
+    /// whether they were cut `bool [n]`, rows and times `int64 [n]`, distances `float32 [n]`, whether the step was covered `bool [n]`, and
+    /// displacements `float32 [n, c]`. A walker whose episode was over begins another one, and has no reward for that step.
     fn step<'py>(
         &mut self,
         py: Python<'py>,
@@ -221,7 +221,8 @@ impl ActionWalkers {
         self.arrays(py, &steps)
     }
 
-    /// A step of the only walker, with a level: what it sees, reward, terminated, truncated, row, time, distance, covered, displacement.
+    /// Takes a step of the only walker, with a level. Returns observation, reward, terminated, truncated, row, time, distance, covered
+    /// and displacement.
     #[expect(clippy::type_complexity, reason = "what a step has")]
     fn step_one<'py>(
         &mut self,

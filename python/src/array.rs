@@ -1,5 +1,6 @@
-//! NumPy arrays by NumPy's [array interface](https://numpy.org/doc/stable/reference/arrays.interface.html), which the stable ABI of every
-//! Python has. What comes in is copied once, with its conversion; what goes out belongs to the array or to what it is a view of.
+//! Exchanges arrays through NumPy's [array interface](https://numpy.org/doc/stable/reference/arrays.interface.html), which the stable ABI
+//! of every Python version has. Arrays from Python are copied once, with a conversion. The memory of returned arrays belongs to the
+//! array, or to the owner of the viewed values.
 
 use std::{any::Any, sync::Arc};
 
@@ -9,11 +10,11 @@ use pyo3::{
     types::{PyDict, PyTuple},
 };
 
-/// A number as NumPy calls it.
+/// A type of numbers of NumPy.
 pub(crate) trait Number: Copy + Default + Send + Sync + 'static {
-    /// Its `typestr`.
+    /// Its `typestr` in the array interface.
     const TYPE: &'static str;
-    /// What is told of it.
+    /// Its name in messages.
     const NAME: &'static str;
 }
 
@@ -34,13 +35,13 @@ numbers! {
 /// Whether an array may be written to.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Access {
-    /// It belongs to Python.
+    /// The array belongs to Python.
     Writable,
-    /// It is a view of what calib reads.
+    /// The array is a view of values that calib reads.
     ReadOnly,
 }
 
-/// Memory that an array shows, and what keeps it there.
+/// The memory of an array, and its owner, which keeps it alive.
 #[pyclass(frozen, module = "calib_rl._calib")]
 pub(crate) struct Memory {
     address: usize,
@@ -67,14 +68,14 @@ fn shown(py: Python<'_>, memory: Memory) -> PyResult<Bound<'_, PyAny>> {
     py.import("numpy")?.call_method1("asarray", (Bound::new(py, memory)?,))
 }
 
-/// An array that owns these values.
+/// Returns an array that owns these values.
 pub(crate) fn owned<'py, T: Number>(
     py: Python<'py>,
     values: Vec<T>,
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyAny>> {
     debug_assert_eq!(values.len(), shape.iter().product::<usize>());
-    // Nothing of ours reads the values again: the array may write to them.
+    // calib does not read the values again, so the array may be written to.
     let address = values.as_ptr() as usize;
     let shape = shape.to_vec();
     let kind = T::TYPE;
@@ -82,7 +83,7 @@ pub(crate) fn owned<'py, T: Number>(
     shown(py, Memory { address, shape, kind, access: Access::Writable, _kept: kept })
 }
 
-/// A read-only array over values that `keeper` holds: a part of a mapped file, or of a model.
+/// Returns a read-only array over values that `keeper` holds: a part of a mapped file, or of a model.
 pub(crate) fn view<'py, T: Number, K: Any + Send + Sync>(
     py: Python<'py>,
     keeper: &Arc<K>,
@@ -100,12 +101,12 @@ pub(crate) fn view<'py, T: Number, K: Any + Send + Sync>(
     shown(py, Memory { address, shape, kind, access: Access::ReadOnly, _kept: Some(kept) })
 }
 
-/// A copy of an array of numbers, converted on the way, and its shape, which has so many dimensions.
+/// Copies an array of numbers with a conversion. Returns the values and the shape, whose number of dimensions must be allowed.
 ///
-/// The array may be of any layout and any type of real numbers, or anything that NumPy makes an array of.
+/// The array may have any layout and any type of real numbers. Other objects are converted as NumPy converts them.
 ///
 /// # Errors
-/// `TypeError` where there are no real numbers, `ValueError` for another number of dimensions.
+/// `TypeError` if there are no real numbers, `ValueError` for another number of dimensions.
 pub(crate) fn copied<T: Number>(
     array: &Bound<'_, PyAny>,
     name: &str,
@@ -137,8 +138,8 @@ pub(crate) fn copied<T: Number>(
     let mut values: Vec<T> = Vec::new();
     values.try_reserve_exact(count).map_err(|_| no_memory(count * size_of::<T>()))?;
     values.resize(count, T::default());
-    // NumPy writes to the values while we hold neither a reference to them nor anything but their address, and forgets that address
-    // when `target` goes, before they are touched again.
+    // NumPy writes to the values while this function holds no reference to them, only their address. NumPy forgets that address
+    // when `target` is dropped, before the values are used again.
     let target = Memory {
         address: values.as_mut_ptr() as usize,
         shape: shape.clone(),
@@ -149,7 +150,7 @@ pub(crate) fn copied<T: Number>(
     let target = shown(py, target)?;
     let unsafely = PyDict::new(py);
     unsafely.set_item("casting", "unsafe")?;
-    // A number beyond the range of the narrower type becomes infinite, and is refused where it is used.
+    // A number beyond the range of the narrower type becomes infinite. Whatever uses it then refuses it.
     let quiet = PyDict::new(py);
     quiet.set_item("over", "ignore")?;
     quiet.set_item("invalid", "ignore")?;
@@ -162,16 +163,16 @@ pub(crate) fn copied<T: Number>(
     Ok((values, shape))
 }
 
-/// Refuse what would take more memory than there is: the system would end the process instead of saying no.
+/// Refuses an allocation beyond the free memory. Otherwise the system would kill the process instead of reporting an error.
 ///
 /// # Errors
-/// `MemoryError` with what it would take.
+/// `MemoryError` with the required amount.
 pub(crate) fn require_memory(bytes: u64, what: &str, remedy: &str) -> PyResult<()> {
     calib_pipeline::require_memory(bytes, what, remedy)
         .map_err(|refused| pyo3::exceptions::PyMemoryError::new_err(refused.to_string()))
 }
 
-/// The same for callers in Python.
+/// Does the same for callers in Python.
 #[pyfunction]
 #[pyo3(name = "require_memory")]
 pub(crate) fn require_memory_of(bytes: f64, what: &str, remedy: &str) -> PyResult<()> {

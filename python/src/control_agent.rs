@@ -1,4 +1,4 @@
-//! calib's own agents that act, as objects: they decide, learn, and can be kept in a file.
+//! calib's own agents that act, as objects: they choose actions, learn, and can be stored in a file.
 
 use std::{borrow::Cow, path::PathBuf, sync::Arc};
 
@@ -22,7 +22,7 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// The free text of a file that says what the agent is, and the format of both.
+/// The key of a file's metadata that describes the agent, and the version of the format.
 const DESCRIBED: &str = "agent";
 const FORMAT: u32 = 1;
 const DIVERGED: &str =
@@ -30,14 +30,14 @@ const DIVERGED: &str =
 const NOT_WRITTEN: &str = "the agent has diverged: what it learned holds values that are no numbers, so it was not written; train a new one with a \
      smaller step_size";
 
-/// What an agent sees and does, beside what it has learnt.
+/// The observations and actions of an agent, and its settings, without what it learned.
 #[derive(Clone, Serialize, Deserialize)]
 struct Described {
     format: u32,
     settings: AgentConfig,
-    /// Names of the columns of an observation, and the map from their units.
+    /// Name, offset and scale of the columns of an observation.
     columns: Vec<(String, f64, f64)>,
-    /// Names of the actions, and what each sets.
+    /// Names of the actions, and the values that each sets.
     actions: Vec<(String, Vec<f64>)>,
     seed: u64,
 }
@@ -48,9 +48,10 @@ pub(crate) struct ControlAgent {
     agent: Agent,
     described: Described,
     rng: Rng,
-    /// What it did last, if an episode goes on.
+    /// The last action, if an episode is unfinished.
     last: Option<usize>,
-    /// Whether its values were no numbers once. Weights can be numbers all the same, as those of a network with infinite outputs.
+    /// Whether its values were ever not finite. Weights can be finite all the same, for instance those of a network with infinite
+    /// outputs.
     has_diverged: bool,
 }
 
@@ -63,7 +64,7 @@ impl ControlAgent {
         Self { agent, rng, described, last: None, has_diverged: false }
     }
 
-    /// An observation in the sensors' units as a normalised state.
+    /// Converts an observation in the sensors' units to a normalised state.
     fn state(&self, observation: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
         let (values, _) = copied::<f64>(observation, "observation", &[1])?;
         let columns = &self.described.columns;
@@ -84,7 +85,7 @@ impl ControlAgent {
         mapped.collect()
     }
 
-    /// How the columns of a model are rescaled for the agent; none where both have the same ranges.
+    /// Returns how the columns of a model are rescaled for the agent. Empty if both have the same ranges.
     fn rescaled(&self, model: &PyActionModel) -> PyResult<Vec<RescaledColumn>> {
         let Described { columns, actions, .. } = &self.described;
         let of_model = model.described_columns();
@@ -126,22 +127,22 @@ impl ControlAgent {
     }
 }
 
-/// A column that a model and an agent normalise by ranges of their own.
+/// A column for which a model and an agent have different ranges.
 struct RescaledColumn {
     model: Bounds,
     agent: Bounds,
 }
 
-/// An agent in a model, whose run ends where somebody asks to stop: as if it had diverged.
+/// An agent in a model. If the user asks to stop, its run ends as if it had diverged.
 struct WatchedAgent<'a> {
     agent: &'a mut Agent,
-    /// The columns of a state; none where the model and the agent have the same ranges.
+    /// The columns of a state; empty if the model and the agent have the same ranges.
     rescaled: Vec<RescaledColumn>,
     monitor: &'a dyn Monitor,
 }
 
 impl WatchedAgent<'_> {
-    /// A state of the model by the ranges of the agent.
+    /// Converts a state of the model to the ranges of the agent.
     fn seen<'s>(&self, state: &'s [f32]) -> Cow<'s, [f32]> {
         if self.rescaled.is_empty() {
             return Cow::Borrowed(state);
@@ -172,7 +173,7 @@ impl Actor for WatchedAgent<'_> {
 
 #[pymethods]
 impl ControlAgent {
-    /// An agent for the states and actions of a model, with settings as JSON.
+    /// Creates an agent for the states and actions of a model, with settings as JSON.
     #[new]
     fn new(model: &PyActionModel, settings: &str, seed: u64) -> PyResult<Self> {
         let settings: AgentConfig =
@@ -184,7 +185,7 @@ impl ControlAgent {
         Ok(Self::new_of(Described { format: FORMAT, settings, columns, actions, seed }))
     }
 
-    /// The settings that `calib control` chose for a study, as JSON.
+    /// Returns the settings that `calib control` chose for a study, as JSON.
     #[staticmethod]
     fn chosen(py: Python<'_>, job: &Bound<'_, PyJob>) -> PyResult<String> {
         let job = &job.get().job;
@@ -192,14 +193,14 @@ impl ControlAgent {
         let evaluation = found.map_err(|error| errors::of_step(py, &error))?;
         match &evaluation.agents()[evaluation.verdict().chosen] {
             ActingAgent::Own(settings) => serde_json::to_string(settings).map_err(errors::unusable),
-            // Verdicts about agents of a program are refused before.
+            // Verdicts on agents of a program were refused before.
             ActingAgent::Program { .. } => {
                 Err(errors::of_text(py, "the agents are those of a program"))
             }
         }
     }
 
-    /// An agent that was saved.
+    /// Loads a stored agent.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let tensors = read_tensors(&path).map_err(|error| errors::of_any(py, &error))?;
@@ -226,7 +227,7 @@ impl ControlAgent {
         Ok(Self { agent, rng, described, last: None, has_diverged: false })
     }
 
-    /// Write what it has learnt.
+    /// Writes the learned arrays and the description to a file.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let mut tensors = self.agent.to_tensors();
         let mut weights = tensors.tensors.iter().flat_map(|tensor| &tensor.values);
@@ -240,7 +241,7 @@ impl ControlAgent {
         write_tensors(&path, &tensors).map_err(|error| errors::of_any(py, &error))
     }
 
-    /// The settings, as JSON.
+    /// Returns the settings, as JSON.
     #[getter]
     fn settings(&self) -> PyResult<String> {
         serde_json::to_string(&self.described.settings).map_err(errors::unusable)
@@ -251,20 +252,20 @@ impl ControlAgent {
         self.described.columns.iter().map(|(name, ..)| name.clone()).collect()
     }
 
-    /// What each action is called, and what it sets.
+    /// Returns the name of each action, and the values that it sets.
     #[getter]
     fn actions(&self) -> Vec<(String, Vec<f64>)> {
         self.described.actions.clone()
     }
 
-    /// An episode begins in this observation; the action to take.
+    /// Begins an episode with this observation. Returns the action to take.
     fn begin(&mut self, py: Python<'_>, observation: &Bound<'_, PyAny>) -> PyResult<usize> {
         let state = self.state(observation)?;
         self.agent.look(&state);
         self.act(py)
     }
 
-    /// What the last action led to; the action to take next, or none after a terminal.
+    /// Takes the outcome of the last action. Returns the next action, or `None` after a terminal.
     fn step(
         &mut self,
         py: Python<'_>,
@@ -295,13 +296,14 @@ impl ControlAgent {
         self.act(py).map(Some)
     }
 
-    /// The value of each action in an observation.
+    /// Returns the value of each action for an observation.
     fn values(&self, observation: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
         let state = self.state(observation)?;
         Ok(self.agent.values_in(&state))
     }
 
-    /// Let it act and learn in a member of a model; the mean return of an episode, and the number of episodes.
+    /// Lets the agent act and learn in an ensemble member of a model. Returns the mean return per episode, and
+    /// the number of episodes.
     #[pyo3(signature = (model, member, steps, timeout, seed))]
     fn train(
         &mut self,
@@ -315,7 +317,7 @@ impl ControlAgent {
         let opened = model.model();
         require_member(member, opened.members())?;
         let rescaled = self.rescaled(model)?;
-        // An episode that went on elsewhere does not go on here.
+        // An unfinished episode elsewhere does not continue here.
         self.last = None;
         let agent = &mut self.agent;
         let span = RunLength { steps, timeout };

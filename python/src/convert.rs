@@ -1,4 +1,4 @@
-//! Dictionaries of Python as values of TOML and JSON.
+//! Converts dictionaries of Python to values of TOML and JSON.
 
 use pyo3::{
     exceptions::PyTypeError,
@@ -7,18 +7,19 @@ use pyo3::{
 };
 use toml::{Table, Value};
 
-/// A dictionary as a table of TOML. `None` stands for a key that is not there.
+/// Converts a dictionary to a table of TOML. A key with the value `None` is left out.
 ///
 /// # Errors
-/// `TypeError` with the key, for a value that TOML does not have.
+/// `TypeError` with the key, for a value that TOML cannot represent.
 pub(crate) fn table(object: &Bound<'_, PyAny>, above: &str) -> PyResult<Table> {
     table_within(object, above, DEEPEST)
 }
 
-/// How deep dictionaries and lists may lie in one another: what is nested deeper is no study, and what holds itself never ends.
+/// The deepest nesting of dictionaries and lists. Deeper nesting is not a study, and a structure that contains itself has no
+/// end.
 const DEEPEST: usize = 32;
 
-/// As [`table`], where `left` more may lie in it.
+/// Converts as [`table`] does, with `left` more levels of nesting allowed.
 fn table_within(object: &Bound<'_, PyAny>, above: &str, left: usize) -> PyResult<Table> {
     let left = deeper(above, left)?;
     let mut table = Table::new();
@@ -34,7 +35,7 @@ fn table_within(object: &Bound<'_, PyAny>, above: &str, left: usize) -> PyResult
     Ok(table)
 }
 
-/// What may lie in something, of what may lie around it.
+/// Returns the levels of nesting that remain one level deeper.
 fn deeper(path: &str, left: usize) -> PyResult<usize> {
     left.checked_sub(1).ok_or_else(|| {
         let shown: String = path.chars().take(60).collect();
@@ -71,7 +72,7 @@ fn value(object: &Bound<'_, PyAny>, path: &str, left: usize) -> PyResult<Value> 
                 .collect::<PyResult<_>>()?,
         ));
     }
-    // Dates and times, paths, and the numbers and arrays of NumPy.
+    // These are dates and times, paths, and the numbers and arrays of NumPy.
     if object.hasattr("isoformat")? {
         let text: String = object.call_method0("isoformat")?.extract()?;
         return text.parse().map(Value::Datetime).map_err(|_| not_toml(object, path));
@@ -93,13 +94,13 @@ fn not_toml(object: &Bound<'_, PyAny>, path: &str) -> PyErr {
     ))
 }
 
-/// What Python has for `key` as a value of TOML on one line, as it is typed.
+/// Formats a Python value for `key` as a value of TOML on one line.
 #[pyfunction]
 pub(crate) fn to_toml_value(object: &Bound<'_, PyAny>, key: &str) -> PyResult<String> {
     Ok(value(object, key, DEEPEST)?.to_string())
 }
 
-/// The same as the text of a study file.
+/// Formats a dictionary as the text of a study file.
 #[pyfunction]
 pub(crate) fn to_toml(object: &Bound<'_, PyAny>) -> PyResult<String> {
     toml::to_string(&table(object, "")?).map_err(crate::errors::unusable)

@@ -1,4 +1,4 @@
-//! Dynamic time warping.
+//! Computes dynamic time warping.
 
 use std::sync::Arc;
 
@@ -13,10 +13,11 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// Raw distance, normalised distance, last matched sample of the reference, and the path `int64 [2, p]` if it is asked for.
+/// Raw distance, normalised distance, last matched sample of the reference, and the path `int64 [2, p]` if it was
+/// requested.
 type Warped<'py> = (f64, Option<f64>, usize, Option<Bound<'py, PyAny>>);
 
-/// Distance of `query` `[n]` or `[n, c]` and `reference` `[m]` or `[m, c]`.
+/// Returns the distance between `query` `[n]` or `[n, c]` and `reference` `[m]` or `[m, c]`.
 #[pyfunction]
 #[pyo3(signature = (query, reference, step_pattern, local_distance, window, ends, path))]
 #[expect(clippy::too_many_arguments, reason = "what defines a distance")]
@@ -41,7 +42,7 @@ pub(crate) fn dtw<'py>(
     let reference = reference?;
     if path {
         let needed = dtw.path_bytes(query.1[0], reference.1[0]);
-        // And once more as positions for Python.
+        // Python gets a second copy of the path, as positions.
         let needed = needed.saturating_mul(2);
         require_memory(needed, "the path", "shorten the series, or ask for the distance alone")?;
     }
@@ -71,7 +72,7 @@ fn refused(error: &dyn std::error::Error) -> PyErr {
     errors::value(error.to_string())
 }
 
-/// Channels of a series of this shape, `[n]` or `[n, c]`.
+/// Returns the number of channels of a series of this shape, `[n]` or `[n, c]`.
 fn channels(shape: &[usize]) -> usize {
     shape.get(1).copied().unwrap_or(1)
 }

@@ -1,4 +1,4 @@
-//! Tables of other libraries as logs.
+//! Writes tables of other libraries as logs.
 
 use std::path::{Path, PathBuf};
 
@@ -11,11 +11,11 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// What another thread may be given of a stream: its address.
+/// The address of a stream, which can be sent to another thread.
 struct Address(usize);
 
-/// Write the table that an `__arrow_c_stream__` capsule hands over as Parquet, where nothing is or what calib wrote before; its rows
-/// and columns.
+/// Writes the table of an `__arrow_c_stream__` capsule as Parquet. The path must be free, or hold a file that calib wrote. Returns
+/// the numbers of rows and columns.
 #[pyfunction]
 pub(crate) fn write_log(
     py: Python<'_>,
@@ -27,7 +27,8 @@ pub(crate) fn write_log(
         let Address(address) = stream;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         FolderRecord::open(path.parent().unwrap_or(Path::new("")))?.note([name])?;
-        // SAFETY: a capsule of this name holds such a stream, which lives as long as the capsule; the caller waits for this.
+        // SAFETY: a capsule of this name holds such a stream, which lives as long as the capsule. The caller keeps the
+        // capsule until this call returns.
         unsafe { write_arrow_stream(address as *mut _, &path) }
     })?;
     let taken = taken.map_err(|error| errors::of_any(py, &error))?;

@@ -1,4 +1,4 @@
-//! Neighbour tables of arrays.
+//! Computes neighbour tables of arrays.
 
 use std::sync::Arc;
 
@@ -13,8 +13,8 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// The `k` nearest of `points` `[n, d]` to every one of them, or to each of `queries` `[q, d]`: positions `uint32 [q, k]` and Euclidean
-/// distances `float32 [q, k]`.
+/// Returns the `k` nearest of `points` `[n, d]` to every one of them, or to each of `queries` `[q, d]`: positions `uint32 [q, k]` and
+/// Euclidean distances `float32 [q, k]`.
 #[pyfunction]
 #[pyo3(signature = (points, k, queries=None, exclude_self=false, index="auto", observer=None))]
 pub(crate) fn knn_join<'py>(
@@ -41,7 +41,7 @@ pub(crate) fn knn_join<'py>(
     let queries = queries.map(|queries| copied::<f32>(queries, "queries", &[2])).transpose()?;
     let count = queries.as_ref().map_or(shape[0], |(_, shape)| shape[0]);
     let points = Points::new(values, shape[1]).map_err(errors::unusable)?;
-    // More than there are is refused by the search, whatever it would take.
+    // The search itself refuses a `k` beyond the number of points, whatever memory it would need.
     let needed = points.search_need(count, k.min(points.len()), rayon::current_num_threads());
     require_memory(needed, "the nearest neighbours", "lower k, or ask for fewer points at a time")?;
     let found = watched(

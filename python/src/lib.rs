@@ -1,7 +1,7 @@
-//! calib as a Python module: `calib_rl._calib`. What is documented for users is in `python/calib_rl`.
+//! calib as a Python module: `calib_rl._calib`. The interface for users is in `python/calib_rl`, with its documentation.
 //!
-//! Arrays go through NumPy's array interface (`array`): what comes in is copied once, what goes out is owned by Python or a
-//! view of a mapped file. Long work runs on a thread of its own, while the calling one looks for Ctrl-C (`work`).
+//! Arrays go through NumPy's array interface (`array`). Arrays from Python are copied once. Python owns returned arrays, or
+//! they are views of a mapped file. Long work has a thread of its own, while the calling thread checks for Ctrl-C (`work`).
 
 #![expect(
     clippy::needless_pass_by_value,
@@ -29,7 +29,7 @@ mod work;
 
 use pyo3::prelude::*;
 
-/// The command line, for the command that the wheel brings; its exit code.
+/// Runs the command line, for the command in the wheel. Returns its exit code.
 #[pyfunction]
 fn main(py: Python<'_>, arguments: Vec<String>) -> u8 {
     py.detach(|| calib::exit_code(arguments.into_iter().map(Into::into)))
@@ -61,7 +61,7 @@ fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(main, module)?)
 }
 
-/// The Parquet reader's panics on damaged files are errors of the file, and told as such.
+/// Silences panics of the Parquet reader on damaged files, which are reported as errors of the file.
 fn hush_readers() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -1,8 +1,8 @@
-//! A model's file that is cut short while it is mapped: whoever reads a page that is gone gets a signal which ends the
-//! interpreter. Here such a page becomes zeros, and the next call says that what was read is nothing.
+//! Handles files of a model that are cut short while they are mapped. Reading a page that is gone raises a signal, which
+//! would end the interpreter. Instead the page becomes zeros here, and the next call reports that the values are not valid.
 //!
-//! Steps are left as they are: what they write must not follow from zeros, and it is as whole after their end as after any
-//! other.
+//! Steps are not protected: their output must not depend on zeros. If the signal ends a step, its files are as complete as
+//! after any other interruption.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
@@ -10,12 +10,12 @@ use pyo3::prelude::*;
 
 use crate::errors;
 
-/// Pages that became zeros.
+/// Number of pages that became zeros.
 static LOST: AtomicU64 = AtomicU64::new(0);
-/// Steps that are at work.
+/// Number of steps that are running.
 static STEPS: AtomicUsize = AtomicUsize::new(0);
 
-/// How many pages had been lost when something was opened.
+/// The number of lost pages when something was opened.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LostPages(u64);
 
@@ -24,10 +24,10 @@ impl LostPages {
         Self(LOST.load(Ordering::Acquire))
     }
 
-    /// Refuse what was read if more pages were lost since then.
+    /// Refuses values if more pages were lost since then.
     ///
     /// # Errors
-    /// `CalibError`.
+    /// `CalibError` if so.
     pub(crate) fn check(self, py: Python<'_>) -> PyResult<()> {
         if LOST.load(Ordering::Acquire) == self.0 {
             return Ok(());
@@ -40,7 +40,7 @@ impl LostPages {
     }
 }
 
-/// A step is at work as long as this lives.
+/// A guard: a step is running as long as this value exists.
 pub(crate) struct Step;
 
 impl Step {
@@ -68,10 +68,10 @@ mod unix {
 
     use super::{LOST, Ordering, STEPS};
 
-    /// What was done about the signal before, and the length of a page.
+    /// The previous handler of the signal, and the length of a page.
     static BEFORE: OnceLock<(libc::sigaction, usize)> = OnceLock::new();
 
-    /// From now on pages that are lost are noticed.
+    /// Installs the handler that notices lost pages.
     pub(crate) fn watch() {
         let handler: extern "C" fn(libc::c_int, *mut libc::siginfo_t, *mut libc::c_void) = tolerate;
         // SAFETY: the actions are filled in by the system or here; the handler is one for `SA_SIGINFO`.
@@ -92,11 +92,11 @@ mod unix {
         }
     }
 
-    /// Put a page of zeros in the place of one that is gone; whatever else it is, others deal with.
+    /// Maps a page of zeros in the place of a lost one. Other signals go to the previous handler.
     extern "C" fn tolerate(signal: libc::c_int, info: *mut libc::siginfo_t, _: *mut libc::c_void) {
         let Some((before, page)) = BEFORE.get() else { return };
-        // SAFETY: the system hands over the information of the signal. Only atomics are read, and `mmap` and `sigaction` are calls of
-        // the system; the page lies in a mapping of calib's that is only read, and is not given back before the mapping is.
+        // SAFETY: the system provides the information of the signal. Only atomics are read, and `mmap` and `sigaction` are calls of
+        // the system. The page lies in a read-only mapping of calib, and is not given back before the mapping is.
         #[expect(unsafe_code, reason = "signals are handled in C")]
         unsafe {
             let address = (*info).si_addr() as usize;
@@ -108,7 +108,7 @@ mod unix {
                     return;
                 }
             }
-            // What the signal is of happens again, and is then dealt with as before.
+            // The previous handler is installed again. It deals with the signal when the access is repeated.
             libc::sigaction(signal, ptr::from_ref(before), ptr::null_mut());
         }
     }

@@ -20,9 +20,9 @@ use crate::{
 
 /// A model, from a folder or from arrays.
 pub(crate) enum SharedModel {
-    /// Its states and tables are mapped, since so many pages were lost.
+    /// A model with mapped states and tables, and the number of lost pages when it was opened.
     Stored(Box<Calibration>, LostPages),
-    /// Everything is in memory.
+    /// A model in memory.
     Built { knn: Box<KnnModel>, weights: Weights },
 }
 
@@ -34,7 +34,7 @@ impl SharedModel {
         }
     }
 
-    /// Normalised states; those of a representation are what distances are measured in, and not these.
+    /// Returns the normalised states. If there is a representation, distances are measured in it instead.
     pub(crate) fn states(&self) -> &States {
         match self {
             Self::Stored(model, _) => model.frames().states(),
@@ -49,7 +49,7 @@ impl SharedModel {
         }
     }
 
-    /// Time of a row, in microseconds; its number where there are no times.
+    /// Returns the time of a row in microseconds, or its number if there are no times.
     pub(crate) fn time(&self, row: usize) -> i64 {
         match self {
             Self::Stored(model, _) => model.frames().timestamps()[row].as_micros(),
@@ -64,7 +64,7 @@ impl SharedModel {
         }
     }
 
-    /// Refuse a model of which pages were lost.
+    /// Refuses a model of which pages were lost.
     pub(crate) fn check(&self, py: Python<'_>) -> PyResult<()> {
         match self {
             Self::Stored(_, lost_pages) => lost_pages.check(py),
@@ -96,7 +96,7 @@ impl Model {
     }
 }
 
-/// Refuse a member that a model of so many does not have.
+/// Refuses an ensemble member that a model with `members` members does not have.
 pub(crate) fn require_member(member: usize, members: usize) -> PyResult<()> {
     if member < members {
         return Ok(());
@@ -106,20 +106,20 @@ pub(crate) fn require_member(member: usize, members: usize) -> PyResult<()> {
 
 #[pymethods]
 impl Model {
-    /// The model in a folder.
+    /// Opens the model in a folder.
     #[staticmethod]
     fn open(py: Python<'_>, directory: PathBuf) -> PyResult<Self> {
         Self::opened(py, || Calibration::in_directory(&directory))
     }
 
-    /// The model of a study.
+    /// Opens the model of a study.
     #[staticmethod]
     fn of_job(py: Python<'_>, job: &Bound<'_, PyJob>) -> PyResult<Self> {
         let job = &job.get().job;
         Self::opened(py, || Calibration::of_job(job))
     }
 
-    /// A model of normalised states, `[n, d]`, in segments of these lengths; `options` are keys of `[model]`.
+    /// Builds a model of normalised states, `[n, d]`, in segments of these lengths. `options` are keys of `[model]`.
     #[staticmethod]
     #[pyo3(signature = (states, segments, options, observer=None))]
     fn build(
@@ -158,7 +158,7 @@ impl Model {
         Ok(Self { shared: Arc::new(SharedModel::Built { knn, weights }) })
     }
 
-    /// The folder that it was opened from.
+    /// Returns the folder that the model was opened from; `None` for a model of arrays.
     #[getter]
     fn directory(&self) -> Option<PathBuf> {
         self.shared.stored().map(|model| model.directory().to_owned())
@@ -179,13 +179,13 @@ impl Model {
         self.shared.stored().map_or(0, |model| model.study().seed)
     }
 
-    /// Seconds from one row to the next; none of a model of arrays.
+    /// Returns the seconds from one row to the next; `None` for a model of arrays.
     #[getter]
     fn period(&self) -> Option<f64> {
         self.shared.stored().map(|model| model.period().as_secs())
     }
 
-    /// Name, offset and scale of every column: physical = normalised × scale + offset.
+    /// Returns name, offset and scale of every column: physical = normalised × scale + offset.
     #[getter]
     fn columns(&self) -> Vec<(String, f64, f64)> {
         match self.shared.stored() {
@@ -201,7 +201,7 @@ impl Model {
         }
     }
 
-    /// Normalised states, `float32 [n, d]`, a view.
+    /// Returns the normalised states, `float32 [n, d]`, a view.
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.shared.check(py)?;
         let states = self.shared.states();
@@ -209,7 +209,7 @@ impl Model {
         view(py, &self.shared, |shared| shared.states().as_slice(), &shape)
     }
 
-    /// Time of every row in microseconds, `int64 [n]`; none of a model of arrays.
+    /// Returns the time of every row in microseconds, `int64 [n]`; `None` for a model of arrays.
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(model) = self.shared.stored() else { return Ok(None) };
         self.shared.check(py)?;
@@ -219,18 +219,18 @@ impl Model {
         owned(py, times, &[rows]).map(Some)
     }
 
-    /// Lengths of the segments.
+    /// Returns the lengths of the segments.
     fn segments(&self) -> Vec<usize> {
         self.shared.knn().transitions().segments().iter().map(calib_core::Segment::len).collect()
     }
 
-    /// Row that every transition starts from, `uint32 [t]`, a view.
+    /// Returns the row that every transition starts from, `uint32 [t]`, a view.
     fn sources<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let count = self.shared.knn().transitions().len();
         view(py, &self.shared, |shared| shared.knn().transitions().sources(), &[count])
     }
 
-    /// Neighbours of a member, `uint32 [t, k]`, a view.
+    /// Returns the neighbours of an ensemble member, `uint32 [t, k]`, a view.
     fn neighbors<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
         self.shared.check(py)?;
@@ -238,7 +238,7 @@ impl Model {
         view(py, &self.shared, |shared| shared.knn().table(member).neighbors(), &shape)
     }
 
-    /// Distances to them, `float32 [t, k]`, a view.
+    /// Returns their distances, `float32 [t, k]`, a view.
     fn distances<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
         self.shared.check(py)?;
@@ -246,7 +246,7 @@ impl Model {
         view(py, &self.shared, |shared| shared.knn().table(member).distances(), &shape)
     }
 
-    /// Rows that `count` rollouts of a member visit, `uint32 [count, steps + 1]`.
+    /// Returns the rows that `count` rollouts of an ensemble member visit, `uint32 [count, steps + 1]`.
     #[pyo3(signature = (member, count, steps, rows=None, seed=None, observer=None))]
     #[expect(clippy::too_many_arguments, reason = "what decides about rollouts")]
     fn rollout<'py>(
@@ -291,7 +291,8 @@ impl Model {
         owned(py, visited, &[count, steps + 1])
     }
 
-    /// Rows of the `k` sources of a member that are nearest to each of `states`, `uint32 [q, k]`, and how far they are, `float32 [q, k]`.
+    /// Returns the rows of the `k` sources of an ensemble member that are nearest to each of `states`, `uint32 [q, k]`, and their
+    /// distances, `float32 [q, k]`.
     #[pyo3(signature = (states, k, member))]
     fn nearest<'py>(
         &self,
@@ -322,7 +323,7 @@ impl Model {
         Ok((owned(py, rows, &[count, k])?, owned(py, distances, &[count, k])?))
     }
 
-    /// Walkers, one for each of `members`.
+    /// Returns walkers, one for each of `members`.
     #[pyo3(signature = (members, columns, reward, steps, physical))]
     fn walkers(
         &self,
@@ -346,7 +347,7 @@ impl Model {
         Ok(Walkers::new(Arc::clone(&self.shared), members, columns, map(reward), steps))
     }
 
-    /// Smallest and largest value of every column, `(float32 [d], float32 [d])`.
+    /// Returns the smallest and the largest value of every column, `(float32 [d], float32 [d])`.
     fn extremes<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let states = self.shared.states();
         let columns = states.columns();
@@ -355,7 +356,7 @@ impl Model {
         Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
     }
 
-    /// Positions in time order of the transitions of a member, `uint32`.
+    /// Returns the positions in time order of the transitions of an ensemble member, `uint32`.
     fn transitions<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
         let member_model = self.shared.knn().member(member);
@@ -368,7 +369,7 @@ impl Model {
     }
 }
 
-/// Rows of the `k` sources of a member that are nearest to each of these states, and how far they are.
+/// Returns the rows of the `k` sources of an ensemble member that are nearest to each of these states, and their distances.
 fn nearest_sources(
     shared: &SharedModel,
     values: Vec<f32>,

@@ -1,4 +1,4 @@
-//! What a step tells, for whoever waits for it in Python.
+//! Passes the messages of a step to the Python code that waits for it.
 
 use std::{
     collections::VecDeque,
@@ -16,10 +16,10 @@ use calib_pipeline::{
     output::{Lines, ResultPart, harmless},
 };
 
-/// Something that was said: its kind, and the text.
+/// A message: its kind and its text.
 pub(crate) type Told = (&'static str, String);
 
-/// How far a task is.
+/// The progress of a task.
 #[derive(Clone, Default, PartialEq)]
 pub(crate) struct Progress {
     pub(crate) task: String,
@@ -27,7 +27,7 @@ pub(crate) struct Progress {
     pub(crate) total: u64,
 }
 
-/// What work and whoever waits for it share.
+/// The state that work shares with the thread that waits for it.
 #[derive(Default)]
 pub(crate) struct Watch {
     stop: AtomicBool,
@@ -51,7 +51,7 @@ impl Watch {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// The work ended, however it did.
+    /// Marks the end of the work, whether it succeeded or not.
     pub(crate) fn finish(&self) {
         self.state().finished = true;
         self.news.notify_all();
@@ -62,7 +62,8 @@ impl Watch {
         self.news.notify_all();
     }
 
-    /// Wait for something to be said, or the end, but not longer than this: what was said, how far it is, and whether it ended.
+    /// Waits for a message or the end of the work, but at most `longest`. Returns the new messages, the progress, and whether
+    /// the work ended.
     pub(crate) fn wait(&self, longest: Duration) -> (Vec<Told>, Progress, bool) {
         let state = self.state();
         let (mut state, _) = self
@@ -73,12 +74,12 @@ impl Watch {
     }
 }
 
-/// A printer whose output goes to `watch`.
+/// Returns a printer whose output goes to `watch`.
 pub(crate) fn watch_printer(watch: &Arc<Watch>) -> Printer {
     Printer::new(Arc::new(WatchObserver(Arc::clone(watch))))
 }
 
-/// Passes on what a step says.
+/// Passes on the messages of a step.
 struct WatchObserver(Arc<Watch>);
 
 impl Observer for WatchObserver {
@@ -108,7 +109,7 @@ impl Observer for WatchObserver {
     }
 }
 
-/// A monitor of long work.
+/// A monitor of long work, which updates a watch.
 pub(crate) struct WatchMonitor(pub(crate) Arc<Watch>);
 
 impl Monitor for WatchMonitor {

@@ -1,4 +1,4 @@
-//! Simulated plants.
+//! Simulates plants.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -11,7 +11,8 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// Write the log of a simulated plant, a Parquet file a day; what there is now, in words.
+/// Writes the log of a simulated plant, one Parquet file per day. Returns a text about
+/// what is there now.
 #[pyfunction]
 #[pyo3(signature = (directory, options, force=false, observer=None))]
 pub(crate) fn simulate(

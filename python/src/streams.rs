@@ -1,4 +1,4 @@
-//! Streams of a sweep, for agents in Python.
+//! The training runs of a sweep, for agents in Python.
 
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
@@ -16,22 +16,22 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// Environment, run, row that it starts from, seed, fingerprint, steps.
+/// Environment, run, first row, seed, fingerprint and number of steps.
 type StreamInputs = (String, usize, u32, u64, String, usize);
-/// States, and their unbroken pieces.
+/// States, and their unbroken segments.
 type States<'py> = (Bound<'py, PyAny>, Vec<(usize, usize)>);
-/// Values of a candidate as JSON, and whether it is the default.
+/// The hyperparameters of a setting as JSON, and whether it is the default.
 type Candidate = (String, bool);
 
-/// The streams of a study's sweep.
+/// The streams of a study's sweep: the training inputs of each run.
 #[pyclass(frozen, module = "calib_rl._calib")]
 pub(crate) struct Streams {
     streams: SweepStreams,
-    /// When they were opened.
+    /// The number of lost pages when the streams were opened.
     lost_pages: LostPages,
 }
 
-/// What an agent came to on a stream.
+/// The score of an agent on a stream.
 #[pyclass(frozen, module = "calib_rl._calib")]
 pub(crate) struct Score {
     result: ExternalResult,
@@ -44,19 +44,19 @@ pub(crate) struct Score {
 
 #[pymethods]
 impl Score {
-    /// The error that counts, in normalised units of the sensor.
+    /// Returns the error that counts, in normalised units of the sensor.
     #[getter]
     fn rmse(&self) -> f64 {
         self.part_score(self.part).map_or(f64::NAN, |score| score.rmse)
     }
 
-    /// The error reduction against predicting the mean return of the steps that count.
+    /// Returns the error reduction against predicting the mean return of the steps that count.
     #[getter]
     fn skill(&self) -> f64 {
         self.part_score(self.part).map_or(f64::NAN, skill)
     }
 
-    /// For each part of the run that has steps to score, what its errors and returns are.
+    /// Returns the errors and the returns of each part of the run that has steps to score.
     #[getter]
     fn parts(&self) -> BTreeMap<&'static str, BTreeMap<&'static str, f64>> {
         Part::ALL
@@ -77,20 +77,20 @@ impl Score {
 }
 
 impl Score {
-    /// What was scored of a part: infinite errors where a prediction was not finite.
+    /// Returns the score of a part. Its errors are infinite if a prediction was not finite.
     fn part_score(&self, part: Part) -> Option<PartScore> {
         self.result.outcome.scores.of(part)
     }
 }
 
-/// As the verdict has it: 0 for the mean of the returns, 1 for no error at all.
+/// Returns the skill as the verdict defines it: 0 for predicting the mean of the returns, 1 for no error.
 fn skill(score: PartScore) -> f64 {
     if score.return_std > 0.0 { 1.0 - score.rmse / score.return_std } else { f64::NAN }
 }
 
 #[pymethods]
 impl Streams {
-    /// Those of a study whose model was built.
+    /// Opens the streams of a study whose model was built.
     #[staticmethod]
     #[pyo3(signature = (job, observer=None))]
     fn of_job(
@@ -108,7 +108,7 @@ impl Streams {
         Ok(Self { streams, lost_pages })
     }
 
-    /// Each stream.
+    /// Returns the inputs of each stream.
     fn runs(&self) -> Vec<StreamInputs> {
         let runs = self.streams.runs().iter().enumerate();
         runs.map(|(at, run)| {
@@ -119,7 +119,7 @@ impl Streams {
         .collect()
     }
 
-    /// Sensors, each with its column.
+    /// Returns the sensors, each with its column.
     fn sensors(&self) -> Vec<(String, usize)> {
         self.streams.sensors().to_vec()
     }
@@ -129,26 +129,26 @@ impl Streams {
         self.streams.gamma()
     }
 
-    /// The discount factor of a stream.
+    /// Returns the discount factor of a stream.
     fn gamma_of(&self, stream: usize) -> PyResult<f64> {
         self.check(stream)?;
         Ok(self.streams.runs()[stream].gamma)
     }
 
-    /// The sensors that are predicted on a stream.
+    /// Returns the sensors that are predicted on a stream.
     fn predicted(&self, stream: usize) -> PyResult<Vec<String>> {
         self.check(stream)?;
         let sensors = self.streams.runs()[stream].sensors.iter();
         Ok(sensors.map(|(sensor, _)| sensor.clone()).collect())
     }
 
-    /// What is scored.
+    /// Returns the part of a run that is scored.
     #[getter]
     fn part(&self) -> &'static str {
         self.streams.part().name()
     }
 
-    /// States of a stream, `float32 [m, d]`, and its unbroken pieces.
+    /// Returns the states of a stream, `float32 [m, d]`, and its unbroken segments.
     fn states<'py>(&self, py: Python<'py>, stream: usize) -> PyResult<States<'py>> {
         self.check(stream)?;
         let states = &self.streams.runs()[stream].stream;
@@ -163,7 +163,7 @@ impl Streams {
         Ok((owned(py, values, &[count, width])?, pieces))
     }
 
-    /// What predictions of a sensor on a stream came to, one for each step.
+    /// Scores the predictions of a sensor on a stream, one per step.
     fn score(
         &self,
         py: Python<'_>,
@@ -193,7 +193,7 @@ impl Streams {
         Ok(Score { result: ExternalResult { stream, sensor, candidate, outcome }, nrmse, part })
     }
 
-    /// Write what agents came to as a table of runs.
+    /// Writes the scores of agents as a table of runs.
     fn write(
         &self,
         py: Python<'_>,
@@ -229,7 +229,8 @@ impl Streams {
     }
 }
 
-/// Judge the runs of a table by a study, or by the defaults; `"done"`, or `"negative"` where the members prefer no value.
+/// Judges the runs of a table by a study, or by the defaults. Returns `"done"`, or `"negative"` if the ensemble members
+/// prefer no setting.
 #[pyfunction]
 #[pyo3(signature = (runs, job=None, output=None, observer=None))]
 pub(crate) fn evaluate_runs(

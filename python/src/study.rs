@@ -1,4 +1,4 @@
-//! A study that was resolved, and its steps.
+//! A resolved study, and its steps.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// A study that was resolved.
+/// A resolved study.
 #[pyclass(frozen, module = "calib_rl._calib", name = "Job")]
 pub(crate) struct PyJob {
     pub(crate) job: Job,
@@ -21,7 +21,7 @@ pub(crate) struct PyJob {
 
 #[pymethods]
 impl PyJob {
-    /// Resolve the study in a file, or `text` as if it stood there.
+    /// Resolves the study in a file, or `text` as the content of that file.
     #[new]
     #[expect(clippy::too_many_arguments, reason = "what may be typed beside a study")]
     #[pyo3(signature = (path, text=None, *, set=Vec::new(), profile=None, model=None, deployment=None, output=None, redo=false))]
@@ -46,7 +46,7 @@ impl PyJob {
         Ok(Self { job: job.map_err(|error| errors::of_study(py, &error))? })
     }
 
-    /// Run a step; how it ended: `"done"`, or `"negative"` where its answer is.
+    /// Runs a step. Returns `"done"`, or `"negative"` if that is its answer.
     #[pyo3(signature = (name, observer=None))]
     fn step(
         &self,
@@ -64,13 +64,14 @@ impl PyJob {
             Ok(Outcome::Done) => Ok("done"),
             Ok(Outcome::Negative) => Ok("negative"),
             Ok(Outcome::Faulty) => Ok("faulty"),
-            // Of clusters alone, which have no step here.
+            // Only clusters have this outcome, and they have no step here.
             Ok(Outcome::Incomplete) => Ok("incomplete"),
             Err(error) => Err(errors::of_step(py, &error)),
         }
     }
 
-    /// Where the results of a step lie: `"model"`, `"rollout"`, `"sweep"`, `"evaluate"`, `"report"`, or `"root"` for all of them.
+    /// Returns the path of a step's results: `"model"`, `"rollout"`, `"sweep"`, `"evaluate"`, `"report"`, or `"root"` for all
+    /// of them.
     fn path(&self, name: &str) -> PyResult<PathBuf> {
         let layout = self.job.layout();
         Ok(match name {
@@ -85,18 +86,18 @@ impl PyJob {
         })
     }
 
-    /// The study as it was resolved, as JSON.
+    /// Returns the resolved study, as JSON.
     fn json(&self) -> PyResult<String> {
         serde_json::to_string(self.job.study()).map_err(errors::unusable)
     }
 
-    /// Whether the study has a calibration model.
+    /// Returns whether the study has a calibration model.
     #[getter]
     fn has_model(&self) -> bool {
         self.job.study().has_model()
     }
 
-    /// What to type to run the same step on the command line.
+    /// Returns the command that runs the same step on the command line.
     fn command(&self, step: &str) -> PyResult<String> {
         let step = StepKind::of_command(step)
             .ok_or_else(|| errors::value(format!("no step is called {step}")))?;

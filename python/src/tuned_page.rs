@@ -13,11 +13,11 @@ use serde::Deserialize;
 
 use crate::errors;
 
-/// Settings whose returns are drawn; the table has all.
+/// The number of settings whose returns are drawn. The table has all settings.
 const DRAWN: usize = 12;
 const MARKERS: [Marker; 3] = [Marker::Circle, Marker::Square, Marker::Triangle];
 
-/// What stands on the page.
+/// The content of the page.
 #[derive(Deserialize)]
 struct TunedPage {
     title: String,
@@ -25,7 +25,7 @@ struct TunedPage {
     decision: Decision,
     findings: Vec<String>,
     warnings: Vec<String>,
-    /// The best first.
+    /// The settings, the best first.
     settings: Vec<PageSetting>,
     /// The kinds of models that agents learned in.
     kinds: Vec<String>,
@@ -35,15 +35,15 @@ struct TunedPage {
 #[derive(Deserialize)]
 struct PageSetting {
     name: String,
-    /// "chosen", "default", or nothing.
+    /// "chosen", "default", or an empty text.
     role: String,
     mean_rank: f64,
     worst_rank: f64,
-    /// None where it diverged.
+    /// `None` if the setting diverged.
     mean_return: Option<f64>,
     uncovered: f64,
     chosen_again: f64,
-    /// For each kind of model, the mean return in each ensemble member; none where it diverged.
+    /// For each kind of model, the mean return in each ensemble member; `None` if it diverged.
     returns: Vec<Vec<Option<f64>>>,
 }
 
@@ -57,7 +57,7 @@ impl PageSetting {
     }
 }
 
-/// Write a page on tuned agents, given as JSON.
+/// Writes a page on tuned agents, given as JSON.
 #[pyfunction]
 pub(crate) fn write_tuned_page(py: Python<'_>, path: PathBuf, page: &str) -> PyResult<()> {
     let page: TunedPage = serde_json::from_str(page).map_err(errors::unusable)?;
@@ -82,7 +82,7 @@ impl TunedPage {
         }
     }
 
-    /// Every setting, in the order of the rule.
+    /// Returns a table of all settings, in the order of the rule.
     fn table(&self) -> Table {
         let columns = [
             "setting",
@@ -113,7 +113,8 @@ impl TunedPage {
         }
     }
 
-    /// Mean return of each setting in each kind of model, with intervals over ensemble members.
+    /// Returns a figure of each setting's mean return in each kind of model, with intervals
+    /// over ensemble members.
     fn returns(&self) -> OverviewFigure {
         let placed = self
             .settings

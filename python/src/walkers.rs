@@ -1,4 +1,4 @@
-//! Many walks through a model at once, a step of all of them a call.
+//! Many rollouts through a model. One call takes a step of all of them.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::{
     model::SharedModel,
 };
 
-/// A column that is seen, in normalised units or in its own.
+/// An observed column, in normalised units or in its own.
 #[derive(Clone, Copy)]
 pub(crate) struct SeenColumn {
     /// Its position in a state.
@@ -21,12 +21,12 @@ pub(crate) struct SeenColumn {
 }
 
 impl SeenColumn {
-    /// In the units of the column where `physical`, else normalised.
+    /// Returns the column in its own units if `physical`, and normalised otherwise.
     pub(crate) fn new(position: usize, bounds: Bounds, physical: bool) -> Self {
         Self { position, bounds: if physical { bounds } else { Bounds::IDENTITY } }
     }
 
-    /// What is seen of a normalised state.
+    /// Returns the observed value of a normalised state.
     pub(crate) fn value(self, state: &[f32]) -> f64 {
         self.bounds.physical(Normalised(state[self.position])).0
     }
@@ -38,20 +38,20 @@ struct Walker {
     at: TransitionIndex,
     rng: Rng,
     steps: u64,
-    /// Whether the next step begins anew.
+    /// Whether the next step begins another rollout.
     over: bool,
-    /// From the state before to the recorded one that stands for it.
+    /// Distance from the state before to the recorded one that replaces it.
     distance: f32,
 }
 
-/// Walks through members of a model. What they see is recorded rows; no action changes them.
+/// Rollouts through ensemble members of a model. They observe recorded rows, and no action changes them.
 #[pyclass(module = "calib_rl._calib")]
 pub(crate) struct Walkers {
     shared: Arc<SharedModel>,
     walks: Vec<Walker>,
     columns: Vec<SeenColumn>,
     reward: SeenColumn,
-    /// Steps after which a walk is over; 0 for never.
+    /// Steps after which a rollout is over; 0 for no limit.
     most: u64,
 }
 
@@ -78,7 +78,7 @@ impl Walkers {
         Self { shared, walks, columns, reward, most }
     }
 
-    /// What walker `number` sees, at the end of `seen`; its reward, row and time.
+    /// Appends the observation of walker `number` to `seen`. Returns its reward, row and time.
     fn look(&self, number: usize, seen: &mut Vec<f32>) -> (f64, i64, i64) {
         let row = self.shared.knn().transitions().next(self.walks[number].at).get();
         let state = self.shared.states().row(row);
@@ -86,7 +86,7 @@ impl Walkers {
         (self.reward.value(state), row as i64, self.shared.time(row))
     }
 
-    /// What every walker sees, in the order of [`step`](Self::step); one that has just begun has no reward.
+    /// Returns the observations of all walkers, in the order of [`step`](Self::step). A walker that has just begun has no reward.
     fn arrays<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Bound<'py, PyTuple>> {
         let count = self.walks.len();
         let mut seen = Vec::with_capacity(count * self.columns.len());
@@ -114,7 +114,7 @@ impl Walkers {
     }
 }
 
-/// Which of `count` walkers are marked: all, where nothing is said.
+/// Returns which of `count` walkers are marked: all of them without `which`.
 pub(crate) fn marked(which: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<bool>> {
     let which = match which {
         Some(which) => copied::<bool>(which, "which", &[1])?.0,
@@ -124,7 +124,7 @@ pub(crate) fn marked(which: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult
     Ok(which)
 }
 
-/// Refuse other than one of `what` for each of `count` walkers.
+/// Refuses a number of `what` that differs from the number of walkers.
 pub(crate) fn require_each(given: usize, what: &str, count: usize) -> PyResult<()> {
     if given == count {
         return Ok(());
@@ -132,7 +132,7 @@ pub(crate) fn require_each(given: usize, what: &str, count: usize) -> PyResult<(
     Err(errors::value(format!("{given} {what} for {count} walkers")))
 }
 
-/// The random numbers of walker `number`.
+/// Returns the random numbers of walker `number`.
 fn rng(seed: u64, number: usize) -> Rng {
     Seed::new(seed).child("environment").number(number as u64).rng()
 }
@@ -156,12 +156,12 @@ impl Walker {
 
 #[pymethods]
 impl Walkers {
-    /// Where every walk is and what it will draw, as text.
+    /// Returns the place of every walker and its random numbers, as text.
     fn state(&self) -> PyResult<String> {
         serde_json::to_string(&self.walks).map_err(errors::unusable)
     }
 
-    /// Go on where other walkers through the same members were.
+    /// Restores the state of other walkers through the same ensemble members.
     fn restore(&mut self, state: &str) -> PyResult<()> {
         let walks: Vec<Walker> = serde_json::from_str(state).map_err(errors::unusable)?;
         let transitions = self.shared.knn().transitions().len();
@@ -175,7 +175,7 @@ impl Walkers {
         Ok(())
     }
 
-    /// Seed some walkers, or all: of walker i by seeds[i].
+    /// Seeds walker i with `seeds[i]`, unless that is `None`.
     fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
         require_each(seeds.len(), "seeds", self.walks.len())?;
         for (walker, seed) in self.walks.iter_mut().zip(seeds) {
@@ -186,7 +186,7 @@ impl Walkers {
         Ok(())
     }
 
-    /// Begin anew, all or those where `which` is true; what they see.
+    /// Begins rollouts of all walkers, or of those where `which` is true. Returns their observations.
     #[pyo3(signature = (which=None))]
     fn reset<'py>(
         &mut self,
@@ -200,8 +200,9 @@ impl Walkers {
         self.arrays(py, &which)
     }
 
-    /// A step of every walker: what they see `float32 [n, c]`, rewards `float64 [n]`, whether they are over `bool [n]`, rows and times
-    /// `int64 [n]`, distances `float32 [n]`. One that was over begins anew, and has no reward for that.
+    /// Takes a step of every walker. Returns observations `float32 [n, c]`, rewards `float64 [n]`, whether rollouts are over
+    /// `bool [n]`, rows and times `int64 [n]`, and distances `float32 [n]`. A walker whose rollout was over begins another one, and
+    /// has no reward for that step.
     fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let begun: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
         let shared = Arc::clone(&self.shared);
@@ -216,7 +217,8 @@ impl Walkers {
         self.arrays(py, &begun)
     }
 
-    /// A step of the first walker alone: what it sees `float32 [c]`, reward, whether it is over, row, time, distance.
+    /// Takes a step of the first walker alone. Returns its observation `float32 [c]`, reward, whether it is over,
+    /// row, time and distance.
     fn step_one<'py>(
         &mut self,
         py: Python<'py>,

@@ -1,10 +1,10 @@
-//! Long work from Python: other threads of Python run meanwhile, Ctrl-C ends it at its next safe point, and what it tells is heard
-//! by the thread that called.
+//! Runs long work from Python. Other threads of Python run meanwhile, Ctrl-C ends the work at its next safe point, and the calling
+//! thread receives its messages.
 //!
-//! Python looks for signals on its main thread, and only there. So the work has a thread of its own, and the calling one waits.
+//! Python handles signals on its main thread only. So the work has its own thread, and the calling thread waits.
 //!
-//! A process that was forked has none of its parent's threads. Where rayon's had been started before, its work gets a pool of its own;
-//! what reads or writes tables has other threads that cannot be replaced, and is refused.
+//! A forked process has none of its parent's threads. If the parent had started rayon's threads, the child's work gets a thread pool
+//! of its own. Code that reads or writes tables has other threads that cannot be replaced, so it is refused.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
@@ -22,27 +22,27 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::observer::{Progress, Told, Watch};
 
-/// Between two looks for signals.
+/// Time between two checks for signals.
 const BETWEEN_SIGNAL_CHECKS: Duration = Duration::from_millis(50);
-/// As a main thread has.
+/// Stack of a thread, as large as that of a main thread.
 const STACK_BYTES: usize = 8 << 20;
-/// More threads than any machine gains from.
+/// A limit that no machine needs to exceed.
 const MOST_THREADS: usize = 1024;
 
-/// The first process that asked for threads: one of another number was forked from it.
+/// The first process that asked for threads. A process with another number was forked from it.
 static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
-/// Whether it read or wrote tables.
+/// Whether that process read or wrote tables.
 static HAS_USED_TABLES: AtomicBool = AtomicBool::new(false);
 
-/// What work needs.
+/// The threads that some work needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Needs {
     Threads,
-    /// Tables in files as well.
+    /// Threads for tables in files as well.
     Tables,
 }
 
-/// Use so many threads; before the first work.
+/// Sets the number of threads, before the first work.
 #[pyfunction]
 pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
     if !(1..=MOST_THREADS).contains(&threads) {
@@ -58,7 +58,7 @@ pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
     })
 }
 
-/// Whether this process was forked from one that had started threads.
+/// Returns whether this process was forked from one that had started threads.
 fn is_forked() -> bool {
     let here = process::id();
     *FIRST_PROCESS.get_or_init(|| here) != here
@@ -78,7 +78,7 @@ fn check(needs: Needs) -> PyResult<()> {
     Ok(())
 }
 
-/// Do `work` with threads of this process.
+/// Runs `work` with threads of this process.
 fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static OWN: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
     if !is_forked() {
@@ -88,7 +88,7 @@ fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let here = process::id();
     if own.as_ref().is_none_or(|(process, _)| *process != here) {
         match ThreadPoolBuilder::new().build() {
-            // That of a parent has nobody left who could end it.
+            // A parent's pool cannot be ended here, because its threads do not exist in this process.
             Ok(pool) => std::mem::forget(own.replace((here, Arc::new(pool)))),
             Err(_) => return work(),
         }
@@ -101,11 +101,11 @@ fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// Do `work` while the calling thread looks for signals and tells `observer` what it hears: `observer.told(kind, text)`,
-/// `observer.progress(task, done, total)`.
+/// Runs `work` while the calling thread checks for signals and passes messages to `observer`:
+/// `observer.told(kind, text)`, `observer.progress(task, done, total)`.
 ///
 /// # Errors
-/// What `work` could not do as an exception; a signal's exception, or the observer's, which end the work.
+/// `RuntimeError` if this process cannot start the threads; the exception of a signal or of the observer, which ends the work.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     needs: Needs,
@@ -136,7 +136,7 @@ pub(crate) fn watched<T: Send>(
     }
 }
 
-/// Pass on what is said until the work has ended. The first exception asks it to stop.
+/// Passes on messages until the work has ended. The first exception asks the work to stop.
 fn listen(py: Python<'_>, watch: &Watch, observer: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
     let mut raised = None;
     let mut shown = Progress::default();
@@ -156,7 +156,7 @@ fn listen(py: Python<'_>, watch: &Watch, observer: Option<&Bound<'_, PyAny>>) ->
     }
 }
 
-/// Look for signals, and pass on what was told and how far the work is, if that is news.
+/// Checks for signals, and passes on the messages and the progress, if that is new.
 fn pass_on(
     py: Python<'_>,
     observer: Option<&Bound<'_, PyAny>>,

@@ -46,7 +46,7 @@ learning_rate = [1e-4, 1e-3, 1e-2]
 
 @contextlib.contextmanager
 def within(folder: Path) -> Iterator[None]:
-    """Paths in a study follow its file; nothing else may depend on where Python runs."""
+    """Changes the working folder. Studies do not depend on it: paths follow their file."""
     before = Path.cwd()
     os.chdir(folder)
     try:
@@ -56,7 +56,7 @@ def within(folder: Path) -> Iterator[None]:
 
 
 def command_line(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """The command that the wheel brings."""
+    """Runs the command of the wheel."""
     command = [sys.executable, "-m", "calib_rl._command", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 

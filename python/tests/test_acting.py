@@ -27,7 +27,7 @@ KINDS = ("neighbors", "increments", "network")
 
 
 def tank(rows: int = 1200, columns: int = 1, terminal: bool = False) -> Any:
-    """A tank whose valves raise or lower its level; what is wanted is a level of 0.6."""
+    """Returns the log of a tank whose valves raise or lower its level. The reward asks for a level of 0.6."""
     rng = np.random.default_rng(1)
     level = 0.5
     told: dict[str, list[float]] = {name: [] for name in ("level", "flow", "reward", "over", *(f"valve{n}" for n in range(columns)))}
@@ -176,7 +176,7 @@ def test_walks_that_leave_recorded_rows(acting: calib_rl.ActionModel, kind: Any)
         assert (seen == all_seen[0]).all() and reward == rewards[0]
         assert env.observation_space.contains(seen) and (info["displacement"] == 0).all()
         others += float(seen[0]) not in recorded
-        # The level moves by what its valve does, from where it is.
+        # The level moves from its place by the effect of the valve.
         expected = np.clip(before + 0.1 * ((number % 3) / 2 - 0.5), 0.0, 1.0)
         assert abs(float(seen[0]) - expected) < 0.08, (before, number % 3, seen)
         if number == 12:
@@ -309,7 +309,7 @@ def test_what_is_no_model_is_refused_with_what_is(acting: calib_rl.ActionModel) 
 
 
 def _alone(lines: str) -> str:
-    """What a Python that imports nothing else prints."""
+    """Returns the output of a Python process that imports nothing else."""
     return subprocess.run([sys.executable, "-c", lines], check=True, capture_output=True, text=True).stdout.strip()
 
 
@@ -352,7 +352,7 @@ def test_a_log_with_one_action_is_refused(acting: calib_rl.ActionModel, tmp_path
         with pytest.raises(calib_rl.CalibError, match=told):
             calib_rl.build_model(idle, folder, actions=["valve0"], reward="reward", levels=levels)
         assert not list(folder.glob("*/control-model")), "nothing is begun"
-    # A model that an earlier calib built of such a log.
+    # Stands for a model that an earlier version of calib built of such a log.
     earlier = calib_rl.ActionModel.open(acting.path)
     monkeypatch.setattr(earlier, "_native", SimpleNamespace(only_action="it is valve0=0.5 in every row"))
     with pytest.raises(calib_rl.CalibError, match=r"valve0=0\.5 in every row"):
@@ -360,7 +360,7 @@ def test_a_log_with_one_action_is_refused(acting: calib_rl.ActionModel, tmp_path
 
 
 class Sarsa:
-    """A small agent that needs nothing but NumPy: Q-learning in tiles of the level."""
+    """A small agent that needs only NumPy: Q-learning in tiles of the level."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], step_size: float = 0.1, epsilon: float = 0.1, seed: int = 0) -> None:
         if step_size > 5:
@@ -405,7 +405,7 @@ def test_settings_are_ranked(tuned: calib_rl.Tuned) -> None:
     assert "<table>" in tuned._repr_html_()
     said = tuned.verdict["decision"]["support"]
     assert tuned.is_supported == (said == "supported") and tuned.verdict["is_ahead_of_default"] == (said != "keep_default")
-    # No agent is needed where one action is always right; here each setting learns when to take which.
+    # No agent is needed where one action is always right. Here each setting learns when to take which action.
     constant = tuned.verdict["constant"]
     assert constant["over"]["mean"] > 0 and "Best constant action: always " in why
     assert [kind["kind"] for kind in constant["kinds"]] == ["neighbors", "increments", "network"]
@@ -443,7 +443,7 @@ def test_processes_and_a_stop_change_nothing(acting: calib_rl.ActionModel, tuned
 
 def test_a_setting_that_fails_is_told_and_the_others_go_on(acting: calib_rl.ActionModel) -> None:
     class Ends:
-        """Each mode is another way to fail."""
+        """An agent that fails; each mode is another way to fail."""
 
         def __init__(self, env: Any, mode: str = "well") -> None:
             self.env, self.mode = env, mode
@@ -491,7 +491,7 @@ def test_one_member_supports_nothing(acting: calib_rl.ActionModel) -> None:
 
 
 def test_policies_that_learn_nothing_walk_often(acting: calib_rl.ActionModel) -> None:
-    # A hundred episodes of 40 steps in walks of 200, and about as many of three constant actions together.
+    # A hundred episodes of 40 steps need rollouts of 200 steps, and three constant actions together have about as many.
     assert acting._native.fixed_walks(1, 200, 40) == (20, 7)
     assert acting._native.fixed_walks(50, 200, 40) == (50, 50)
     work = _Work(Sarsa, acting, [{}], None, [3, 1], ["neighbors"], 1, 0, {}, 1, False)
@@ -535,7 +535,7 @@ def test_an_agent_learns_in_a_model_is_kept_and_goes_on(acting: calib_rl.ActionM
         first = agent.train(acting, 400)
         later = [agent.train(acting, 2_000, member=member, seed=member) for member in range(5)]
         assert first.episodes == 10 and later[-1].mean_return > first.mean_return, settings
-        # Below the wanted level the valve is opened, above it is closed.
+        # Below the wanted level the agent opens the valve, above it the agent closes it.
         low, high = ({"level": level, "flow": 5.0} for level in (0.3, 0.9))
         assert agent.values(low).argmax() > agent.values(high).argmax(), settings
         path = tmp_path / "agent.safetensors"
@@ -584,7 +584,7 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     bad.write_bytes(damaged)
     with pytest.raises(calib_rl.CalibError, match="damaged"):
         calib_rl.ControlAgent.load(bad)
-    # More than a number of 32 bits: what it learns of that is no number.
+    # This is beyond single precision, so the agent's values are not finite.
     agent.begin([0.5, 5.0])
     assert agent.step(1e300, [0.5, 5.0], terminal=True) is None
     with pytest.raises(calib_rl.CalibError, match="has diverged.* was not written; train a new one"):
@@ -596,7 +596,7 @@ def test_a_network_that_has_diverged_is_not_written(acting: calib_rl.ActionModel
     agent, path = calib_rl.ControlAgent(acting, algorithm="deep_q_learning", step_size=1e30), tmp_path / "diverged.safetensors"
     with pytest.raises(calib_rl.CalibError, match="has diverged"):
         agent.train(acting, 2000)
-    # Its weights are large numbers, and their products are infinite.
+    # The weights are large finite numbers, and their products are infinite.
     with pytest.raises(calib_rl.CalibError, match="has diverged.* was not written; train a new one"):
         agent.save(path)
     assert not path.exists()
@@ -634,7 +634,7 @@ def test_a_runtime_of_onnx_computes_the_values_of_the_agent(acting: calib_rl.Act
     agent.to_onnx(path)
     agent.save(saved)
     session = onnxruntime.InferenceSession(str(path))
-    # Beyond the recorded ranges too.
+    # This goes beyond the recorded ranges too.
     states = np.random.default_rng(1).uniform([-0.2, 1.0], [1.2, 9.0], (1000, 2)).astype(np.float32)
     (values,) = session.run(["values"], {"state": states})
     expected = np.array([agent.values(state.astype(np.float64)) for state in states])

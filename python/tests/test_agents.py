@@ -18,11 +18,11 @@ from calib_rl import agents
 
 
 class Td:
-    """Linear TD(0), the whole of it."""
+    """A complete linear TD(0) agent."""
 
     def __init__(self, task: agents.Task, learning_rate: float, fail_at: int = -1) -> None:
         self.gamma, self.learning_rate, self.fail_at = task.gamma, learning_rate, fail_at
-        # An agent of a step size that is too large is to diverge, and not to warn of it.
+        # An agent with too large a step size should diverge without a warning.
         np.seterr(over="ignore", invalid="ignore")
         self.weights = np.zeros(task.columns + 1)
         self.pieces = 0
@@ -188,7 +188,7 @@ serve(Talking)
 
 
 def external(folder: Path, study: calib_rl.Study, states: int) -> Path:
-    """The tests' study with the tests' agent as a program of its own."""
+    """Returns the tests' study with the tests' agent as a program."""
     header = "from typing import Any\nimport numpy as np\nfrom numpy.typing import NDArray\nfrom calib_rl import agents\n"
     folder.mkdir(exist_ok=True)
     (folder / "agent.py").write_text(AGENT.format(td=header + inspect.getsource(Td)))
@@ -258,7 +258,7 @@ def test_a_study_without_a_model_is_swept_and_judged(study: calib_rl.Study, tmp_
     verdict = runs.evaluate()
     assert list(verdict.chosen) == ["PIT300"]
     assert set(verdict.scores()["environment"]) == {"online", "log-replay"}
-    # The same of calib's own agents, and nothing of a model.
+    # The same holds for calib's own agents, without a model.
     own = alone.run(progress=False)
     assert set(own.scores()["environment"]) == {"online", "log-replay"} and "report.html" in str(own.report)
     assert not (alone.results / "model").exists() and not (alone.results / "rollout").exists()
@@ -314,7 +314,7 @@ def test_simple_predictors_stand_beside_agents(runs: agents.AgentRuns, sweep: ag
     told = next(of for of in verdict.summary["verdicts"] if of["sensor"] == sensor)
     rows = {row["predictor"]: row["online_rmse"] for row in told["simple"]}
     assert set(rows) == {"mean", "persistence", "line", "autoregression", "ridge", "least_squares_td"}
-    # What would be deployed predicts what was scored, over the streams that agents see.
+    # The deployed agent makes the predictions that were scored, over the streams that agents see.
     errors = {}
     for name in rows:
         predictor = agents.SimplePredictor(verdict, sensor, name)

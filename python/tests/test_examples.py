@@ -47,7 +47,7 @@ def test_ray_tunes_an_example_or_says_that_it_is_missing(study: calib_rl.Study) 
 
 
 def shown(cells: list[Any]) -> list[list[tuple[str, str]]]:
-    """What each cell shows: the kind of each output, and the words of texts. Numbers may differ, as they do between processors."""
+    """Returns the outputs of each cell: their kinds, and the words of texts. Numbers may differ between processors."""
 
     def words(text: str) -> str:
         return " ".join(re.findall(r"[A-Za-z_]{2,}", text))
@@ -81,10 +81,10 @@ def test_optuna_tunes_an_example(study: calib_rl.Study) -> None:
 
 
 def run_page(name: str, folder: Path, take: slice = slice(None)) -> str:
-    """Run the Python blocks of a page of docs, one after the other, in an empty folder."""
+    """Runs the Python blocks of a page of docs, one after the other, in an empty folder."""
     page = (Path(__file__).parents[2] / "docs" / name).read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-    # What answers on standard output waits for questions.
+    # A block that serves on standard output waits for questions.
     program = "\n".join(block for block in blocks[take] if "serve(" not in block)
     done = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -22,7 +22,7 @@ ROWS = 400
 
 
 def tank(rows: int = ROWS) -> pandas.DataFrame:
-    """A tank whose valve raises or lowers its level; what is wanted is a level of 0.6."""
+    """Returns the log of a tank whose valve raises or lowers its level. The reward asks for a level of 0.6."""
     rng = np.random.default_rng(1)
     level, levels, valves = 0.5, [], []
     for _ in range(rows):
@@ -41,7 +41,7 @@ def built(log: Any, folder: Path, **arguments: Any) -> calib_rl.ActionModel:
 
 
 def heard(log: Any, folder: Path, **arguments: Any) -> tuple[calib_rl.ActionModel, list[str]]:
-    """The model, and what calib warned of."""
+    """Returns the model, and the warnings of calib."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         model = built(log, folder, **arguments)
@@ -98,7 +98,7 @@ def test_a_study_of_somebody_is_not_replaced(tmp_path: Path) -> None:
     study.unlink()
     with pytest.raises(calib_rl.CalibError):
         built(tank(), tmp_path, actions=["Valve"])
-    # Who edits the file makes it their own.
+    # An edited file belongs to the user.
     edited = study.read_text() + "# to be tried on Monday\n"
     study.write_text(edited)
     with pytest.raises(FileExistsError, match="or which was edited"):
@@ -171,7 +171,7 @@ def test_columns_that_count_on_are_told(tmp_path: Path) -> None:
 
 
 def kinds() -> pandas.DataFrame:
-    """Columns of many types."""
+    """Returns columns of many types."""
     log = tank(50)
     return log.assign(
         time=log.time.dt.tz_localize("Europe/Paris"),
@@ -203,7 +203,7 @@ def test_a_frame_of_pandas_needs_no_pyarrow(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 class _Capsule:
-    """Something that hands over a stream."""
+    """An object that hands over a stream."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -264,7 +264,7 @@ def test_an_observer_hears_warnings_too(tmp_path: Path, capsys: pytest.CaptureFi
             pass
 
     assert len(heard(log, tmp_path / "one", progress=Listening())[1]) == 1 and "warning" in kinds_heard
-    # What is printed is not printed twice.
+    # A printed warning is not printed twice.
     assert len(heard(log, tmp_path / "two", progress=True)[1]) == 1
     assert "no reward though" not in capsys.readouterr().err
 
@@ -272,7 +272,7 @@ def test_an_observer_hears_warnings_too(tmp_path: Path, capsys: pytest.CaptureFi
 def test_rewards_may_be_in_the_row_of_the_action(tmp_path: Path) -> None:
     log = tank()
     ends = np.arange(ROWS) % 40 == 39
-    # The reward of a step is its action, and a penalty at the end of an episode.
+    # The reward of a step is its action, with a penalty at the end of an episode.
     steps = log.assign(reward=log.valve - 9.0 * ends, done=ends.astype(float))
     model = built(steps, tmp_path / "same", terminal="done", reward_row="same")
     done = model.decisions
@@ -281,7 +281,7 @@ def test_rewards_may_be_in_the_row_of_the_action(tmp_path: Path) -> None:
     set_to = np.array([action.values[0] for action in model.actions])[done.actions]
     assert done.terminals.sum() == ends.sum()
     np.testing.assert_allclose(done.rewards, set_to - 9.0 * done.terminals)
-    # Every step has its transition, the last ones of episodes too.
+    # Every step has its transition, including the last ones of episodes.
     assert len(done.actions) == ROWS
     shifted = built(steps, tmp_path / "next", terminal="done").decisions
     assert len(shifted.actions) < ROWS

@@ -108,7 +108,7 @@ def test_threads_are_chosen_first() -> None:
 
 def test_ctrl_c_ends_a_search() -> None:
     points = np.random.default_rng(0).random((60_000, 60)).astype(np.float32)
-    # Whoever started the tests in the background may have it ignored.
+    # A shell that started the tests in the background may have made Python ignore the signal.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
@@ -125,7 +125,7 @@ def test_ctrl_c_ends_a_search() -> None:
 
 @pytest.mark.parametrize("path", [False, True])
 def test_ctrl_c_ends_a_warping(path: bool) -> None:
-    # Minutes of work, if nobody ended it.
+    # This would take minutes if it were not interrupted.
     series = np.random.default_rng(0).random(2_000_000)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))

@@ -294,10 +294,10 @@ def test_a_frame_goes_into_a_folder_of_whatever_name(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     model = calib_rl.build_model(frame(), "results", model={"members": 3}, progress=False)
     assert (tmp_path / "results" / "log.parquet").exists() and model.members == 3
-    # What calib wrote there it may write again.
+    # calib may replace a file that it wrote.
     again = calib_rl.build_model(frame().iloc[:300], Path("results"), model={"members": 3})
     assert len(again.states) < len(model.states)
-    # The folder can go elsewhere with all that is in it.
+    # The folder can be moved with its contents.
     (tmp_path / "results").rename(tmp_path / "moved")
     assert calib_rl.Study(tmp_path / "moved" / "study.toml").build_model(progress=False).members == 3
 

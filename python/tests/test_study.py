@@ -38,13 +38,13 @@ def test_the_command_line_gives_the_same_bytes(study: calib_rl.Study, tmp_path: 
     ours, theirs = study.results, tmp_path / "study-results"
 
     def of(folder: Path) -> list[Path]:
-        # Other tests run agents of their own there.
+        # Other tests run their own agents there.
         there = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
         return sorted(path for path in there if path.parts[0] != "agents")
 
     files = of(ours)
     assert files == of(theirs)
-    # Times, locks, and what names the folder of the log.
+    # Times, locks, and files that name the folder of the log.
     own = {"timings.json", ".lock", "manifest.json", "dataset.json", "report.html"}
     compared = [path for path in files if path.name not in own and path.parts[0] != "dataset"]
     assert {"runs.parquet", "neighbors.npy", "distances.npy", "states.npy", "summary.json"} <= {path.name for path in compared}
@@ -85,7 +85,7 @@ def test_a_dictionary_is_a_study(folder: Path, tmp_path: Path) -> None:
     assert overridden.config["agent"]["gamma"] == 0.5
     assert overridden.config["sweep"]["sensors"] == ["A", 'b"']
     assert calib_rl.Study(study.path, set=["agent.gamma=0.25"]).config["agent"]["gamma"] == 0.25
-    # A table replaces what the study has, as on the command line.
+    # A table replaces that of the study, as on the command line.
     replaced = calib_rl.Study(study.path, set={"sweep.grid": {"batch_size": np.array([8, 16])}})
     typed = calib_rl.Study(study.path, set=["sweep.grid={ batch_size = [8, 16] }"])
     assert replaced.config["sweep"]["grid"] == typed.config["sweep"]["grid"]

@@ -86,7 +86,7 @@ def test_episodes_that_are_reset_early_count_with_their_rewards(acting: calib_rl
 
 def test_what_follows_the_counted_steps_counts_nothing(acting: calib_rl.ActionModel) -> None:
     class Rounds(Always):
-        """Rounds its steps up, as agents with batches do."""
+        """An agent that rounds its steps up, as agents with batches do."""
 
         def learn(self, total_timesteps: int) -> None:
             super().learn(500)
@@ -111,7 +111,7 @@ def test_vector_environments_spend_steps_on_resets(acting: calib_rl.ActionModel)
 
 
 def _made(source: str) -> Any:
-    """What a cell of a notebook defines."""
+    """Returns an object that a notebook cell defines."""
     names: dict[str, Any] = {"Always": Always}
     exec(source, names)
     return names["make"]
@@ -322,7 +322,7 @@ def test_no_two_settings_have_one_name(acting: calib_rl.ActionModel, tmp_path: P
     assert set(tuned.runs_frame()["setting"]) == set(frame["setting"]) and "value=&#x27;1&#x27;" in tuned._repr_html_()
     page = tuned.report(tmp_path / "page.html").read_text(encoding="utf-8")
     assert page.count("(chosen)") >= 1
-    # A hyperparameter may be called as a column is.
+    # A hyperparameter may have the name of a column.
     assert {"uncovered", "uncovered_value"} <= set(run(lambda env, uncovered=1: Always(env), {"uncovered": [3]}, acting).frame().columns)
 
 

@@ -26,7 +26,7 @@ def serve(factory: Factory) -> None:
     """
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    # What was printed before, and has not been written yet, goes there too.
+    # Earlier output that is not written yet goes to standard error too.
     sys.stdout.flush()
     try:
         _answer_all(factory, sys.stdin.buffer, answers)
@@ -66,7 +66,7 @@ class _Served:
         self._before: NDArray[np.float32] | None = None
 
     def predictions(self, states: NDArray[np.float32], begins: bool, ends: bool) -> list[float | None]:
-        """One a state. The last is null where it is not finite. At the end of a piece none is asked of the agent."""
+        """Returns one prediction per state. The last one is null if it is not finite, and 0 at the end of a segment, where the agent is not asked."""
         if begins:
             self._before = None
             if begin := getattr(self.agent, "begin", None):

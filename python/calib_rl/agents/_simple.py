@@ -96,7 +96,7 @@ class SimplePredictor:
             return float(self.bias + self.weights @ np.asarray(observation, dtype=np.float64)[: len(self.weights)])
         assert self.lags is not None
         value = float(observation[self.column])
-        # Before the first state the sensor counts as having had its first value.
+        # Before the first state, the sensor counts as having had its first value.
         self._latest.extendleft([value] * (1 if self._latest else len(self.lags)))
         return float(self.bias + self.lags @ np.array(self._latest))
 

@@ -40,7 +40,7 @@ def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
 
 
 class _ExampleAgent:
-    """Predicts the mean return that it has seen so far, for examples."""
+    """Predicts the mean of the returns so far, for examples."""
 
     def __init__(self, task: Task, rate: float = 0.1) -> None:
         self.gamma, self.rate, self.value = task.gamma, rate, 0.0

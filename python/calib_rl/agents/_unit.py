@@ -43,7 +43,7 @@ def run_unit(streams: Streams, factory: Factory, unit: Unit, store: Path) -> Non
     unfinished = store / f".{unit.key}.{os.getpid()}.tmp"
     with open(unfinished, "wb") as file:
         np.save(file, predictions)
-    # The array is written last: where it is, the run is done.
+    # The array is written last, so a run with an array is complete.
     os.replace(unfinished, store / unit.key)
 
 
