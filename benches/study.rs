@@ -1,5 +1,5 @@
-//! The chain on a simulated morning, stage by stage: what a study spends its time on.
-//! Kernels have benches of their own in the packages that own them.
+//! Benchmarks of a study on a simulated morning, stage by stage. Kernels have benches in the
+//! packages that own them.
 
 use std::hint::black_box;
 
@@ -12,7 +12,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 
 const ROWS: usize = 4000;
 
-/// Some hours of a plant, every column scaled to [0, 1].
+/// Returns some hours of a plant, with every column scaled to [0, 1].
 fn states() -> States {
     let options = PlantOptions {
         channels: 24,

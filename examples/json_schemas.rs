@@ -1,4 +1,4 @@
-//! Writes the JSON Schema of what each command prints with `--json`: `cargo run --example json_schemas -- FOLDER`.
+//! Writes the JSON Schemas of the `--json` output of all commands: `cargo run --example json_schemas -- FOLDER`.
 
 use std::{error::Error, fs, path::PathBuf};
 

@@ -9,7 +9,7 @@ use std::{error::Error, io, path::PathBuf, sync::Arc};
 use calib_core::{Monitor, Silent};
 use calib_pipeline::{Job, Observer, Outcome, Printer, Remark, Request, Shown, output::ResultPart};
 
-/// Three days of a plant, and linear agents: seconds.
+/// Three days of a plant, with linear agents; it runs in seconds.
 const STUDY: &str = r#"
 [simulate]
 days = 3
@@ -39,7 +39,7 @@ log_replay_runs = 2
 learning_rate = [1e-4, 1e-3, 1e-2]
 "#;
 
-/// Results and warnings on stdout, and nothing else.
+/// An observer that prints only results and warnings, on stdout.
 struct Brief;
 
 impl Observer for Brief {
@@ -67,14 +67,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&folder)?;
     let file = folder.join("study.toml");
     std::fs::write(&file, STUDY)?;
-    // Read once; whoever edits the file from here on changes the next run, and not this one.
+    // The file is read once. A later edit changes the next run, not this one.
     let job = Job::resolve(Request::new(&file))?;
     let printer = Printer::new(Arc::new(Brief));
     match calib_pipeline::run(&job, None, &printer)?.outcome() {
         Outcome::Done => {}
         other => return Err(format!("{other:?}").into()),
     }
-    // The same steps one by one do nothing more: everything is there.
+    // All results exist, so a step by itself does nothing.
     calib_pipeline::sweep(&job, None, &printer)?;
     Ok(())
 }

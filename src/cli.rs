@@ -1,4 +1,4 @@
-//! The command line, and nothing else: what may be typed and what it means.
+//! Grammar of the command line: the commands, their arguments and their help.
 
 mod build;
 mod cluster;
@@ -26,10 +26,10 @@ pub(crate) use {
 
 use crate::output::AfterInterruption;
 
-/// The heading of options about output.
+/// Heading of the options about output.
 const OUTPUT: &str = "What is shown";
 
-/// The version, the commit where whoever built it said so (`CALIB_COMMIT`), and what it was built with.
+/// Returns the version, the commit if the build set `CALIB_COMMIT`, and whether libtorch is built in.
 fn version() -> &'static str {
     static VERSION: LazyLock<String> = LazyLock::new(|| {
         let commit = option_env!("CALIB_COMMIT").map(|commit| format!("commit {commit}"));
@@ -53,7 +53,7 @@ pub struct Cli {
     pub(crate) command: Command,
 }
 
-/// Behind the options of each command, which are fewer, and before `--help`, which has 999.
+/// Display order of options after those of each command, which are fewer, and before `--help`, which has 999.
 const LAST: usize = 998;
 
 #[derive(Clone, Debug, Args)]
@@ -147,7 +147,8 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// What the same command does after an interruption: steps of a study are kept, and parts of the long ones.
+    /// Returns what the same command does after an interruption. Finished
+    /// steps of a study stay, and parts of long steps.
     pub(crate) fn after_interruption(&self) -> AfterInterruption {
         let goes_on = match self {
             Self::Quickstart(_)
@@ -159,7 +160,7 @@ impl Command {
             | Self::Control(_)
             | Self::Validity(_)
             | Self::Cluster { command: ClusterCommand::Run { .. } } => true,
-            // The days of a plant are files of their own; the log of a task is one.
+            // A plant has one file per day, so finished days stay. The log of a task is one file.
             Self::Simulate(args) => args.task.task.is_none(),
             Self::Init(_)
             | Self::Inspect(_)
@@ -177,7 +178,7 @@ impl Command {
         if goes_on { AfterInterruption::GoesOn } else { AfterInterruption::BeginsAnew }
     }
 
-    /// Whom the result is for.
+    /// Returns the format of the result: text for people, or JSON.
     pub(crate) fn answer(&self) -> OutputFormat {
         let json = match self {
             Self::Run(RunArgs { study: DeviceArgs { study: args, .. }, .. })

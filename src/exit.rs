@@ -3,23 +3,24 @@ use calib_study::Place;
 
 use crate::output::{excerpt, interrupted, is_to_be_tried_again};
 
-/// How a command ended; the number is the process's exit code.
+/// How a command ended. The number is the exit code of the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ExitStatus {
-    /// Done.
+    /// The command succeeded.
     Done = 0,
-    /// Done, but the answer is negative or partial.
+    /// The command succeeded, but the answer is negative or partial.
     Negative = 1,
     /// The usage, the study or the data is wrong.
     BadInput = 2,
     /// A bug in calib.
     Internal = 3,
-    /// A part of work that is spread over several machines is missing; what there is stays.
+    /// A part of work that is divided among several machines is missing. Existing results stay.
     Incomplete = 4,
-    /// TERM, USR1 or USR2 stopped it: the same command goes on from what was kept, or begins anew (`EX_TEMPFAIL`).
+    /// TERM, USR1 or USR2 stopped the command (`EX_TEMPFAIL`). The same command
+    /// resumes from its saved state, or starts again.
     TryAgain = 75,
-    /// The user stopped it.
+    /// The user stopped the command.
     Interrupted = 130,
 }
 
@@ -34,7 +35,7 @@ impl From<Outcome> for ExitStatus {
     }
 }
 
-/// Say what went wrong, and with which status to exit.
+/// Reports an error, and returns the exit status.
 pub(crate) fn report(error: &StepError, observer: &dyn Observer) -> ExitStatus {
     let told = error.to_string();
     let told = if error.was_cancelled() { interrupted() } else { told.as_str() };

@@ -1,17 +1,16 @@
-//! Failures on purpose, for tests: `CALIB_FAULT=fail:17` lets the 17th operation on the disk fail.
-//!
-//! It is part of every build, so that what is tested is what is shipped. It can do no harm that whoever sets the
-//! environment of calib could not do anyway.
+//! Injected failures for tests: `CALIB_FAULT=fail:17` makes the 17th disk operation fail.
+//!  Every build contains this code, so that the tested program is the shipped one. It adds no risk: the user who
+//! sets calib's environment could do the same harm in other ways.
 
 use calib_pipeline::{Context as _, StepError, bail};
 use std::{env, fs::File};
 
 use calib_files::faults::{self, Fault};
 
-/// Which operation goes wrong, and how.
+/// Variable that names the failing operation and the kind of failure.
 const VARIABLE: &str = "CALIB_FAULT";
 
-/// Arm what the environment asks for; usually nothing.
+/// Arms the failure that the environment asks for; usually there is none.
 pub(crate) fn arm() -> Result<(), StepError> {
     let Some(text) = env::var_os(VARIABLE).filter(|text| !text.is_empty()) else { return Ok(()) };
     let text = text.to_string_lossy();

@@ -1,7 +1,6 @@
-//! calib: which hyperparameters to deploy, from a plant's logs alone.
-//!
-//! This crate is the command line: what may be typed (`cli`), what it asks of the pipeline (`commands`), and what is
-//! read of it (`output`). What is computed, and in which order, is in `calib-pipeline`.
+//! calib chooses the hyperparameters to deploy, from a plant's logs alone.
+//!  This crate is the command line: its grammar (`cli`), its commands (`commands`) and its output (`output`). The
+//! computations and their order are in `calib-pipeline`.
 
 mod cli;
 mod commands;
@@ -27,19 +26,20 @@ pub use cli::Cli;
 pub use commands::json_schemas;
 pub use exit::ExitStatus;
 
-/// Run the command line `args` and return the status to exit with.
+/// Runs the command line `args`, and returns the exit status.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     ExitCode::from(exit_code(args))
 }
 
-/// As [`run`]: the status as a number.
+/// Runs the command line `args` as [`run`] does, and returns the status as a number.
 pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
-            // Help and version are results; everything else is a usage error, which clap numbers 2.
+            // Help and version are results. Everything else is a usage error, for which clap uses code 2.
             let plain = error.render().to_string();
-            // An argument may hold what a terminal obeys: then all of it is printed without clap's colours.
+            // An argument may contain control sequences for the terminal. Then the
+            // whole text is printed without clap's colours.
             match output::harmless(&plain, output::Lines::Several) {
                 Cow::Owned(safe) => drop(io::stderr().write_all(safe.as_bytes())),
                 Cow::Borrowed(_) => drop(error.print()),
@@ -56,7 +56,7 @@ pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
         Ok(journal) => Arc::new(journal),
         Err(error) => return exit::report(&error, &terminal) as u8,
     };
-    // What is not to be shown is not shown by the journal: a file of it keeps all.
+    // The journal hides what the terminal must not show, and its file keeps everything.
     let printer = Printer::new(Arc::clone(&journal) as Arc<dyn Observer>);
     #[cfg(unix)]
     signals::tell_of_lost_pages();
@@ -78,7 +78,7 @@ pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
     status as u8
 }
 
-/// The Parquet reader's panics on damaged files are errors of the file, and told as such.
+/// Hides panics of the Parquet reader. On damaged files they are reported as errors of the file.
 fn hush_readers() {
     let usual = panic::take_hook();
     panic::set_hook(Box::new(move |panic| {

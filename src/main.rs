@@ -1,4 +1,4 @@
-//! The `calib` command. Everything that it does is in the library.
+//! The `calib` command. Its code is in the library.
 
 use std::process::ExitCode;
 

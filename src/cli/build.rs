@@ -1,4 +1,4 @@
-//! How models and representations are made.
+//! Arguments of the commands that build models and representations.
 
 use calib_knn::IndexKind;
 use calib_pipeline::MemorySize;

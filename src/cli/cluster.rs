@@ -1,4 +1,4 @@
-//! `calib cluster`, as it may be typed.
+//! Arguments of `calib cluster`.
 
 use std::{num::NonZeroUsize, path::PathBuf};
 

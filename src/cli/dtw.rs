@@ -1,4 +1,4 @@
-//! Two series.
+//! Arguments of `calib dtw`.
 
 use std::path::PathBuf;
 

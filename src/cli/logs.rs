@@ -1,4 +1,4 @@
-//! What commands on a log take.
+//! Arguments of the commands on a log.
 
 use std::path::PathBuf;
 
@@ -69,7 +69,7 @@ pub(crate) struct InitArgs {
     pub(crate) json: bool,
 }
 
-/// A span of time as people type it, in seconds: `90s`, `10m`, `2h`, `1d`. Without a unit nobody knows which is meant.
+/// Reads a time span such as `90s`, `10m`, `2h` or `1d`, and returns seconds. A number without a unit is ambiguous, and an error.
 fn seconds(text: &str) -> Result<f64, String> {
     let expected = || format!("expected a time with a unit, such as 90s, 10m or 2h, got '{text}'");
     let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
@@ -102,7 +102,7 @@ pub(crate) struct ImportArgs {
 }
 
 impl InitArgs {
-    /// The columns of agents that act; none where agents are to predict.
+    /// Returns the columns of acting agents; `None` if agents only predict.
     pub(crate) fn decision_columns(&self) -> Option<DecisionColumns> {
         Some(DecisionColumns {
             reward: self.reward.clone()?,

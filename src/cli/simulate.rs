@@ -1,4 +1,4 @@
-//! What is simulated.
+//! Arguments of the commands that simulate.
 
 use std::path::PathBuf;
 

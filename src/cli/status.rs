@@ -1,4 +1,4 @@
-//! What `status` takes.
+//! Arguments of `calib status`.
 
 use std::{
     net::{AddrParseError, IpAddr, Ipv4Addr, SocketAddr},
@@ -43,7 +43,7 @@ impl From<StatusArgs> for StatusRequest {
     }
 }
 
-/// Where a page is shown: an address and a port, or a port of this machine alone.
+/// Address of a page: an IP address with a port, or only a port, which then serves this machine alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Address(pub(crate) SocketAddr);
 

@@ -1,4 +1,4 @@
-//! What commands on a study take.
+//! Arguments of the commands on a study.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::OUTPUT;
 
-/// Headings of options.
+/// Heading of the options that choose a study.
 const STUDY: &str = "Which study";
 const RESULTS: &str = "Results";
 
@@ -44,10 +44,10 @@ pub(crate) struct StudyArgs {
 }
 
 impl StudyArgs {
-    /// The study, read and resolved; the command looks at the file never again.
+    /// Reads and resolves the study. The command never reads the file again.
     ///
     /// # Errors
-    /// As [`Job::resolve`].
+    /// As for [`Job::resolve`].
     pub(crate) fn job(self) -> Result<Job, StudyError> {
         let Self { study, set, profile, model, deployment, output, force, dry_run, json: _ } = self;
         let existing = if force { Existing::Redo } else { Existing::Keep };
@@ -57,7 +57,7 @@ impl StudyArgs {
     }
 }
 
-/// In the place of a study where there is none.
+/// Stands for a missing study file.
 pub(super) const NO_STUDY: &str = "-";
 
 #[derive(Debug, Args)]
@@ -85,10 +85,10 @@ pub(crate) struct EvaluateArgs {
 }
 
 impl EvaluateArgs {
-    /// What judges the runs of a table: the study, or without one the defaults with what is set.
+    /// Returns the study that judges the runs of a table, and the output folder. Without a study it has the defaults and `--set`.
     ///
     /// # Errors
-    /// As [`Job::resolve`].
+    /// As for [`Job::resolve`].
     pub(crate) fn judging(study: StudyArgs) -> Result<(Study, Option<PathBuf>), StudyError> {
         let output = study.output.clone();
         if study.study == Path::new(NO_STUDY) {

@@ -1,4 +1,4 @@
-//! `calib check`: what is damaged in a folder of results.
+//! `calib check`: verifies the files of a result folder.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use calib_pipeline::{
 
 use crate::cli::CheckArgs;
 
-/// Compare with what was written, and name what is damaged.
+/// Compares the files with their recorded fingerprints, and names the damaged files.
 pub(super) fn run(args: &CheckArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let logs = if args.read_data { Logs::Read } else { Logs::Leave };
     let checked = calib_pipeline::check(&args.directory, logs, printer)?;

@@ -1,4 +1,4 @@
-//! `calib cluster`: plans, shards, and what becomes of them.
+//! `calib cluster`: makes plans, runs their shards, and merges the results.
 
 use std::num::NonZeroUsize;
 
@@ -11,7 +11,7 @@ use calib_pipeline::{
 use super::share::{environment, number};
 use crate::cli::{ClusterCommand, ClusterEngine, MissingAs};
 
-/// Do what is asked of a plan.
+/// Runs a command on a plan.
 pub(super) fn run(command: ClusterCommand, printer: &Printer) -> Result<Outcome, StepError> {
     Ok(match command {
         ClusterCommand::Plan { study, of: _, task_minutes, max_tasks, shards, plan } => {

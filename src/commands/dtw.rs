@@ -37,7 +37,7 @@ impl PatternResult {
     }
 }
 
-/// Compare two series, with one or several step patterns.
+/// Compares two series with one or several step patterns.
 pub(super) fn run(args: &DtwArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let existing = if args.force { ExistingFile::Replaced } else { ExistingFile::Kept };
     if let Some(path) = &args.path {
@@ -92,7 +92,7 @@ fn compared(
     patterns.map(|(pattern, distance)| Ok(PatternResult::new(pattern, distance?))).collect()
 }
 
-/// The distance of the one pattern, and its path in a file.
+/// Compares two series with one step pattern, and writes the warping path to a file.
 fn aligned(
     args: &DtwArgs,
     settings: Settings,
@@ -145,7 +145,7 @@ fn show(results: &[PatternResult], printer: &Printer) -> Result<(), StepError> {
     printer.lines(&table(&["step pattern", "distance", "normalised"], &rows))
 }
 
-/// Six decimals, with an exponent where these would say little or the number is long.
+/// Formats a number with six decimals, or with an exponent if it is very small or long.
 fn number_text(number: f64) -> String {
     if number == 0.0 || (1e-3..1e9).contains(&number) {
         format!("{number:.6}")

@@ -1,4 +1,4 @@
-//! What a key of a study means, from the schema that editors have.
+//! `calib explain`: the meaning of a key of a study, from the JSON Schema that editors use.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -6,9 +6,9 @@ use serde_json::Value;
 
 use calib_pipeline::{Outcome, Printer, StepError, bail};
 
-/// Keys that are suggested for one that is not there.
+/// Most keys that are suggested for an unknown one.
 const SUGGESTED: usize = 6;
-/// How much alike names are that one may have meant.
+/// Smallest similarity of a suggested name.
 const ALIKE: f64 = 0.85;
 
 /// What `--json` prints.
@@ -19,7 +19,7 @@ pub(crate) struct Explained {
     schema: Value,
 }
 
-/// Explain a key, a section with its keys, or without a name all sections.
+/// Explains a key, or a section with its keys, or all sections if there is no name.
 pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepError> {
     let schema = calib_study::schema();
     let Some(path) = key else {
@@ -46,14 +46,14 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepE
     Ok(Outcome::Done)
 }
 
-/// The part of the schema that describes a key.
+/// Returns the part of the schema that describes a key.
 fn find_key<'a>(schema: &'a Value, path: &str) -> Option<&'a Value> {
     path.split('.').try_fold(schema, |at, part| child(schema, at, part))
 }
 
-/// The key of a value in which `path` looks for further keys, as in `control.reward.column`.
+/// Returns the key of a value that `path` treats as a section, as in `control.reward.column`.
 fn value_above<'a>(schema: &Value, path: &'a str) -> Option<&'a str> {
-    // Messages count terms of a list, as in `control.reward[0].column`.
+    // Messages number the entries of a list, as in `control.reward[0].column`.
     let mut above = path.split('[').next().unwrap_or(path);
     loop {
         if let Some(node) = find_key(schema, above) {
@@ -64,7 +64,7 @@ fn value_above<'a>(schema: &Value, path: &'a str) -> Option<&'a str> {
     }
 }
 
-/// What a reference stands for.
+/// Follows a reference in the schema.
 fn dereferenced<'a>(schema: &'a Value, node: &'a Value) -> &'a Value {
     let reference = node["$ref"].as_str().or_else(|| {
         ["allOf", "anyOf", "oneOf"].iter().find_map(|key| node[*key][0]["$ref"].as_str())
@@ -75,14 +75,14 @@ fn dereferenced<'a>(schema: &'a Value, node: &'a Value) -> &'a Value {
     }
 }
 
-/// A key in a section, or a name in a table of names.
+/// Returns a key in a section, or an entry of a table of names.
 fn child<'a>(schema: &'a Value, at: &'a Value, part: &str) -> Option<&'a Value> {
     let at = dereferenced(schema, at);
     let named = at["additionalProperties"].as_object().map(|_| &at["additionalProperties"]);
     at["properties"].get(part).or(named)
 }
 
-/// A definition with what stands beside its reference.
+/// Returns a definition merged with the keys beside its reference.
 fn resolved(schema: &Value, node: &Value) -> Value {
     let mut whole = dereferenced(schema, node).clone();
     if let (Some(whole), Some(own)) = (whole.as_object_mut(), node.as_object()) {
@@ -91,12 +91,12 @@ fn resolved(schema: &Value, node: &Value) -> Value {
     whole
 }
 
-/// Every key below one, as `section.key`.
+/// Returns all keys below one, as `section.key`.
 fn keys(schema: &Value, at: &Value, above: &str) -> Vec<String> {
     let mut all = Vec::new();
     for (name, node) in dereferenced(schema, at)["properties"].as_object().into_iter().flatten() {
         let path = if above.is_empty() { name.clone() } else { format!("{above}.{name}") };
-        // Two levels: profiles and models hold all of it again.
+        // Two levels are enough: profiles and models repeat all keys.
         if above.is_empty() {
             all.extend(keys(schema, node, &path));
         }
@@ -105,7 +105,7 @@ fn keys(schema: &Value, at: &Value, above: &str) -> Vec<String> {
     all
 }
 
-/// Keys that are called nearly so, the nearest first.
+/// Returns keys with a similar name, the most similar first.
 fn similar_keys<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
     let wanted = path.rsplit('.').next().unwrap_or(path).to_lowercase();
     let mut found: Vec<(f64, &str)> = all
@@ -122,7 +122,7 @@ fn similar_keys<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
     found.into_iter().map(|(_, key)| key).take(SUGGESTED).collect()
 }
 
-/// The keys of a section, each with the first sentence about it.
+/// Lists the keys of a section, each with the first sentence of its description.
 fn list(schema: &Value, at: &Value, above: &str) -> String {
     let keys = dereferenced(schema, at)["properties"].as_object();
     let rows: Vec<[String; 2]> = keys
@@ -140,7 +140,7 @@ fn list(schema: &Value, at: &Value, above: &str) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// What is said of a key: paragraphs, of one line each but for tables.
+/// Returns the description of a key. Each paragraph is one line, except for tables.
 fn about(schema: &Value, node: &Value) -> String {
     let own = node["description"].as_str();
     let text =
@@ -173,7 +173,7 @@ fn describe(schema: &Value, node: &Value, path: &str) -> String {
     )
 }
 
-/// Which values a key may have, in words.
+/// Describes the allowed values of a key in words.
 fn allowed(schema: &Value, node: &Value) -> String {
     let node = dereferenced(schema, node);
     for alternatives in ["oneOf", "anyOf"] {

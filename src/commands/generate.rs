@@ -9,7 +9,7 @@ use calib_pipeline::{Outcome, Printer, StepError};
 
 use crate::cli::Cli;
 
-/// Print a completion script.
+/// Prints a completion script.
 pub(super) fn completions(shell: Shell, printer: &Printer) -> Result<Outcome, StepError> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "calib", &mut script);
@@ -17,7 +17,7 @@ pub(super) fn completions(shell: Shell, printer: &Printer) -> Result<Outcome, St
     Ok(Outcome::Done)
 }
 
-/// Write one man page a command.
+/// Writes one man page per command.
 pub(super) fn man(directory: &Path, printer: &Printer) -> Result<Outcome, StepError> {
     calib_files::create_directory(directory)?;
     remove_temporaries(directory, Below::Unknown)?;
@@ -28,7 +28,7 @@ pub(super) fn man(directory: &Path, printer: &Printer) -> Result<Outcome, StepEr
     Ok(Outcome::Done)
 }
 
-/// The page of a command, and those of its commands.
+/// Writes the page of a command, and those of its subcommands.
 fn pages(command: &clap::Command, directory: &Path) -> Result<(), StepError> {
     for below in command.get_subcommands().filter(|below| !below.is_hide_set()) {
         pages(below, directory)?;
@@ -41,7 +41,7 @@ fn pages(command: &clap::Command, directory: &Path) -> Result<(), StepError> {
     Ok(write_atomically(&path, |file| page.render(file))?)
 }
 
-/// Whether a file is the page of a command of calib's, of whichever version.
+/// Whether a file is the man page of a calib command, of any version.
 fn is_page(path: &Path) -> bool {
     let title = format!(".TH {} ", path.file_stem().unwrap_or_default().to_string_lossy());
     let page = read_regular(path).unwrap_or_default();

@@ -7,7 +7,7 @@ use calib_pipeline::{
 
 use crate::cli::ImportArgs;
 
-/// Write a log of any form as one wide Parquet file.
+/// Converts a log of any form to one wide Parquet file.
 pub(super) fn run(args: &ImportArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let out = args.out.display();
     ensure!(
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> Result<Outcome, StepE
     Ok(Outcome::Done)
 }
 
-/// What of the files is not in the rows.
+/// Reports the parts of the files that are not in the rows.
 fn show_dropped(imported: &Imported, printer: &Printer) -> Result<(), StepError> {
     let Dropped { without_time, undecided, repeated, bad_quality, bad_rows } = &imported.dropped;
     if !bad_rows.is_none() {
@@ -85,10 +85,10 @@ fn show_dropped(imported: &Imported, printer: &Printer) -> Result<(), StepError>
     Ok(())
 }
 
-/// Words of a channel that are shown.
+/// Most words of a channel that are shown.
 const WORDS: usize = 3;
 
-/// What a person calls a shape.
+/// Returns the name of a shape in messages.
 pub(super) fn shape_name(shape: Shape) -> &'static str {
     match shape {
         Shape::Wide => "wide tables: one column per channel",

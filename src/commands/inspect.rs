@@ -8,7 +8,7 @@ use calib_pipeline::{
 use super::{import::shape_name, inspect_channels::show_channels};
 use crate::cli::InspectArgs;
 
-/// Show what is in a log, and what preprocessing would make of it.
+/// Shows the content of a log, and the result of preprocessing.
 pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let Settings { data, preprocess, deployments, job } = settings(args)?;
     let inspection = Inspection::of(&data, &preprocess, job.as_ref(), printer)?;
@@ -68,7 +68,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
     Ok(Outcome::Done)
 }
 
-/// A study's own sections, or the defaults for data alone.
+/// Returns the sections of a study, or the defaults if only data is given.
 fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
     if args.data.extension().is_some_and(|extension| extension == "toml") {
         let job = Job::resolve(Request {
@@ -96,11 +96,11 @@ fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
     Ok(Settings { data, preprocess: study.preprocess, deployments: Vec::new(), job: None })
 }
 
-/// What to look at.
+/// Settings of an inspection.
 struct Settings {
     data: DataConfig,
     preprocess: PreprocessConfig,
-    /// The deployments of a study, each as what is held out.
+    /// Deployments of a study, each as the held-out period.
     deployments: Vec<(String, DataConfig)>,
     /// The study, if there is one.
     job: Option<Job>,
@@ -185,13 +185,13 @@ fn show_gaps(profile: &Profile, clock: &ShownClock, printer: &Printer) -> Result
     printer.lines(&table(&["", "from", "to"], &shown.take(GAPS).collect::<Vec<_>>()))
 }
 
-/// What is said of damaged lines, above the first few of them.
+/// Label above the first few damaged lines.
 const BAD_ROWS: &str = "lines that cannot be read (left out), such as";
 
-/// Warnings of values that are shown; the notes below the channels have all.
+/// Most warnings about values that are shown. The notes below the channels list all.
 const DOUBTS: usize = 8;
 
-/// Gaps that are shown.
+/// Most gaps that are shown.
 const GAPS: usize = 5;
 
 fn show_parts(

@@ -1,4 +1,4 @@
-//! What `calib inspect` shows of each channel.
+//! Output of `calib inspect` about each channel.
 
 use calib_data::{AngleOf, ChannelProfile, DropReason, Profile, ValueProfile};
 
@@ -9,11 +9,11 @@ use calib_pipeline::{
 
 use crate::cli::InspectArgs;
 
-/// Channels that are listed without `--all`.
+/// Most channels that are listed without `--all`.
 const LISTED: usize = 60;
 
-/// The channels: what is dropped and why, and what is kept. Channels `beside` the states, such as actions, are read whatever they miss, so that
-/// they are not dropped.
+/// Shows the dropped channels with their reasons, and the kept channels. Channels `beside` the states, such as actions, are read even if
+/// they miss many values, so they do not count as dropped.
 pub(super) fn show_channels(
     profile: &Profile,
     descriptions: &Descriptions,
@@ -84,7 +84,7 @@ pub(super) fn show_channels(
     Ok(())
 }
 
-/// Of which angle a channel is, and what in it was no number.
+/// Returns notes on a channel: its angle, and the values that are not numbers.
 fn notes(channel: &ChannelProfile) -> String {
     let mut notes: Vec<String> = channel.angle.iter().map(AngleOf::told).collect();
     if !channel.words.is_empty() {
@@ -108,13 +108,13 @@ fn notes(channel: &ChannelProfile) -> String {
     if notes.is_empty() { String::new() } else { format!("; {}", notes.join("; ")) }
 }
 
-/// The name of a channel that is no column of the states, and why it is none.
+/// Returns the name of a channel without a column in the states, and the reason.
 fn without_own_column(channel: &ChannelProfile) -> String {
     let why = channel.dropped.as_ref().map(ToString::to_string).unwrap_or_default();
     format!("{}: {why}{}", channel.name, notes(channel))
 }
 
-/// Columns of a table of channels whose numbers are written in one notation each.
+/// Columns of numbers in a table of channels. Each column has one notation.
 struct NumberColumns {
     min: Vec<String>,
     max: Vec<String>,
@@ -123,7 +123,7 @@ struct NumberColumns {
 }
 
 impl NumberColumns {
-    /// One entry a channel.
+    /// Formats the columns, with one entry per channel.
     fn of(channels: &[&ChannelProfile]) -> Self {
         let column = |pick: fn(&ValueProfile) -> Option<f64>| {
             let values = channels.iter().map(|channel| channel.values.as_ref().and_then(pick));
@@ -137,7 +137,7 @@ impl NumberColumns {
         }
     }
 
-    /// What the channel at this position is like in all `rows` of the log.
+    /// Returns the row of the channel at this position; the log has `rows` rows.
     fn channel_row(&self, position: usize, channel: &ChannelProfile, rows: u64) -> Vec<String> {
         let values = channel.values.as_ref();
         let distinct = values.map_or_else(
@@ -159,7 +159,7 @@ impl NumberColumns {
     }
 }
 
-/// Three digits of each number, or a dash: all without an exponent, or all with one where some would be long without it.
+/// Formats numbers with three digits; a dash stands for a missing one. All have an exponent if some would be long without it.
 fn in_one_notation(values: &[Option<f64>]) -> Vec<String> {
     let mut sizes = values.iter().flatten().map(|value| value.abs()).filter(|size| *size > 0.0);
     let is_short = sizes.all(|size| (1e-6..1e9).contains(&size));

@@ -1,4 +1,4 @@
-//! One command a file, as far as it is more than a step of the pipeline.
+//! The commands. Those that do more than run one step of the pipeline have a file of their own.
 
 mod check;
 mod cluster;
@@ -29,15 +29,15 @@ use crate::{
     output::watch_for_interrupts,
 };
 
-/// More threads than any machine gains from; each takes memory and time to start.
+/// Upper limit for threads. No machine gains from more, and each takes memory and time to start.
 const MANY_THREADS: usize = 1024;
 
-/// The printer, which prints all reasons if `why`.
+/// Returns a printer that prints all reasons if `why` is set.
 pub(crate) fn explaining(printer: &Printer, why: bool) -> Printer {
     if why { printer.clone().explaining() } else { printer.clone() }
 }
 
-/// Propose a study of agents that act where a column of their actions is named, else of agents that predict.
+/// Proposes a study: for acting agents if a column of actions is named, otherwise for predicting agents.
 fn init(args: InitArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let columns = args.decision_columns();
     let options = ProposeOptions::from(args);
@@ -47,7 +47,7 @@ fn init(args: InitArgs, printer: &Printer) -> Result<Outcome, StepError> {
     })
 }
 
-/// Do what the command line says.
+/// Runs the command of the command line.
 pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     if let Some(threads) = cli.global.threads {
         ensure!(
@@ -59,7 +59,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             .build_global()
             .context("cannot set the number of threads")?;
     }
-    // Warping has nothing to finish or to put aside: the system may end it at once.
+    // `dtw` has no state to save, so the system may end it at once.
     if !matches!(cli.command, Command::Dtw(_)) {
         watch_for_interrupts(cli.command.after_interruption());
     }
@@ -74,7 +74,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             let page =
                 serve.map(|address| status::page_of(&study, address, printer)).transpose()?;
             let job = study.job()?;
-            // What a study of acting agents asks is answered by one step.
+            // A study of acting agents consists of one step.
             let done = if job.study().is_of_acting_agents() {
                 calib_pipeline::control(&job, printer).map(|judged| judged.outcome())
             } else {

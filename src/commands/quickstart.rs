@@ -5,10 +5,10 @@ use calib_pipeline::{Context as _, Job, Outcome, Printer, Request, StepError, ba
 
 use crate::cli::QuickstartArgs;
 
-/// The study that quickstart runs; `configs/quickstart.toml` in the repository.
+/// Study that quickstart runs; `configs/quickstart.toml` in the repository.
 const STUDY: &str = include_str!("../../configs/quickstart.toml");
 
-/// Simulate a plant, run the whole chain on it, and leave everything in a directory.
+/// Simulates a plant, runs all steps on it, and keeps all files in a directory.
 pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let directory = &args.directory;
     printer.heading(
@@ -23,10 +23,10 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> Result<Outcome, S
     Ok(ended.outcome())
 }
 
-/// Leave the study file beside the data, as a start for the user's own.
+/// Writes the study file beside the data, as a start for the user's own.
 fn write_study(directory: &Path, seed: u64) -> Result<std::path::PathBuf, StepError> {
     let path = directory.join("study.toml");
-    // The schema lies beside the original only.
+    // The first line names the schema, which only the original file has beside it.
     let (_schema, text) = STUDY.split_once('\n').context("the study has lines")?;
     let text = text.replace("seed = 0", &format!("seed = {seed}"));
     if read_regular(&path).is_ok_and(|found| found == text.as_bytes()) {

@@ -1,4 +1,4 @@
-//! What `--json` of each command prints, as JSON Schema.
+//! JSON Schemas of the output of each command with `--json`.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use schemars::Schema;
 
 use super::{dtw::Results, explain::Explained};
 
-/// The schemas of what all commands print, by command. `cargo run --example json_schemas -- FOLDER` writes them.
+/// Returns the schemas by command. `cargo run --example json_schemas -- FOLDER` writes them.
 pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
     let own = [
         ("dtw", JsonDocuments::of::<Results>()),

@@ -1,4 +1,4 @@
-//! Series that the user names on the command line: `FILE` or `FILE:COLUMN`.
+//! Series on the command line: `FILE` or `FILE:COLUMN`.
 
 use std::path::{Path, PathBuf};
 
@@ -6,10 +6,10 @@ use calib_data::table::{Table, read_parquet, read_parquet_columns};
 use calib_files::{array_bytes, read_array, read_csv};
 use calib_pipeline::{Context as _, StepError, bail, check_table, require_memory};
 
-/// Columns that a message lists.
+/// Most columns that a message lists.
 const LISTED: usize = 20;
 
-/// Samples of one or several channels, sample after sample.
+/// Samples of one or several channels, sample by sample.
 #[derive(Debug, PartialEq)]
 pub(super) struct Samples {
     pub(super) values: Vec<f64>,
@@ -22,7 +22,7 @@ impl Samples {
     }
 }
 
-/// A file and, where it was given, a column of it.
+/// A file, and one of its columns if given.
 #[derive(Debug, PartialEq)]
 struct SeriesFile {
     path: PathBuf,
@@ -42,7 +42,7 @@ impl Format {
         [(Self::Npy, ".npy"), (Self::Csv, ".csv"), (Self::Parquet, ".parquet")];
 }
 
-/// Read the series that `text` names.
+/// Reads the series that `text` names.
 pub(super) fn read(text: &str) -> Result<Samples, StepError> {
     let source = source(text)?;
     let path = &source.path;
@@ -54,12 +54,12 @@ pub(super) fn read(text: &str) -> Result<Samples, StepError> {
     }
 }
 
-/// The file of the series that `text` names; `text` where it names none.
+/// Returns the file of the series that `text` names, or `text` itself if it names no series.
 pub(super) fn path(text: &str) -> PathBuf {
     source(text).map_or_else(|_| text.into(), |source| source.path)
 }
 
-/// Split at the colon after the file's extension: both parts may hold others.
+/// Splits at the colon after the file's extension. Both parts may contain other colons.
 fn source(text: &str) -> Result<SeriesFile, StepError> {
     let lower = text.to_ascii_lowercase();
     for (format, extension) in Format::ALL {
@@ -77,7 +77,7 @@ fn source(text: &str) -> Result<SeriesFile, StepError> {
     )
 }
 
-/// A series `[n]`, or `[n, channels]`; the column is the number of a channel.
+/// Reads a series `[n]` or `[n, channels]`. The column is the number of a channel.
 fn from_npy(path: &Path, column: Option<&str>) -> Result<Samples, StepError> {
     let what = format!("reading {}", path.display());
     require_memory(array_bytes(path)?, &what, "take fewer samples or channels of it")?;
@@ -134,7 +134,7 @@ fn from_parquet(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError
     table.numbers(name).with_context(context)
 }
 
-/// Position of the only numeric column.
+/// Returns the position of the only numeric column.
 fn only_numeric(path: &Path, columns: &[(&str, bool)]) -> Result<usize, StepError> {
     let mut numeric = columns.iter().enumerate().filter(|(_, (_, is_numeric))| *is_numeric);
     match (numeric.next(), numeric.next()) {

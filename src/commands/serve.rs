@@ -1,4 +1,4 @@
-//! The page of a study: progress, time left, how the settings stand, and the report. It shows and changes nothing.
+//! Web page of a study: progress, time left, the ranking of settings, and the report. It is read-only.
 
 use std::{
     net::IpAddr,
@@ -19,26 +19,26 @@ use tiny_http::{Header, Method, Request, Response, Server};
 use crate::cli::Address;
 
 const PAGE: &str = include_str!("status.html");
-/// Between two looks at whether the page is to end.
+/// Interval between checks whether the page should end.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// What a browser may do with what it is given: run what stands in it, ask the same server, and nothing else.
+/// Content security policy: the page may run its own scripts and ask the same server, and nothing more.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' data: blob:; \
                       connect-src 'self'; font-src data:; frame-ancestors 'none'; form-action 'none'; base-uri 'none'";
 
 type PageResponse = Response<std::io::Cursor<Vec<u8>>>;
 
-/// A page that is shown until it is dropped.
+/// A page that is served until it is dropped.
 pub(super) struct Page {
     ends: Arc<AtomicBool>,
     serving: Option<JoinHandle<()>>,
 }
 
 impl Page {
-    /// Show the page, and say where.
+    /// Starts to serve the page, and prints its address.
     ///
     /// # Errors
-    /// If the address cannot be had.
+    /// If the address is not available.
     pub(super) fn open(
         request: StatusRequest,
         Address(address): Address,
@@ -83,12 +83,12 @@ impl Drop for Page {
     }
 }
 
-/// What is shown.
+/// State of a served page.
 struct Shown {
     request: StatusRequest,
-    /// Whether it is for this machine alone.
+    /// Whether the page serves this machine only.
     is_local: bool,
-    /// Files are read here: the threads of a run are busy until its end.
+    /// Thread for reading files: the threads of a run are busy until its end.
     pool: ThreadPool,
 }
 
@@ -97,7 +97,7 @@ impl Shown {
         let response = if !matches!(asked.method(), Method::Get | Method::Head) {
             refusal(405, "this page only shows")
         } else if self.is_local && !is_for_this_machine(&asked) {
-            // A page of somebody else's, under a name that leads here.
+            // Another site may use a host name that resolves to this machine (DNS rebinding).
             refusal(403, "this page is for this machine alone")
         } else {
             match asked.url().split('?').next().unwrap_or_default() {
@@ -107,7 +107,7 @@ impl Shown {
                 _ => refusal(404, "there is no such page"),
             }
         };
-        // Whoever has gone away is not waited for.
+        // A client that has disconnected is ignored.
         let _ = asked.respond(response);
     }
 
@@ -133,7 +133,7 @@ impl Shown {
     }
 }
 
-/// Whether a browser asked for an address of this machine.
+/// Whether the browser asked for an address of this machine.
 fn is_for_this_machine(asked: &Request) -> bool {
     let host = asked.headers().iter().find(|header| header.field.equiv("Host"));
     host.is_none_or(|header| {

@@ -1,11 +1,12 @@
-//! Which share of the work a process has, as it was typed or as a system that runs many of them says.
+//! Shares of the work: typed by the user, or set in the environment
+//! by a system that runs many processes.
 
 use calib_pipeline::{Context as _, StepError, ensure};
 use calib_study::{Job, Policy, Share};
 
 use crate::cli::StudyArgs;
 
-/// What systems call the number of a task, and what the first one is.
+/// Environment variables with the number of a task, each with the number of the first task.
 const NUMBERS: [(&str, usize); 5] = [
     ("SLURM_ARRAY_TASK_ID", 0),
     ("JOB_COMPLETION_INDEX", 0),
@@ -14,12 +15,12 @@ const NUMBERS: [(&str, usize); 5] = [
     ("PARALLEL_SEQ", 1),
 ];
 
-/// What the environment says of a name.
+/// Reads an environment variable.
 pub(super) fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok()
 }
 
-/// A number that was given for `option`, or "auto" for what the system says in the environment.
+/// Reads the number given for `option`, or for "auto" the number of the task from the environment.
 pub(super) fn number(
     option: &str,
     typed: &str,
@@ -41,7 +42,7 @@ pub(super) fn number(
     })
 }
 
-/// "3/8", or "auto/8".
+/// Reads a share: "3/8", or "auto/8".
 pub(super) fn share(
     typed: &str,
     environment: impl Fn(&str) -> Option<String>,
@@ -63,7 +64,7 @@ pub(super) fn share(
         })
 }
 
-/// The job, of which only a share is to be done where one was asked for.
+/// Returns the job, limited to a share if one was given.
 pub(super) fn shared(job: Job, typed: Option<&str>) -> Result<Job, StepError> {
     let Some(typed) = typed else { return Ok(job) };
     let policy = job.policy();
@@ -75,7 +76,8 @@ pub(super) fn shared(job: Job, typed: Option<&str>) -> Result<Job, StepError> {
     Ok(job.under(Policy { share: Some(share), ..policy }))
 }
 
-/// Refuse a share that is to print its verdict as JSON: only the plan of a share is a result.
+/// Refuses `--json` for a share, because a share has no verdict. A
+/// dry run of a share prints its plan.
 pub(super) fn refuse_verdict(study: &StudyArgs, typed: Option<&str>) -> Result<(), StepError> {
     ensure!(
         typed.is_none() || !study.json || study.dry_run,

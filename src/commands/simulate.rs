@@ -10,10 +10,10 @@ use calib_study::{SimulateConfig, shell_words};
 
 use crate::cli::{PlantArgs, SimulateArgs, Task};
 
-/// Steps that are recorded in a task, unless somebody says.
+/// Default number of recorded steps in a task.
 const TRANSITIONS: usize = 5000;
 
-/// Simulate a plant and write one Parquet file a day.
+/// Simulates a plant, and writes one Parquet file per day.
 pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> Result<Outcome, StepError> {
     if let Some(task) = args.task.task {
         return of_task(args, task, printer);
@@ -45,7 +45,7 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> Result<Outcome, Ste
     Ok(Outcome::Done)
 }
 
-/// Write the log of a policy in a classic task.
+/// Writes the log of a policy in a classic task.
 fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> Result<Outcome, StepError> {
     let seed = args.plant.seed;
     ensure!(
@@ -76,7 +76,7 @@ fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> Result<Outcome
     Ok(Outcome::Done)
 }
 
-/// What `calib simulate STUDY` is to write, and where; and what to do next.
+/// Returns the folder and the plant of `calib simulate STUDY`, and the hint for the next command.
 fn described(args: &SimulateArgs) -> Result<(PathBuf, PlantOptions, String), StepError> {
     let shown = args.target.display();
     ensure!(
@@ -96,7 +96,7 @@ fn described(args: &SimulateArgs) -> Result<(PathBuf, PlantOptions, String), Ste
     Ok((directory, plant, job.run_command()))
 }
 
-/// What was typed, and the defaults for the rest.
+/// Combines the given options with the defaults.
 fn config(args: &PlantArgs) -> Result<SimulateConfig, StepError> {
     let defaults = SimulateConfig::default();
     let start = args.start.as_ref().map(|start| {

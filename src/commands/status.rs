@@ -1,4 +1,4 @@
-//! `calib status`: once, again and again, or as a page.
+//! `calib status`: once, repeatedly, or as a page.
 
 use std::{
     io::{self, IsTerminal as _, Write as _},
@@ -14,12 +14,12 @@ use crate::{
     output::is_asked_to_stop,
 };
 
-/// Between two looks of `--watch`.
+/// Interval between outputs of `--watch`.
 const EVERY: Duration = Duration::from_secs(2);
-/// Between two looks at whether to stop.
+/// Interval between checks whether to stop.
 const STEP: Duration = Duration::from_millis(100);
 
-/// Say how what is asked for stands.
+/// Reports the status of a study, a result folder or a plan.
 pub(super) fn run(args: StatusArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let watch = args.watch;
     let serve = args.serve;
@@ -39,7 +39,7 @@ pub(super) fn run(args: StatusArgs, printer: &Printer) -> Result<Outcome, StepEr
     while watch && is_running && wait(EVERY) {
         let standing = calib_pipeline::status(&request, printer)?;
         if io::stdout().is_terminal() {
-            // Home, and everything below it gone.
+            // This moves the cursor to the top left corner and clears the screen.
             let _ = write!(io::stdout(), "\x1b[H\x1b[2J");
         } else {
             printer.result("")?;
@@ -50,7 +50,7 @@ pub(super) fn run(args: StatusArgs, printer: &Printer) -> Result<Outcome, StepEr
     Ok(Outcome::Done)
 }
 
-/// The page of a study that is about to run.
+/// Opens the page of a study that is about to run.
 pub(super) fn page_of(
     study: &StudyArgs,
     address: Address,
@@ -65,7 +65,7 @@ pub(super) fn page_of(
     Page::open(request, address, printer)
 }
 
-/// Wait so long; whether nobody asked to stop meanwhile.
+/// Waits for `span`, and returns whether no request to stop came meanwhile.
 fn wait(span: Duration) -> bool {
     let mut waited = Duration::ZERO;
     while waited < span && !is_asked_to_stop() {

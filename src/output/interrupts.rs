@@ -1,4 +1,4 @@
-//! Being asked to stop: by a person, or by whoever runs many such commands and needs the machine or sees a limit come.
+//! Requests to stop: from a user, or from a batch system that needs the machine or reaches a time limit.
 
 use std::{
     sync::{
@@ -12,36 +12,36 @@ use std::{
 use crate::ExitStatus;
 
 static ASKED: AtomicBool = AtomicBool::new(false);
-/// It is to go on later.
+/// Whether the request came from a batch system, so that the command can resume later.
 static FOR_NOW: AtomicBool = AtomicBool::new(false);
-/// The command keeps nothing of what it did before it is done.
+/// Whether the command saves nothing before its end.
 static KEEPS_NOTHING: AtomicBool = AtomicBool::new(false);
 
-/// How long work has to come to its next safe point. Some has none for long: inside an update of a large network, or in
-/// a library.
+/// Time for work to reach its next safe point. Some work has no safe point for long: within an update of a large
+/// network, or in a library.
 const GRACE: Duration = Duration::from_millis(1_500);
-/// How long it has if it has come there, and is writing what it goes on from.
+/// Time for work that has reached a safe point and is writing its checkpoint.
 const WRITING_CHECKPOINT: Duration = Duration::from_secs(10);
-/// Between two looks.
+/// Interval between checks.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// What the same command does after an interruption.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AfterInterruption {
-    /// It goes on from what was kept.
+    /// It resumes from the saved state.
     GoesOn,
-    /// It does everything again.
+    /// It starts again from the beginning.
     BeginsAnew,
 }
 
-/// From now on Ctrl-C asks the work to stop at its next safe point; a second Ctrl-C ends at once. So do TERM, USR1 and
-/// USR2, however often they come: batch systems send them to several processes of a task before its end. Where no safe
-/// point comes soon, the process ends: results are whole or absent after that as after any kill.
+/// Makes signals stop the work. Ctrl-C asks it to stop at its next safe point, and a second Ctrl-C ends the process at
+/// once. TERM, USR1 and USR2 only ask, however often they come: batch systems send them to several processes of a task
+/// before its end. If no safe point comes soon, the process ends. Results are then whole or absent, as after any kill.
 pub(crate) fn watch_for_interrupts(after: AfterInterruption) {
     static ONCE: Once = Once::new();
     KEEPS_NOTHING.store(after == AfterInterruption::BeginsAnew, Ordering::Relaxed);
     ONCE.call_once(|| {
-        // Without a handler Ctrl-C ends the process at once; that is safe too, only less polite.
+        // Without a handler, Ctrl-C ends the process at once. That is also safe, but less polite.
         let _ = ctrlc::set_handler(|| {
             if ASKED.swap(true, Ordering::SeqCst) {
                 std::process::exit(130);
@@ -49,12 +49,12 @@ pub(crate) fn watch_for_interrupts(after: AfterInterruption) {
         });
         #[cfg(unix)]
         watch_for_batch_systems();
-        // Without it the work is only waited for.
+        // Without this thread, the work has no time limit.
         let _ = thread::Builder::new().name("interrupts".to_owned()).spawn(end_in_time);
     });
 }
 
-/// Wait for a signal, and end the process where the work does not end in time.
+/// Waits for a signal, and ends the process if the work does not stop in time.
 fn end_in_time() {
     while !is_asked_to_stop() {
         thread::sleep(LOOK);
@@ -69,11 +69,12 @@ fn end_in_time() {
     end(status)
 }
 
-/// End at once. Whoever holds a lock, such as that of standard error, may be what does not end.
+/// Ends the process at once. It takes no lock, such as that of standard
+/// error: the thread that does not end may hold it.
 #[cfg(unix)]
 fn end(status: ExitStatus) -> ! {
     let told = format!("error: {}\n", interrupted());
-    // SAFETY: the text is as long as is said, and nothing is run on the way out.
+    // SAFETY: the pointer and the length belong to the same text, and no code runs at exit.
     #[expect(unsafe_code, reason = "a process is left at once in C")]
     unsafe {
         libc::write(libc::STDERR_FILENO, told.as_ptr().cast(), told.len());
@@ -90,7 +91,7 @@ fn end(status: ExitStatus) -> ! {
 fn watch_for_batch_systems() {
     let handler: extern "C" fn(libc::c_int) = stop_for_now;
     for signal in [libc::SIGTERM, libc::SIGUSR1, libc::SIGUSR2] {
-        // SAFETY: the handler stores two atomic numbers, which may be done in a handler.
+        // SAFETY: the handler stores two atomic numbers, which is allowed in a signal handler.
         #[expect(unsafe_code, reason = "signals are handled in C")]
         unsafe {
             libc::signal(signal, handler as libc::sighandler_t);
@@ -104,12 +105,12 @@ extern "C" fn stop_for_now(_: libc::c_int) {
     ASKED.store(true, Ordering::SeqCst);
 }
 
-/// Whether the work is to stop.
+/// Whether a request to stop was received.
 pub(crate) fn is_asked_to_stop() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// What is said of an interruption, and of what the same command does after it.
+/// Returns the message about an interruption, and about what the same command does next.
 pub(crate) fn interrupted() -> &'static str {
     if KEEPS_NOTHING.load(Ordering::Relaxed) {
         "interrupted; nothing is kept, so the same command begins anew"
@@ -118,7 +119,7 @@ pub(crate) fn interrupted() -> &'static str {
     }
 }
 
-/// Whether it is to be tried again: what was asked to stop has kept its state.
+/// Whether the command can resume later: a batch system stopped it, and its state is saved.
 pub(crate) fn is_to_be_tried_again() -> bool {
     FOR_NOW.load(Ordering::Relaxed)
 }

@@ -1,4 +1,4 @@
-//! All that is said, kept in a file beside the terminal.
+//! Journal of all messages: a file beside the output on the terminal.
 
 use std::{
     fs::File,
@@ -20,13 +20,13 @@ use super::{
 };
 use crate::cli::GlobalArgs;
 
-/// How much a terminal shows.
+/// Amount of output on a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verbosity {
-    /// Results and errors.
+    /// Results and errors only.
     Quiet,
     Usual,
-    /// What steps on the way came to as well; lines say how long the command has been running.
+    /// Also the results of intermediate steps; lines have the elapsed time.
     Verbose,
 }
 
@@ -40,7 +40,7 @@ impl Verbosity {
     }
 }
 
-/// A terminal, and perhaps a file that keeps what is said.
+/// A terminal, and optionally a file that keeps all messages.
 #[derive(Debug)]
 pub(crate) struct Journal {
     terminal: Terminal,
@@ -65,7 +65,7 @@ impl Journal {
         Ok(Self { terminal, verbosity, started, stage, file })
     }
 
-    /// Keep `text`, each of its lines with the time and what it is.
+    /// Keeps `text` in the file, if there is one; each line has a time and a kind.
     fn keep(&self, kind: &str, text: &str) {
         if let Some(file) = &self.file {
             keep_in(file, kind, text);
@@ -73,20 +73,20 @@ impl Journal {
     }
 }
 
-/// Keep `text` in a file, each of its lines with the time and what it is.
+/// Keeps `text` in a file; each line has a time and a kind.
 fn keep_in(file: &Mutex<File>, kind: &str, text: &str) {
     let now = Timestamp::now();
     let lines = text.lines().map(|line| {
-        // Whoever reads the file does so on a terminal.
+        // Users read the file on a terminal, so control sequences are removed.
         format!("{now:.3} {kind:<7} {}\n", harmless(line, Lines::One))
     });
     let lines: String = lines.collect();
     let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
-    // A full disk is no reason to stop working.
+    // A full disk must not stop the work.
     let _ = file.write_all(lines.as_bytes());
 }
 
-/// Open a journal, or begin one. Whatever else has content is somebody's, and nothing is appended to it.
+/// Opens or creates a journal. Nothing is appended to any other file that has content.
 fn open(path: &Path) -> Result<File, StepError> {
     let mut begin = Vec::new();
     if path.exists() {
@@ -102,17 +102,17 @@ fn open(path: &Path) -> Result<File, StepError> {
     Ok(calib_files::open_to_append(path)?)
 }
 
-/// Bytes of a line that tell whether it is one of a journal.
+/// Length in bytes of the start of a line, enough to recognise a journal.
 const LONGEST: u64 = 128;
 
-/// Whether a line begins as those of a journal do: with a time, and what it is.
+/// Whether a line begins like a journal entry, with a time and a kind.
 fn is_entry(line: &str) -> bool {
     let mut words = line.split_whitespace();
     let is_time = words.next().is_some_and(|word| word.parse::<Timestamp>().is_ok());
     is_time && words.next().is_some_and(|kind| KINDS.contains(&kind))
 }
 
-/// What lines can be.
+/// Kinds of journal entries.
 const KINDS: [&str; 5] = ["info", "step", "warning", "error", "result"];
 
 impl Observer for Journal {

@@ -1,4 +1,4 @@
-//! What a person or a machine reads: results on stdout, talk and progress on stderr.
+//! Output for people and machines: results on stdout, messages and progress on stderr.
 
 mod interrupts;
 mod journal;

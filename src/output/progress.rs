@@ -13,28 +13,28 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::{interrupts::is_asked_to_stop, terminal::eprint_line};
 
-/// What keeps a line in a file.
+/// Function that keeps a line in a file.
 pub(crate) type KeepLine = Box<dyn Fn(&str) + Send + Sync>;
 
-/// Shows progress with an ETA and passes interrupts on.
+/// Shows progress with the remaining time, and passes interrupts on.
 pub(crate) struct ProgressMonitor {
     bar: ProgressBar,
-    /// Off a terminal: when the last line was printed. `None` where a bar is drawn or in silence.
+    /// Lines for output without a terminal. `None` if there is a progress bar, or no output.
     plain: Option<Mutex<Lines>>,
-    /// Where there is a journal: when the last line was kept, and what keeps it.
+    /// Lines for the journal, if there is one, and the function that keeps them.
     kept: Option<(Mutex<Lines>, KeepLine)>,
-    /// Which stage of a whole run it is of.
+    /// Stage of a run of several stages.
     stage: Option<Stage>,
-    /// When the bar last said how far the whole is.
+    /// Time since the bar last showed the progress of the whole run.
     since_told: Mutex<Stopwatch>,
 }
 
-/// Lines that say now and then how far a task is.
+/// Occasional lines that report the progress of a task.
 struct Lines {
     task: String,
     every: Duration,
     since_line: Stopwatch,
-    /// Whether the task has a line yet.
+    /// Whether the task has had a line.
     told: bool,
     since_start: Stopwatch,
 }
@@ -52,13 +52,13 @@ impl Lines {
     }
 }
 
-/// Time to the first line of a long task where no bar can be drawn.
+/// Time until the first line of a long task without a progress bar.
 const FIRST_LINE: Duration = Duration::from_secs(2);
-/// Time between two looks at how far the whole is.
+/// Interval between updates of the progress of the whole run.
 const BAR_EVERY: Duration = Duration::from_millis(500);
-/// Time between two such lines.
+/// Interval between lines without a progress bar.
 const LINE_EVERY: Duration = Duration::from_secs(10);
-/// Time between two lines in a journal.
+/// Interval between lines in a journal.
 const KEPT_EVERY: Duration = Duration::from_mins(1);
 
 impl ProgressMonitor {
@@ -80,7 +80,7 @@ impl ProgressMonitor {
         Self { bar, plain, kept, stage, since_told: Mutex::new(Stopwatch::start()) }
     }
 
-    /// How far the whole run is, when this task will take as long as it does by now.
+    /// Returns the progress of the whole run, if this task takes as long as it now seems.
     fn whole(&self, elapsed: Duration, left: Duration) -> String {
         let Some(Stage { number, stages, later }) = self.stage else { return String::new() };
         let all = later.filter(|later| *later > 0.0).and_then(|later| {
@@ -90,7 +90,7 @@ impl ProgressMonitor {
         format!("; step {number} of {stages}{}", all.unwrap_or_default())
     }
 
-    /// Beside the bar, now and then.
+    /// Updates the text beside the bar from time to time.
     fn tell_whole(&self) {
         if self.stage.is_none() || self.bar.is_hidden() {
             return;
@@ -102,7 +102,7 @@ impl ProgressMonitor {
         }
     }
 
-    /// A line of how far the task is, if it is time for one.
+    /// Returns a progress line, if it is time for one.
     fn line(&self, lines: &Mutex<Lines>) -> Option<String> {
         let mut lines = lines.try_lock().ok()?;
         let done = self.bar.position();
@@ -113,7 +113,7 @@ impl ProgressMonitor {
         let elapsed = lines.since_start.elapsed();
         let share = done as f64 / total as f64;
         let left = elapsed.mul_f64((1.0 - share).max(0.0) / share.max(1e-9));
-        // A task that will be long says so early.
+        // A long task has an early first line.
         let early = !lines.told && done > 0 && elapsed > FIRST_LINE && left > lines.every;
         if !early && lines.since_line.elapsed() < lines.every {
             return None;

@@ -12,14 +12,14 @@ use calib_pipeline::{
 use super::progress::ProgressMonitor;
 use crate::cli::ColorChoice;
 
-/// Results to stdout, talk, warnings and progress to stderr.
+/// Output to a terminal: results to stdout; messages, warnings and progress to stderr.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Terminal {
     color: bool,
 }
 
 impl Terminal {
-    /// The terminal, with colour or without.
+    /// Creates a terminal output with or without colour.
     pub(crate) fn new(color: ColorChoice) -> Self {
         let color = match color {
             ColorChoice::Always => true,
@@ -32,7 +32,7 @@ impl Terminal {
         Self { color }
     }
 
-    /// What to type next stands out from what was done.
+    /// Highlights the next command to type.
     fn hinted(self, text: &str) -> String {
         let hint = ["next: ", "  or: "].iter().find_map(|word| text.strip_prefix(word));
         hint.map_or_else(
@@ -72,7 +72,7 @@ impl Observer for Terminal {
             ResultPart::Json(text) => harmless_json(text),
         };
         match writeln!(io::stdout().lock(), "{text}") {
-            // `calib … | head` is no failure.
+            // A closed pipe, as in `calib … | head`, is not a failure.
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
             other => other,
         }
@@ -83,7 +83,7 @@ impl Observer for Terminal {
     }
 }
 
-/// Lines of a file that an error is about.
+/// Prints the lines of a file that an error is about.
 pub(crate) fn excerpt(excerpt: &str) {
     for line in excerpt.lines() {
         eprint_line(&harmless(line, Lines::One));
@@ -91,6 +91,6 @@ pub(crate) fn excerpt(excerpt: &str) {
 }
 
 pub(super) fn eprint_line(text: &str) {
-    // A closed stderr is no reason to stop working.
+    // A closed stderr must not stop the work.
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
