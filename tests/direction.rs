@@ -1,4 +1,5 @@
-//! Dependencies point one way: between crates, and between the modules of those that hold the steps.
+//! Dependencies go in one direction: between crates, and between the
+//! modules of the crates that contain the steps.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -6,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Names, and what each uses.
+/// Maps each name to the names that it uses.
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
 fn root() -> &'static Path {
@@ -17,7 +18,7 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// All Rust files below a folder.
+/// Returns all Rust files below a folder.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).expect("a folder").flatten() {
@@ -31,7 +32,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// A way round, if there is one: each uses the next, and the last the first.
+/// Returns a cycle, if there is one: each uses the next, and the last uses the first.
 fn circle(graph: &Graph) -> Option<Vec<String>> {
     fn from(
         graph: &Graph,
@@ -58,7 +59,7 @@ fn circle(graph: &Graph) -> Option<Vec<String>> {
     graph.keys().find_map(|start| from(graph, &mut vec![start.clone()], &mut done))
 }
 
-/// The crates of the workspace, and which of them each is built from.
+/// Returns the crates of the workspace, each with those that it is built from.
 fn crates() -> Graph {
     let mut graph = Graph::new();
     for entry in fs::read_dir(root().join("crates")).expect("crates").flatten() {
@@ -88,7 +89,7 @@ fn graph_of(edges: &[(&str, &str)]) -> Graph {
     graph
 }
 
-/// The crates that hold the steps, each of which may use those before it.
+/// Crates that contain the steps. Each may use those before it.
 const STEPS: [&str; 4] = ["calib-base", "calib-model-steps", "calib-sweep-steps", "calib-pipeline"];
 
 #[test]
@@ -100,14 +101,14 @@ fn modules_of_the_steps_have_no_circles() {
     }
 }
 
-/// The modules of a crate, as its `lib.rs` has them, and which of them each uses.
+/// Returns the modules of a crate, as listed in its `lib.rs`, each with those that it uses.
 fn modules(folder: &Path) -> Graph {
     let mut graph = Graph::new();
     for path in sources(folder) {
         let inside = path.strip_prefix(folder).expect("inside");
         let mut parts = inside.iter().map(|part| part.to_string_lossy().into_owned());
         let module = parts.next().expect("a file").trim_end_matches(".rs").to_owned();
-        // What others call, and what they may see, stand above all modules.
+        // `lib` and `steps` hold the public interface, and stand above all modules.
         if module == "lib" || module == "steps" {
             continue;
         }
@@ -132,7 +133,7 @@ fn first_name(text: &str) -> String {
     text.chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect()
 }
 
-/// The first names of a list of imports, `a::{b, c}, d}`, as far as its closing brace.
+/// Returns the first names of a list of imports, `a::{b, c}, d}`, up to its closing brace.
 fn outer_names(list: &str) -> Vec<String> {
     let mut depth = 0;
     let mut names = Vec::new();
@@ -168,7 +169,7 @@ fn crates_have_no_circles_and_the_low_ones_know_nobody() {
     }
 }
 
-/// The crates as a picture: an arrow to each that one is built from, but to those that it has through another one anyway.
+/// Draws the crates: an arrow to each dependency, except for those that are implied by another dependency.
 fn picture() -> String {
     let mut graph = crates();
     let (_, own) = read(&root().join("Cargo.toml"))
@@ -263,7 +264,7 @@ fn no_function_is_longer_than_a_screen_and_a_half() {
                 && indent == outer
                 && line.trim_start().starts_with(['}', ')'])
             {
-                // The arguments end there, and a function of a trait need not have more.
+                // The arguments end here, and a trait function may have no body.
                 if line.trim_start().starts_with(')') {
                     begun = begun.filter(|_| !line.trim_end().ends_with(';'));
                     continue;

@@ -1,4 +1,4 @@
-//! Programs whose agents act: what they are told, what is made of their answers, and what is said where they fail.
+//! Acting agents that are external programs: their input, the use of their answers, and messages about failures.
 #![cfg(unix)]
 
 use std::fs;
@@ -8,7 +8,7 @@ use crate::{
     harness::Place,
 };
 
-/// A program that takes the action of its parameters for ever.
+/// A program that always takes the action in its parameters.
 const ALWAYS: &str = r#"
 while read -r line; do
   case $line in
@@ -19,10 +19,10 @@ while read -r line; do
 done
 "#;
 
-/// What a study says of it.
+/// Section of a study that uses the program.
 const PROGRAM: &str = "[agent]\nkind = \"external\"\ncommand = [\"sh\", \"agent.sh\"]\n[agent.parameters]\naction = 1\n[sweep.grid]\naction = [0, 1]\n";
 
-/// The pump, and agents of a program in `sh`.
+/// Returns the pump study with agents of a program in `sh`.
 fn pump_of_a_program(script: &str) -> Place {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
     place.write("agent.sh", script);
@@ -45,7 +45,7 @@ fn agents_of_a_program_act_and_are_judged() {
     let json = place.calib(&[&args[..], &["--json"]].concat()).json(&[0, 1]);
     assert_eq!(json["choice"], serde_json::json!({ "parameters": { "action": 0 } }));
     assert_eq!(json["verdict"]["default"], 1);
-    // What a program gets that never changes its action is what calib finds for that action, to the bit.
+    // A program that never changes its action has exactly the result of that constant action.
     assert_eq!(json["verdict"]["constant"]["action"], 0);
     assert_eq!(
         json["verdict"]["constant"]["mean_return"],
@@ -53,19 +53,19 @@ fn agents_of_a_program_act_and_are_judged() {
     );
     assert_eq!(json["verdict"]["selection"]["mean_errors"].as_array().map(Vec::len), Some(2));
     place.calib(&["check", "study-results"]).succeeds();
-    // Another program is another verdict.
+    // Another program needs another verdict.
     place.write("agent.sh", &format!("{ALWAYS}# changed\n"));
     let other = place.calib(&args);
     other.ends(&[0, 1]);
     assert!(!other.stderr().contains("/control is up to date"), "{}", other.stderr());
 }
 
-/// What a program is told, run by run.
+/// Each run gets its own input.
 #[test]
 fn a_program_is_told_what_its_actions_led_to() {
     let hearing = ALWAYS.replace("  case", "  echo \"$line\" >> heard\n  case");
     let heard = heard_in(&pump_of_a_program(&hearing), "study.toml");
-    // Two settings in two members, and once more the chosen one; each for 50 steps in episodes of 20.
+    // Two settings in two ensemble members, and the chosen setting once more; each for 50 steps in episodes of 20.
     assert_eq!(lines_with(&heard, "\"begin\""), 5);
     assert_eq!(lines_with(&heard, "\"ends\":\"timeout\""), 5 * 2, "{heard}");
     assert_eq!(lines_with(&heard, "\"ends\":\"terminal\""), 0);
@@ -93,7 +93,7 @@ fn a_program_is_told_what_its_actions_led_to() {
     assert_eq!(lines_with(&heard, "\"ends\":\"timeout\""), 0);
 }
 
-/// What a program wrote down of what it was told while `study` ran.
+/// Returns the input that a program recorded while `study` ran.
 fn heard_in(place: &Place, study: &str) -> String {
     let args = ["control", study, "--threads", "1", "--set", "control.models=[\"neighbors\"]"];
     place.calib(&args).ends(&[0, 1]);
@@ -101,17 +101,17 @@ fn heard_in(place: &Place, study: &str) -> String {
     fs::read_to_string(study.with_file_name("heard")).expect("the program wrote it")
 }
 
-/// How many lines have this part.
+/// Counts the lines that contain `part`.
 fn lines_with(heard: &str, part: &str) -> usize {
     heard.lines().filter(|line| line.contains(part)).count()
 }
 
-/// How many runs have begun, by what a program wrote down.
+/// Counts the runs that a program recorded as begun.
 fn begun(place: &Place) -> usize {
     fs::read_to_string(place.path().join("begun")).map_or(0, |text| text.lines().count())
 }
 
-/// Nobody knows what an agent does before it acts.
+/// The actions of an agent are unknown before it acts.
 #[test]
 fn a_dry_run_does_not_run_the_program() {
     let counting = ALWAYS.replace("*'\"begin\"'*) ", "*'\"begin\"'*) echo >> begun; ");
@@ -129,12 +129,12 @@ fn a_dry_run_does_not_run_the_program() {
     assert_eq!(begun(&place), 0);
 }
 
-/// Runs are kept, but none that cannot be trusted.
+/// Runs are kept, except for those that cannot be trusted.
 #[test]
 fn a_sweep_of_a_program_goes_on() {
     let args = ["control", "study.toml", "--threads", "1"];
     let counting = ALWAYS.replace("*'\"begin\"'*) ", "*'\"begin\"'*) echo >> begun; ");
-    // It cannot act with one setting until a file is there.
+    // The program fails with one setting until the file `go` exists.
     let failing =
         counting.replace("    *) echo", "    *) [ $action = 1 ] && [ ! -e go ] && exit 3; echo");
     let whole = pump_of_a_program(&failing);
@@ -149,7 +149,8 @@ fn a_sweep_of_a_program_goes_on() {
     assert!(told.contains("action = 1, which is therefore last in every ranking"), "{told}");
     let status = stopped.calib(&["status", "study.toml"]).succeeds();
     assert!(!status.contains("no ranking yet"), "{status}");
-    // The setting that failed is tried again; of the other only the last steps of the chosen agent are made once more.
+    // The failed setting is tried again. Of the other setting, only the last
+    // steps of the chosen agent are run once more.
     stopped.write("go", "");
     let before = begun(&stopped);
     let again = stopped.calib(&args);
@@ -157,11 +158,11 @@ fn a_sweep_of_a_program_goes_on() {
     assert!(!again.stderr().contains("last in every ranking"), "{}", again.stderr());
     assert_eq!(begun(&stopped) - before, all.div_ceil(2), "half of the runs, and the last steps");
     assert!(stopped.content("study-results/control") == whole.content("study-results/control"));
-    // With --force nothing is taken from before.
+    // With --force no earlier run is used.
     let before = begun(&stopped);
     stopped.calib(&[&args[..], &["--force"]].concat()).ends(&[0, 1]);
     assert_eq!(begun(&stopped) - before, all);
-    // One that dies between two agents is started again.
+    // A program that dies between two agents is started again.
     let dying = ALWAYS.replace(
         "*'\"begin\"'*) ",
         "*'\"begin\"'*) began=$((began + 1)); [ $began = 6 ] && exit 3; ",
@@ -176,7 +177,7 @@ fn a_sweep_of_a_program_goes_on() {
     let kept = changing.content("study-results/control-units");
     let mut names = kept.keys().map(|name| name.to_string_lossy());
     assert!(!names.any(|name| name.starts_with("run-")), "{:?}", kept.keys());
-    // It answered everything, and ends badly every time.
+    // The program answers everything, and always exits with an error.
     let bad = pump_of_a_program(&format!("{ALWAYS}\nexit 4"));
     for _ in 0..2 {
         bad.calib(&args).fails_with(2, &["exit status: 4 after its last answer"]);
@@ -217,12 +218,12 @@ fn a_program_that_cannot_act_is_told() {
         .fails_with(2, &["[agent.parameters]"]);
 }
 
-/// What is said of a program that cannot act.
+/// Returns the error message about a program that cannot act.
 fn refusal_of(script: &str) -> String {
     pump_of_a_program(script).calib(&["control", "study.toml"]).fails(2)
 }
 
-/// An agent that diverges is the worst, and the others are judged all the same.
+/// An agent that diverges is ranked last, and the other settings are still judged.
 #[test]
 fn an_agent_of_a_program_may_diverge() {
     let place = pump_of_a_program(&ALWAYS.replace(
@@ -234,7 +235,8 @@ fn an_agent_of_a_program_may_diverge() {
     assert_eq!(json["verdict"]["selection"]["mean_errors"][1], "-inf");
 }
 
-/// A setting that fails is last, and the others are judged all the same, with the same bytes on any number of threads.
+/// A failing setting is ranked last, and the other settings are still judged,
+/// with the same bytes on any number of threads.
 #[test]
 fn a_program_may_fail_with_one_setting() {
     let failing = ALWAYS.replace(
@@ -246,7 +248,7 @@ fn a_program_may_fail_with_one_setting() {
     let json = told.json(&[0, 1]);
     assert_eq!(json["verdict"]["chosen"], 0);
     assert_eq!(json["failures"][0]["candidate"], 1);
-    // It was the default, without which nothing is supported.
+    // The failing setting is the default, without which no choice is supported.
     assert!(told.stderr().contains("the program failed with the default"), "{}", told.stderr());
     assert_eq!((told.code(), &json["is_ahead_of_default"]), (1, &false.into()));
     assert!(told.stderr().contains("a run with action = 1: no such valve"), "{}", told.stderr());
@@ -260,7 +262,7 @@ fn a_program_may_fail_with_one_setting() {
     let both = [&place, &other].map(|place| place.content("study-results/control"));
     assert!(both[0] == both[1], "the same bytes on any number of threads");
     place.calib(&["check", "study-results"]).succeeds();
-    // A share has made what it could.
+    // A share has run all that it could run.
     let shared = pump_of_a_program(&failing);
     let models = "--set=control.models=[\"neighbors\"]";
     for counts in ["2 runs made, 0 there before", "0 runs made, 2 there before"] {

@@ -1,4 +1,4 @@
-//! Building models: killed and continued, within some memory, with every search structure.
+//! Builds of models: killed and resumed, within limited memory, with every search structure.
 
 use std::{
     fs,
@@ -12,7 +12,7 @@ use std::{
 use crate::harness::send;
 use crate::harness::{Place, assert_same};
 
-/// A log of a third of a million states, which are searched in five parts.
+/// Returns a study with a log of a third of a million states, which are searched in five parts.
 fn long_study() -> Place {
     let place = Place::new();
     let args = ["simulate", "data", "--days", "5", "--channels", "12", "--period", "1"];
@@ -32,7 +32,7 @@ fn parts(directory: &Path) -> usize {
     entries.filter(|entry| entry.path().extension().is_some_and(|e| e == "part")).count()
 }
 
-/// Wait until so many parts are kept; false if the build ends before.
+/// Waits until `count` parts are saved; returns false if the build ends before.
 fn wait_for_parts(child: &mut Child, directory: &Path, count: usize) -> bool {
     while parts(directory) < count {
         if child.try_wait().expect("a status").is_some() {
@@ -56,7 +56,7 @@ fn a_build_killed_ten_times_gives_the_same_bytes() {
     let directory = place.path().join("killed");
     let mut killed = 0;
     let mut seen = 0;
-    // At each part as soon as it is there, then at moments spread over the whole build.
+    // Kills come right after each part, then at moments spread over the whole build.
     for part in 1..=3 {
         let mut child = start(&place, "killed");
         if wait_for_parts(&mut child, &directory, part) {
@@ -71,14 +71,15 @@ fn a_build_killed_ten_times_gives_the_same_bytes() {
         if killed == 10 {
             break;
         }
-        // Parts that are kept make the build shorter: now and then they go, as after a change of the settings.
+        // Saved parts make the build shorter, so they are removed from time to
+        // time, as after a change of the settings.
         if moment % 4 == 0 {
             let _ = fs::remove_dir_all(directory.join("model/partial"));
         }
         let mut child = start(&place, "killed");
         thread::sleep(whole.mul_f64(f64::from(moment * 7 % 19) / 19.0));
         killed += usize::from(child.try_wait().expect("a status").is_none());
-        // One that has ended cannot be killed, and begins anew.
+        // A build that has ended cannot be killed, and starts again.
         let _ = child.kill();
         if child.wait().expect("a status").success() {
             fs::remove_file(directory.join("model/manifest.json")).expect("it was complete");
@@ -106,8 +107,8 @@ fn ctrl_c_keeps_the_parts_and_the_next_build_uses_them() {
     assert!(place.content("stopped") == place.content("whole"));
 }
 
-/// Kill a build when its last table is written, while it judges the model; when its parts were written. Nothing if it
-/// had judged before the kill came, as it may on a busy machine.
+/// Kills a build while it judges the model, after its last table, and returns when its parts were written. `None` if
+/// it had finished before the kill, as may happen on a busy machine.
 fn kill_while_judging(place: &Place, directory: &Path) -> Option<Vec<SystemTime>> {
     let table = directory.join("model/members/2/distances.npy");
     let _ = fs::remove_file(&table);
@@ -115,7 +116,7 @@ fn kill_while_judging(place: &Place, directory: &Path) -> Option<Vec<SystemTime>
     while !table.exists() && child.try_wait().expect("a status").is_none() {
         thread::sleep(Duration::from_millis(1));
     }
-    // It may have ended by itself.
+    // It may have ended already.
     let _ = child.kill();
     child.wait().expect("a status");
     assert!(table.exists(), "the build ended without a table");
@@ -141,10 +142,10 @@ fn kill_while_judging(place: &Place, directory: &Path) -> Option<Vec<SystemTime>
 #[test]
 fn a_build_killed_while_judging_searches_nothing_again() {
     let place = long_study();
-    // Approximate, so that there is much to judge.
+    // An approximate search makes the judgement long.
     place.edit_study("members = 3", "members = 3\nprototypes = 32");
     let directory = place.path().join("judged");
-    // A build that ends before it is killed forgets its parts: then both of them begin anew.
+    // A build that ends before the kill removes its parts, so it has to start again.
     let killed = (0..20).find_map(|_| {
         let _ = fs::remove_dir_all(&directory);
         let first = kill_while_judging(&place, &directory)?;
@@ -274,7 +275,7 @@ fn structures_and_places_do_not_change_the_model() {
         let manifest = content.remove(Path::new("model/manifest.json")).expect("complete");
         assert!(String::from_utf8_lossy(&manifest).contains(kept));
         assert!(content == plain, "{output} differs");
-        // It is the model of the study, whatever found its tables and whatever would now.
+        // It is the model of the study, whichever search structure built its tables or would build them now.
         place.calib(&["rollout", "study.toml", "--output", output]).succeeds();
         let other = ["rollout", "study.toml", "--output", output, "--set", "model.index=join"];
         place.calib(&other).succeeds();

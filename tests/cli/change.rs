@@ -1,4 +1,4 @@
-//! A simulated plant that changes: told, left beside its log, and no part of it.
+//! A simulated plant that changes: the changes are reported and kept beside the log, but not in it.
 
 use crate::harness::{Place, Ran};
 

@@ -1,4 +1,5 @@
-//! Work divided between processes: the bytes of one, whatever the division and whatever happens to the processes.
+//! Work divided between processes: the bytes equal those of one process,
+//! whatever the division and the fate of the processes.
 
 use std::{
     fs,
@@ -13,7 +14,7 @@ use serde_json::Value;
 
 use crate::harness::{Content, Place, Ran, assert_same};
 
-/// A study with its model, and what one process makes of its sweep, which is gone again.
+/// Builds the model of a study, runs its sweep in one process, removes the sweep, and returns its content.
 fn alone(place: &Place) -> Content {
     place.calib(&["build-model", "study.toml"]).succeeds();
     swept(place)
@@ -54,11 +55,11 @@ fn status(place: &Place, plan: &str) -> (i32, Value) {
 fn any_number_of_shards_in_any_order_gives_the_bytes_of_one_process() {
     let place = Place::with_study();
     let alone = alone(&place);
-    // Two sensors in eleven runs: no more than 22 shards.
+    // Two sensors in eleven runs give at most 22 shards.
     for (shards, expected) in [("1", 1), ("7", 7), ("40", 22)] {
         let name = format!("plan-{shards}");
         assert_eq!(plan(&place, &name, shards), expected);
-        // Nothing is left of the study but the plan.
+        // Only the plan is left of the study.
         for hidden in ["data", "study.toml", "study-results"] {
             let from = place.path().join(hidden);
             fs::rename(&from, place.path().join(format!("hidden-{hidden}"))).expect("moved");
@@ -146,7 +147,7 @@ fn a_killed_planning_is_gone_on_with_and_leaves_what_is_not_its_own() {
             break;
         }
         assert_eq!(ran.code(), -1, "operation {operation}: {}", ran.stderr());
-        // What it had written of its inputs goes, and the plan is another one.
+        // The half-written inputs are removed, and another plan takes their place.
         place.calib(&[&args[..], &["--set", "sweep.online_runs=2"]].concat()).succeeds();
         fs::remove_dir_all(place.path().join("plan")).expect("there");
     }
@@ -176,7 +177,7 @@ fn of_several_plannings_of_one_folder_one_succeeds() {
         for ran in refused {
             let told = ran.fails(2);
             let is_told = told.contains("is a plan already") || told.contains("another calib");
-            // Without locks, what one writes may be what another one has just removed.
+            // Without locks, one process may remove what another one is writing.
             let is_gone = fault == "lockless" && told.contains("plan-lockless/inputs");
             assert!(is_told || is_gone, "{told}");
         }
@@ -256,7 +257,7 @@ fn shards_that_are_killed_a_hundred_times_give_the_same_bytes() {
             child.kill().expect("it runs");
             killed += 1;
         } else {
-            // It had come to its end: without its results there is something to kill again, on a fast machine too.
+            // The shard had finished. Without its results there is something to kill again, on a fast machine too.
             let _ = fs::remove_file(results(&place, "plan", shard));
         }
         child.wait().expect("a status");
@@ -274,7 +275,7 @@ fn shards_that_are_killed_a_hundred_times_give_the_same_bytes() {
     assert!(!left.iter().any(|path| is_unfinished(path)), "{left:?}");
 }
 
-/// Whether a file is of a shard that has not ended.
+/// Whether a file belongs to an unfinished shard.
 fn is_unfinished(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == "state" || ending == "tmp")
 }
@@ -326,14 +327,14 @@ fn what_is_missing_damaged_or_of_others_is_named_and_nothing_is_written() {
     flipped[whole.len() / 2] ^= 4;
     fs::write(&path, &flipped).expect("writable");
     refused("shard 5: ");
-    // It is made again as if it were not there.
+    // The shard is computed again as if the file did not exist.
     let ran = run(&place, "plan", 5);
     assert!(ran.stderr().contains("is damaged") && ran.stderr().contains("begins anew"));
     assert!(fs::read(&path).expect("readable") == whole);
-    // Another shard's file.
+    // The file of another shard.
     fs::copy(results(&place, "plan", 4), &path).expect("copied");
     refused("is of another plan or shard");
-    // Another version of calib.
+    // The file of another version of calib.
     fs::write(&path, of_version_nine(&whole)).expect("writable");
     refused("calib 9.9.9");
     fs::write(&path, &whole).expect("writable");
@@ -341,7 +342,7 @@ fn what_is_missing_damaged_or_of_others_is_named_and_nothing_is_written() {
     assert!(place.content("study-results") == alone);
 }
 
-/// The same results, sealed by a calib that says that it is of another version.
+/// Returns the same results, sealed with the version number 9.9.9.
 fn of_version_nine(file: &[u8]) -> Vec<u8> {
     let text = std::str::from_utf8(file).expect("text");
     let (body, _) = text.trim_end().rsplit_once('\n').expect("lines");
@@ -383,7 +384,7 @@ fn other_versions_processors_and_damaged_inputs_are_refused() {
     assert!(run(&place, "plan", 7).fails(2).contains("shards 0 to 1"));
     let states = place.path().join("plan/inputs/0/states.npy");
     let whole = fs::read(&states).expect("readable");
-    // Not in place: the model's file is the same one by another name.
+    // The file is replaced, not edited: the model's file is a hard link to it.
     let replace = |bytes: &[u8]| {
         fs::remove_file(&states).expect("there");
         fs::write(&states, bytes).expect("writable");
@@ -437,7 +438,7 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
         assert!(shown.contains(line), "{line} is not in\n{shown}");
     }
     assert!(!place.path().join("plan/slurm").exists(), "a dry run writes nothing");
-    // A queue that counts, and writes down what it is asked.
+    // A queue that counts jobs and records its arguments.
     let sbatch = place.path().join("sbatch");
     fs::write(&sbatch, "#!/bin/sh\necho \"$@\" >> asked\necho \"7$(wc -l < asked);here\"\n")
         .expect("writable");
@@ -477,7 +478,7 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
     place.calib(&args).fails_with(2, &["thread", "cluster.toml"]);
 }
 
-/// Where the script of a stage is, as it is shown.
+/// Returns the displayed path of the script of a stage.
 #[cfg(unix)]
 fn script_of(stage: &str) -> String {
     format!("PLACE/plan/slurm/{stage}.sh")

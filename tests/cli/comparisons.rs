@@ -1,4 +1,4 @@
-//! Intervals over start states, and models compared pair by pair.
+//! Intervals over start states, and pairwise comparisons of models.
 
 use std::{collections::BTreeMap, fs};
 
@@ -11,7 +11,7 @@ use crate::harness::Place;
 /// Quantiles of Student's t at 0.975 for 2 and 3 degrees of freedom.
 const T: [f64; 2] = [4.302_652_729_749_464, 3.182_446_305_284_263];
 
-/// The symmetric2 distances of a sensor: by start state, member by member.
+/// Returns the symmetric2 distances of a sensor: per start state, one per ensemble member.
 fn distances(place: &Place, directory: &str, sensor: &str) -> BTreeMap<Timestamp, Vec<f64>> {
     let table = read_parquet(&place.path().join(directory).join("dtw.parquet")).expect("readable");
     let text = |name| table.column::<String>(name).expect("text");
@@ -113,7 +113,7 @@ fn models_are_compared_start_by_start() {
     ] {
         assert!(report.contains(text), "{text} is missing");
     }
-    // Deleted distances are measured again.
+    // Deleted distances are computed again.
     let path = place.path().join("study-results/models/one/rollout/dtw.parquet");
     let before = fs::read(&path).expect("readable");
     fs::remove_file(&path).expect("there");

@@ -1,4 +1,4 @@
-//! Agents that act: from a log of decisions to a verdict.
+//! Acting agents: from a log of decisions to a verdict.
 
 use std::{fmt::Write as _, fs};
 
@@ -6,7 +6,7 @@ use calib_files::{read_sealed_json, write_sealed_json};
 
 use crate::harness::Place;
 
-/// Cart-pole as a random policy acts in it, and two agents.
+/// Returns a study of two agents on a log of cart-pole under a random policy.
 pub(crate) fn place() -> Place {
     Place::with_pole(1500, 1500, 3)
 }
@@ -32,7 +32,7 @@ fn a_log_of_decisions_becomes_a_verdict() {
     let ranks = "Ahead of the default by ";
     assert!(told.contains(ranks), "{ranks} is missing in {told}");
     assert_eq!(told.matches("Intervals over 3 blocks of the log are weak").count(), 1, "{told}");
-    // No random episode shows what the models promise.
+    // No random episode has the return that the models promise.
     let part = "no recorded episode got more than";
     assert!(told.contains(part), "{part} is missing in {told}");
     let results = "pole/study-results/control";
@@ -42,7 +42,7 @@ fn a_log_of_decisions_becomes_a_verdict() {
     assert_eq!(again.ends(&[1]), shown, "what is there is told as it was");
     place.calib(&["control", study, "--force", "--threads", "1"]).ends(&[1]);
     assert!(place.content(results) == first, "the same bytes on one thread");
-    // What shows the verdict is made again from it.
+    // Files that show the verdict are made again from it.
     let report = place.path().join(results).join("report.html");
     fs::remove_file(&report).expect("a report");
     place.calib(&["control", study]).ends(&[1]);
@@ -60,7 +60,7 @@ fn a_log_of_decisions_becomes_a_verdict() {
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["candidates"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["columns"].as_array().map(Vec::len), Some(4), "no action, reward or terminal");
-    // Probabilities of actions are logged, so that there are importance sampling and the doubly robust estimate.
+    // The log has the probabilities of actions, which allow importance sampling and the doubly robust estimate.
     let importance = json["importance_sampling"].as_array().expect("probabilities are logged");
     assert_eq!(importance.len(), 2);
     assert!(told.contains("importance") && told.contains("of episodes"), "{told}");
@@ -69,7 +69,7 @@ fn a_log_of_decisions_becomes_a_verdict() {
     assert!(told.contains("doubly robust"), "{told}");
     let report = fs::read_to_string(&report).expect("a report");
     assert!(report.contains("doubly robust"), "the column of the report");
-    // Another reward is another verdict.
+    // Another reward needs another verdict.
     let set = "control.reward=[{ column = 'angle', set_point = 0.0, weight = -1.0 }]";
     let other = place.calib(&["control", study, "--set", set, "--dry-run"]);
     assert!(!other.stderr().contains("up to date"), "{}", other.stderr());
@@ -116,7 +116,7 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     assert!(again.stderr().contains("control-model is up to date"), "{}", again.stderr());
     assert!(place.content("pole/study-results") == whole, "the same bytes");
     assert_eq!(runs(), 0, "what was kept on the way is gone");
-    // Another grid is another verdict of the same model; other neighbours are another model.
+    // Another grid needs another verdict of the same model; another number of neighbours needs another model.
     let grid = ["--set", "control.grid={ step_size = [0.1] }"];
     let other = place.calib(&[&args[..], &grid].concat());
     assert!(other.stderr().contains("control-model is up to date"), "{}", other.stderr());
@@ -139,7 +139,7 @@ fn what_the_log_does_not_support_is_refused() {
     assert!(told.contains(" in a terminal, and choices depend on what leads there; "), "{told}");
 }
 
-/// More neighbours than there are transitions are all of them; what takes more memory than there is names the key.
+/// More neighbours than transitions means all transitions. If memory is too small, the error names the key.
 #[test]
 fn neighbours_without_bound_take_no_memory_without_bound() {
     let place = place();
@@ -154,7 +154,7 @@ fn neighbours_without_bound_take_no_memory_without_bound() {
     with("1000000000", "1000000").fails_with(2, &["control.model.neighbors"]);
 }
 
-/// A pump of two speeds, forty rows: on in every other one, from the first.
+/// Returns the study of a pump with two speeds and forty rows, which is on in every other row from the first.
 pub(crate) fn pump(line: impl Fn(usize) -> String) -> Place {
     let place = Place::new();
     let rows: Vec<String> = (0..40).map(line).collect();
@@ -179,12 +179,12 @@ fn a_verdict_of_another_study_is_not_done() {
     assert!(!edited.contains("settings: "), "no ranking of another study: {edited}");
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
     assert!(status().contains("every step is done"), "{}", status());
-    // The same log, read as it says: the verdict that is there follows from this study too.
+    // The log is the same and is read in the same way, so the existing verdict is also the verdict of this study.
     place.edit_study("[data]\n", "[data]\nshape = \"wide\"\n");
     assert!(status().contains("data.shape"), "{}", status());
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
     assert!(status().contains("every step is done"), "{}", status());
-    // As a calib leaves it whose verdicts follow from something else, though it has the same version.
+    // The manifest looks as if a calib of the same version had used other inputs for its verdicts.
     let manifest = place.path().join("study-results/control/manifest.json");
     let mut sealed: serde_json::Value = read_sealed_json(&manifest).expect("sealed");
     sealed["key"] = "another".into();
@@ -207,7 +207,7 @@ fn a_verdict_of_another_log_is_not_done() {
     assert!(changed.contains("some steps are to do") && changed.contains(part), "{changed}");
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
     assert!(status().contains("every step is done"), "{}", status());
-    // Written anew with the same rows: calib control finds that the verdict holds.
+    // The log is rewritten with the same rows: `calib control` finds that the verdict is still valid.
     let log = place.read("log.csv");
     place.write("log.csv", &log);
     assert!(status().contains(part), "{}", status());
@@ -215,7 +215,7 @@ fn a_verdict_of_another_log_is_not_done() {
     again.ends(&[0, 1]);
     assert!(again.stderr().contains("is up to date"), "{}", again.stderr());
     assert!(status().contains("every step is done"), "{}", status());
-    // What an earlier version left does not tell of the log.
+    // Results of an earlier version do not identify the log.
     fs::remove_file(place.path().join("study-results/control/sources.json")).expect("there");
     place.write("log.csv", &log);
     assert!(status().contains("every step is done"), "{}", status());
@@ -247,8 +247,8 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
     assert!(page.contains("Random actions get "));
 }
 
-/// Five steps in a row lead to the goal, each by the other action than the one before; a wrong one leads back to the first place. Every third
-/// episode is the shortest, and in the others actions are random.
+/// Returns a corridor: five steps in a row lead to the goal, each by the other action than the step before. A wrong action leads back
+/// to the first place. Every third episode is the shortest possible, and the others have random actions.
 fn corridor() -> Place {
     let mut log = "timestamp,position,move,reward,goal\n".to_owned();
     let (mut position, mut episode, mut reward) = (0, 0, 0);
@@ -291,7 +291,7 @@ fn a_choice_that_the_log_supports_ends_with_0() {
     }
 }
 
-/// Whatever the headline: "keep the default" may be either.
+/// The exit code does not depend on the headline: "keep the default" is possible with both.
 #[test]
 fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
@@ -306,7 +306,7 @@ fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {
     }
 }
 
-/// Off costs nothing, which no agent knows before it has tried both.
+/// The action "off" costs nothing, but an agent has to try both actions to learn it.
 #[test]
 fn a_constant_action_that_gets_more_is_named() {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
@@ -345,7 +345,7 @@ fn neighbours_can_be_near_in_a_representation() {
     let page = place.read("pole/study-results/control/report.html");
     assert!(page.contains("Representations"));
     place.calib(&["check", "pole/study-results"]).succeeds();
-    // Another representation is another verdict.
+    // Another representation needs another verdict.
     let other = control(&["--set", "representation.steps=301", "--dry-run"]);
     assert!(!other.stderr().contains("up to date"), "{}", other.stderr());
 }
@@ -456,7 +456,7 @@ fn a_plant_that_somebody_operates_is_logged_and_inspected() {
     let control = &json["control"];
     assert_eq!(control["actions"].as_array().map(Vec::len), Some(8));
     assert_eq!(control["columns"].as_array().map(Vec::len), Some(4), "accounts are no state");
-    // A network beside tiles, in few steps; its page has figures and loads nothing.
+    // A network beside tile coding, in few steps; the page has figures and loads nothing.
     let set = "control.grid={ algorithm = ['expected_sarsa', 'deep_q_learning'] }";
     let few = ["--set", "control.steps=600", "--set", "control.model.members=2"];
     place.calib(&[&["control", study, "--set", set][..], &few].concat()).ends(&[0, 1]);

@@ -1,4 +1,4 @@
-//! What dry runs say of sweeps of agents that act.
+//! Dry runs of sweeps of acting agents.
 
 use serde_json::Value;
 
@@ -7,14 +7,14 @@ use crate::{control, harness::Place};
 const STUDY: &str = "pole/study.toml";
 const FOLDER: &str = "pole";
 
-/// What a dry run says, with these arguments beside the study.
+/// Returns the output of a dry run with these arguments.
 fn told(place: &Place, command: &str, more: &[&str]) -> String {
     let ran = place.calib(&[&[command, STUDY, "--dry-run", "--threads", "2"][..], more].concat());
     assert_eq!(ran.succeeds(), "", "a plan is no result");
     ran.stderr()
 }
 
-/// The same for machines.
+/// Returns the plan of a dry run as JSON.
 fn planned(place: &Place, more: &[&str]) -> Value {
     let args = [&["control", STUDY, "--dry-run", "--json", "-q"][..], more].concat();
     serde_json::from_str(&place.calib(&args).succeeds()).expect("JSON")
@@ -88,7 +88,7 @@ fn a_dry_run_counts_what_is_left() {
     assert!(other.contains("runs left to make of share 1/3: 6 of 6, on 2 threads"), "{other}");
     assert!(place.content(FOLDER) == kept, "nothing is written, and nothing goes");
     place.calib(&["control", STUDY]).ends(&[1]);
-    // The verdict is there: nothing is left, and the plan is no verdict.
+    // The verdict exists, so nothing is left to do, and a plan is not a verdict.
     let kept = place.content(FOLDER);
     let done = planned(&place, &[]);
     assert_eq!((&done["runs"], &done["left"], &done["disk"]), (&18.into(), &0.into(), &0.into()));
@@ -113,13 +113,13 @@ fn shares_print_their_parts_of_the_plan_as_json() {
         let of_shares = parts.iter().map(|plan| plan[part].as_u64().expect("a number"));
         assert_eq!(Some(of_shares.sum::<u64>()), whole[part].as_u64(), "{part} of {parts:?}");
     }
-    // Of 18 runs the second of four shares has made its five.
+    // The second of four shares has made its five of 18 runs.
     assert_eq!((&parts[1]["runs"], &parts[1]["left"]), (&5.into(), &0.into()), "{}", parts[1]);
-    // Constant actions and evaluations by the log alone are no part of a share.
+    // Shares do not include constant actions and evaluations by the log alone.
     assert_eq!(parts[0]["expected"]["other_secs"], 0.0, "{}", parts[0]);
 }
 
-/// Neighbours are near in a small representation.
+/// Options for neighbours in a small representation.
 const LAPLACIAN: [&str; 2] = [
     "--set=control.model.distance='laplacian'",
     "--set=representation={ dimension = 4, hidden_units = 16, batch_size = 32, learning_rate = 3e-3, steps = 300 }",
@@ -149,7 +149,7 @@ fn a_representation_counts_until_it_is_there() {
     }
     let share = [&["control", STUDY, "--share", "0/20"][..], &LAPLACIAN].concat();
     place.calib(&share).succeeds();
-    // With the model, and where another model is to be made of it.
+    // With the same model, and with settings that need another model.
     let same: &[&str] = &[];
     for more in [same, &["--set=control.model.neighbors=2"]] {
         let made = laplacian(more);
@@ -183,7 +183,7 @@ fn more_runs_than_anybody_makes_are_refused() {
         place.calib(&args).fails_with(2, &[part]);
     };
     refused(&["--set", "control.runs=9000000000000000000"], "expected from 1 to 100,000");
-    // Twelve settings in three members: 3.6 million runs of a kind.
+    // Twelve settings in three members: 3.6 million runs of each kind.
     let settings =
         "control.grid.step_size=[0.01,0.02,0.03,0.04,0.05,0.06,0.07,0.08,0.09,0.1,0.2,0.3]";
     let many = ["--set", "control.runs=100000", "--set", settings];

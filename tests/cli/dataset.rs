@@ -1,10 +1,10 @@
-//! A log is read once, and again when it is another one.
+//! A log is read once, and again if it has changed.
 
 use std::{fs, path::PathBuf};
 
 use crate::harness::{Place, Ran};
 
-/// How often files are opened while something runs.
+/// Counter of how often files are opened.
 #[cfg(target_os = "linux")]
 mod opened {
     use std::{
@@ -17,7 +17,7 @@ mod opened {
 
     pub(super) struct Watched(OwnedFd);
 
-    /// Watch these files from now on.
+    /// Starts to watch these files.
     pub(super) fn watch(files: &[PathBuf]) -> Watched {
         let watched = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC).expect("a watch");
         for file in files {
@@ -28,7 +28,7 @@ mod opened {
     }
 
     impl Watched {
-        /// How often they were opened, all of them together.
+        /// Returns how often the files were opened, all together.
         pub(super) fn count(&self) -> usize {
             let mut buffer = [MaybeUninit::uninit(); 4096];
             let mut reader = Reader::new(&self.0, &mut buffer);
@@ -41,7 +41,7 @@ mod opened {
     }
 }
 
-/// How often a file of the log is opened while it is read: for its pages, and for its fingerprint.
+/// Number of times that reading opens a file of the log: for its pages, and for its fingerprint.
 const OPENS: usize = 2;
 
 fn logs(place: &Place) -> Vec<PathBuf> {
@@ -82,7 +82,7 @@ fn what_is_there_is_shown_without_a_look_into_the_log() {
     let once = watched.count();
     assert!(once > 0, "what is made again begins with the log");
     assert!(once <= OPENS * logs(&place).len(), "{once} times");
-    // Each step on its own reads as much as all of them together.
+    // A single step reads as much as all steps together.
     place.calib(&["build-model", "study.toml", "--force"]).succeeds();
     assert_eq!(watched.count(), once);
 }

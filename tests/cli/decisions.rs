@@ -1,11 +1,11 @@
-//! Logs of decisions: which actions, rewards and episodes calib reads in them.
+//! Logs of decisions: the actions, rewards and episodes that calib reads in them.
 
 use crate::{
     control::{place, pump},
     harness::Place,
 };
 
-/// An action whose name would be a pattern of the only channel of the states.
+/// The name of the action would match the only channel of the states as a pattern.
 #[test]
 fn names_of_actions_are_no_patterns() {
     let place =
@@ -22,17 +22,18 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
     let json = place.calib(&["control", "study.toml", "--json"]).json(&[0, 1]);
     assert_eq!(json["transitions"], 39);
-    // In the steps from rows 0, 2, …, 38: 39 of the 50 steps that agents live.
+    // In the steps from rows 0, 2, …, 38: 39 of the 50 steps of an agent's episode.
     let mean = &json["verdict"]["behaviour"]["mean"];
     assert!((mean.as_f64().expect("a number") + 20.0 / 0.78).abs() < 1e-9, "{mean}");
-    // What leaving the log is worth is what an episode of agents can have got, not what the whole log did.
+    // Leaving the log is worth what an episode of an agent could have
+    // got, not the return of the whole log.
     assert_eq!(json["worst_return"], *mean);
     let short = ["control", "study.toml", "--json", "--set", "control.timeout=2"];
     let json = place.calib(&short).json(&[0, 1]);
     assert_eq!(json["worst_return"], -1.0);
 }
 
-/// Each row has the action that led there, so that the first one is of no step.
+/// Each row has the action that led to it, so the action of the first row belongs to no step.
 #[test]
 fn an_action_may_stand_in_a_later_row() {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
@@ -48,7 +49,8 @@ fn an_action_may_stand_in_a_later_row() {
     assert_eq!(mean("1"), -19.0, "rows 2, 4, …, 38");
 }
 
-/// Decisions of three rows that switch the pump off or on in turn. In the third row of each it is on.
+/// Each decision covers three rows, which alternate between off and on. The
+/// pump is on in the third row of each decision.
 #[test]
 fn an_agent_may_decide_in_every_third_row() {
     let place = pump(|row| {
@@ -78,7 +80,7 @@ fn an_agent_may_decide_in_every_third_row() {
     assert!(told.contains("`every` is 0, expected from 1 to 1,000,000"), "{told}");
 }
 
-/// A valve that nobody moves.
+/// A valve that never moves.
 #[test]
 fn a_log_with_one_action_is_refused() {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},0.5\n", row % 7));
@@ -91,7 +93,7 @@ fn a_log_with_one_action_is_refused() {
     let warned = inspected.stderr();
     assert!(warned.contains(&format!("warning: {told}")), "{warned}");
     inspected.succeeds_with(&["pump=0.5"]);
-    // It is on in every other row, and so in all in which agents decide.
+    // The pump is on in every other row, and so in all rows in which agents decide.
     let other = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
     let told = "it is pump=1 in every row in which agents decide (control.every = 2), so there is nothing to choose";
     let every = ["control", "study.toml", "--set", "control.every=2"];
@@ -115,13 +117,13 @@ fn an_inspected_mean_beyond_every_whole_episode_has_its_reason() {
     let json = place.calib(&["inspect", "study.toml", "--json"]).json(&[0, 1]);
     let reason = json["control"]["reward"]["beyond_whole_episodes"].as_str();
     assert!(reason.is_some_and(|reason| reason.starts_with("The mean is beyond")), "{json}");
-    // Where every episode is whole there is nothing to explain.
+    // If every episode is whole, there is nothing to explain.
     let short = ["inspect", "study.toml", "--set", "control.timeout=1"];
     let told = place.calib(&short).succeeds();
     assert!(told.contains("mean return ") && !told.contains("beyond every whole"), "{told}");
 }
 
-/// The distance from a tag that an operator moves, which stays in the state.
+/// The reward is the distance from a tag that an operator moves. The tag stays in the state.
 #[test]
 fn a_set_point_is_a_tag() {
     let place = pump(|row| {
@@ -153,7 +155,7 @@ fn actions_are_numbers_that_somebody_set() {
         let word = if row % 2 == 0 { "high" } else { "low" };
         format!("2024-03-01 00:{row:02}:00,{},{word}\n", row % 7)
     });
-    // One column of words and one of numbers might be a long table.
+    // One column of words and one of numbers could be a long table.
     let wide = ["control", "study.toml", "--set", "data.shape=wide"];
     place.calib(&wide).fails_with(2, &["pump is of type text, such as \"high\""]);
     let mean = ["--set", "data.resample=mean", "--set", "data.period_secs=300"];
@@ -171,7 +173,7 @@ fn actions_that_contradict_each_other_are_refused() {
     first.ends(&[0, 1]);
 }
 
-/// A sensor that did not answer once, as of a controller that was started anew.
+/// A sensor fails to answer once, as after the restart of a controller.
 #[test]
 fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
     let place = pump(|row| {
@@ -220,7 +222,7 @@ fn actions_that_are_recorded_when_they_change_are_told_and_held() {
     assert!(short.contains("changes, raise data.max_age_secs to the longest time"), "{short}");
 }
 
-/// A log with terminals, whose study says what they are; `cells` are the reward and the terminal of each row.
+/// Returns a log with terminals and the study of it; `cells` are the reward and the terminal of each row.
 fn with_terminals(cells: impl Fn(usize) -> String) -> Place {
     let place = pump(|row| {
         let level = row * row % 7;
@@ -278,7 +280,7 @@ fn a_lag_longer_than_episodes_is_told() {
     assert!(!told.contains("control.lag"), "{told}");
 }
 
-/// A controller that was switched to automatic mode for two rows.
+/// A controller is in automatic mode for two rows.
 #[test]
 fn text_among_actions_is_told() {
     let place = pump(|row| {

@@ -1,4 +1,5 @@
-//! Several deployments of one study: own Online runs and matched starts, what is the same run once.
+//! Several deployments of one study: each has its own held-out runs and
+//! start states, and shared runs are made once.
 
 use std::fs;
 
@@ -17,18 +18,18 @@ start = 2022-11-03T12:00:00
 end = 2022-11-04
 ";
 
-/// Three days: two of training, two deployments of half a day.
+/// Returns a study of three days: two of training, and two deployments of half a day.
 fn place(start: &str, more: &str) -> Place {
     let place = Place::with_study();
     place.edit_study("train_fraction = 0.7", "train = { end = 2022-11-03 }");
-    // Shorter than both windows, so that streams are as long in both.
+    // Runs are shorter than both windows, so that they have the same length in both.
     place.edit_study("steps = 800", "steps = 500");
     place.edit_study("rollouts = 2", &format!("rollouts = 3\nstart = \"{start}\""));
     place.extend_study(&format!("{DEPLOYMENTS}{more}"));
     place
 }
 
-/// Run `calib`; what it printed.
+/// Runs `calib` and returns its output.
 fn run(place: &Place, args: &[&str]) -> String {
     place.calib(args).succeeds()
 }
@@ -50,7 +51,8 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     assert!(told.contains("deployment near") && told.contains("deployment far"), "{told}");
     assert!(!place.path().join("study-results/deployments/near/sweep").exists());
     let swept = run(&place, &["sweep", "study.toml"]);
-    // Two sensors in three members with two runs, three Online and two of log replay; the second has the last already.
+    // Two sensors in three members with two runs, three held-out runs and two of log replay; the second deployment
+    // already has the last.
     assert!(
         swept.contains("66 training runs made") && swept.contains("54 training runs made"),
         "{swept}"
@@ -61,7 +63,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     assert_eq!(again.matches("up to date").count(), 2, "{again}");
     assert_eq!(run(&place, &["rollout", "study.toml"]).matches("up to date").count(), 2);
 
-    // In the order of time, with its window and what to deploy.
+    // Deployments are in order of time, each with its window and its choice.
     let summary = place.read_json("study-results/evaluate/summary.json");
     assert_eq!(summary["deployments"][0]["deployment"], "near");
     assert_eq!(summary["deployments"][0]["window"], "2022-11-03 .. 2022-11-03T12:00:00");
@@ -100,7 +102,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     let distance = |name: &str| starts[name].as_f64().expect("there is one");
     assert!(distance("largest_distance") >= distance("mean_distance"), "{starts}");
 
-    // The same study with that window held out is the same to the byte.
+    // The same study with only that window held out gives the same bytes.
     let text = place.read("study.toml");
     let held_out = format!("train = {{ end = 2022-11-03 }}\nheld_out = {NEAR}");
     let alone = text.replace(DEPLOYMENTS, "").replace("train = { end = 2022-11-03 }", &held_out);
@@ -114,7 +116,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     }
 }
 
-/// The words for a setting end with its learning rate, and its values have nothing else.
+/// Asserts that the words for a setting end with its learning rate, its only value.
 fn assert_told(words: &serde_json::Value, values: &serde_json::Value) {
     let written = words.as_str().and_then(|words| words.split_whitespace().last());
     assert_eq!(values["learning_rate"].as_f64(), written.and_then(|word| word.parse().ok()));
@@ -128,7 +130,7 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     let place = place("random", &format!("{models}{pretrain}"));
     run(&place, &["pretrain", "study.toml"]);
     run(&place, &["build-model", "study.toml"]);
-    // One rollout a model, whatever is deployed when.
+    // There is one rollout per model, whatever the deployments.
     assert_eq!(run(&place, &["rollout", "study.toml"]).matches("wrote").count(), 2);
     assert!(!place.path().join("study-results/models/year/deployments").exists());
     let first = run(&place, &["sweep", "study.toml", "--deployment", "near"]);
@@ -136,12 +138,12 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
         first.contains("66 training runs made") && first.contains("36 training runs made"),
         "{first}"
     );
-    // Members and log replay are the same, Online is the same for both models.
+    // Runs in members and log replay are the same for both deployments. Held-out runs are the same for both models.
     let second = run(&place, &["sweep", "study.toml"]);
     assert!(second.contains("18 training runs made"), "{second}");
     assert_eq!(second.matches("up to date").count(), 3, "{second}");
     let verdict = run(&place, &["evaluate", "study.toml", "-q"]);
-    // All models choose the same everywhere; but so short a run learns nothing that a line does not know.
+    // All models choose the same setting everywhere. But such short runs learn nothing beyond a line.
     assert!(verdict.contains("what to deploy") && verdict.contains("no agent: "), "{verdict}");
     let report = place.read("study-results/report.html");
     assert!(report.contains("year, worst rank") && report.contains("narrow, worst rank"));
@@ -152,7 +154,7 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     // One model, both deployments.
     run(&place, &["evaluate", "study.toml", "--model", "year", "-q"]);
     assert!(place.path().join("study-results/models/year/report.html").is_file());
-    // Killed sweeps go on, and give the same bytes.
+    // Killed sweeps resume, and give the same bytes.
     let before = place.content("study-results/models/year/deployments/far/sweep");
     let results = place.path().join("study-results/models");
     for model in ["year", "narrow"] {
@@ -194,7 +196,7 @@ fn recent_states_and_months_are_of_each_deployment() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     let recent = place.calib(&["rollout", "study.toml"]).succeeds();
     assert!(recent.contains("3 of 3 start states lie in the block that it leaves out"), "{recent}");
-    // All training data is before both, so the streams of members are the same.
+    // All training data precedes both deployments, so the runs in members are the same.
     place
         .calib(&["sweep", "study.toml"])
         .succeeds_with(&["66 training runs made", "18 training runs made"]);
@@ -247,7 +249,7 @@ fn a_window_that_is_too_short_to_score_is_known_before_anything_is_trained() {
     assert_eq!(dry.code(), 1, "{told}");
     assert!(told.contains("deployment far is left out: the held-out period"), "{told}");
     assert!(told.contains("(2022-11-03T12:00:00 .. 2022-11-03T12:20:00)"), "{told}");
-    // The other one is judged without it.
+    // The other deployment is judged without it.
     let swept = place.calib(&["sweep", "study.toml"]);
     assert_eq!(swept.code(), 1, "{}", swept.stderr());
     let judged = place.calib(&["evaluate", "study.toml"]);

@@ -1,4 +1,4 @@
-//! `calib dtw`, and the comparison of rollouts with what was recorded.
+//! `calib dtw`, and the comparison of rollouts with the record.
 
 use std::{collections::BTreeMap, fs};
 
@@ -17,7 +17,7 @@ fn numbers(values: &Value) -> Vec<f64> {
         .collect()
 }
 
-/// Distance and normalised distance by step pattern.
+/// Returns distance and normalised distance per step pattern.
 fn results(json: &str) -> BTreeMap<String, (f64, Option<f64>)> {
     let json: Value = serde_json::from_str(json).expect("JSON on stdout");
     let results = json["results"].as_array().expect("a list");
@@ -35,7 +35,7 @@ fn close(found: f64, expected: f64) -> bool {
     (found - expected).abs() <= 1e-9 * (1.0 + expected.abs())
 }
 
-/// A place with `q.csv` (a time, two numbers) and `r.csv` (numbers without a header).
+/// Returns a place with `q.csv` (a time, two numbers) and `r.csv` (numbers without a header).
 fn place() -> Place {
     let place = Place::new();
     place.write("q.csv", "time,flow,level\nmon,0,1\ntue,1,2\nwed,2,2\nthu,1,3\n");
@@ -184,7 +184,7 @@ fn mistakes_are_explained() {
     assert!(slopes.contains("allows references of 3 to 7 samples"), "{slopes}");
     let window = message(&["q.csv:flow", "long.csv", "--window", "sakoe-chiba:2"]);
     assert!(window.contains("widen it"), "{window}");
-    // Windows are called alike where they are explained and where one is refused.
+    // The help and the error about an unknown window use the same names.
     let unknown = message(&["q.csv:flow", "long.csv", "--window", "wide"]);
     let help = place.calib(&["dtw", "--help"]).succeeds();
     for text in [unknown, help].map(|text| text.split_whitespace().collect::<Vec<_>>().join(" ")) {
@@ -206,7 +206,7 @@ fn rollouts_are_compared_with_what_was_recorded() {
     assert_eq!((dtw.rows(), measures.rows()), (48, 12));
     assert!(measures.numbers("time_warp_edit").expect("numbers").iter().all(|&value| value > 0.0));
 
-    // The first rollout, from its trajectory: the same distance, but for the unit.
+    // The distance of the first rollout, from its trajectory, is the same except for the unit.
     let trajectories = read("trajectories.parquet");
     let steps = dtw.column::<u32>("steps").expect("a column")[0] as usize;
     let column = |name: &str| trajectories.numbers(name).expect("numbers")[..=steps].to_vec();
@@ -220,7 +220,7 @@ fn rollouts_are_compared_with_what_was_recorded() {
     let found = dtw.column::<f64>("distance").expect("a column")[0];
     assert!((found * scale / distance.raw - 1.0).abs() < 1e-3, "{found} {scale} {distance:?}");
 
-    // Other settings are other results; without steps there is nothing to compare.
+    // Other settings need other results. Without steps there is nothing to compare.
     let fewer = ["rollout", "study.toml", "--set", "rollout.dtw_steps=50", "--json"];
     let json = place.calib(&fewer).json(&[0]);
     assert_eq!(json["comparison"]["most_steps"], 50);

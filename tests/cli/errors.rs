@@ -1,4 +1,4 @@
-//! Every mistake gets one message: what, where, what was expected, what to do; and exit code 2.
+//! Every mistake gives one message (what, where, what was expected, what to do) and exit code 2.
 
 use std::fs;
 
@@ -13,7 +13,7 @@ fn a_misspelt_key_is_named_with_its_neighbour() {
     assert_snapshot!(place.calib(&["build-model", "study.toml"]).fails(2));
 }
 
-/// Each by the name of its snapshot.
+/// The mistakes, each with the name of its snapshot.
 #[test]
 fn mistakes_in_what_is_set_are_named() {
     let place = Place::with_study();
@@ -166,7 +166,7 @@ fn streams_that_are_too_short_to_score() {
     let message = place.calib(&["sweep", "study.toml"]).fails(2);
     assert!(message.contains("is too short for gamma"), "{message}");
     assert!(!message.contains("sweep.scored"), "all steps are scored already: {message}");
-    // The whole chain knows it before it builds anything.
+    // `calib run` reports it before it builds anything.
     let place = Place::with_study();
     place.edit_study("train_fraction = 0.7", "train_fraction = 0.996");
     place.calib(&["run", "study.toml"]).fails_with(2, &["is too short for gamma"]);
@@ -206,7 +206,7 @@ fn wrong_usage() {
     assert_eq!(place.calib(&["--help"]).code(), 0);
 }
 
-/// What people try first: the log itself in the place of a study, and a folder of workbooks.
+/// Frequent first attempts: a log in place of a study, and a folder of workbooks.
 #[test]
 fn a_log_is_no_study_and_a_workbook_no_log() {
     let place = Place::new();

@@ -1,10 +1,10 @@
-//! Logs as text, and as Parquet made of them.
+//! Logs as text, and the Parquet files that `import` makes of them.
 
 use std::fmt::Write as _;
 
 use crate::harness::Place;
 
-/// A long table of two tags, one row a minute.
+/// Returns a long table of two tags with one row per minute.
 fn long() -> String {
     let rows = (0..90).flat_map(|minute: u32| {
         let time = format!("2024-03-13 {:02}:{:02}:00", 6 + minute / 60, minute % 60);
@@ -89,7 +89,7 @@ fn an_import_says_what_it_dropped() {
     assert_eq!(said.lines().count(), 1, "nothing was dropped: {said}");
 }
 
-/// Three samples and a period of a millisecond.
+/// Three samples with a period of a millisecond.
 #[test]
 fn what_memory_cannot_hold_is_refused_with_the_key() {
     let place = Place::new();

@@ -7,7 +7,7 @@ use crate::harness::Place;
 
 const BOTH: &str = "agent.gammas={ TIT101 = 0.8 }";
 
-/// The study, run with a key set, into a folder of its own.
+/// Runs the study with a key set, into its own folder.
 fn run(place: &Place, output: &str, set: &str) {
     place.calib(&["run", "study.toml", "--output", output, "--set", set]).ends(&[0, 1]);
 }
@@ -16,7 +16,7 @@ fn summary(place: &Place, output: &str) -> Value {
     place.read_json(&format!("{output}/evaluate/summary.json"))
 }
 
-/// A column of the table of runs, where it is of the sensor.
+/// Returns a column of the table of runs, for one sensor.
 fn of_sensor(runs: &Table, sensor: &str, column: &str) -> Vec<f64> {
     let sensors = runs.column::<String>("sensor").expect("there");
     let values = runs.column::<f64>(column).expect("there");
@@ -48,7 +48,7 @@ fn a_sensor_is_predicted_as_in_a_study_of_its_own_gamma() {
         assert_eq!(verdict("both", sensor), verdict(output, sensor));
     }
     assert_ne!(of_sensor(&runs("near"), "TIT101", "rmse"), of_sensor(&both, "TIT101", "rmse"));
-    // Runs of the sensor without a gamma of its own are known as before.
+    // The runs of the sensor without its own gamma are still valid.
     let units = |output: &str| place.content(&format!("{output}/sweep/units/PIT300"));
     assert!(units("both") == units("near"));
     let predicts = summary(&place, "both")["predicts"].as_str().expect("told").to_owned();
@@ -118,6 +118,6 @@ fn a_dry_run_counts_the_passes_of_each_gamma_before_the_model_is_there() {
     let before = passes("run");
     place.calib(&["build-model", "study.toml"]).succeeds();
     assert_eq!(before, passes("sweep"));
-    // Three members with two runs each and three runs on the held-out period, for each gamma.
+    // Three members with two runs each, and three held-out runs, for each gamma.
     assert!(before >= 2 * 9, "{before}");
 }

@@ -1,4 +1,4 @@
-//! A directory with a small simulated plant, and the built `calib`.
+//! A temporary directory with a small simulated plant, and the built `calib`.
 
 use std::{
     collections::BTreeMap,
@@ -14,7 +14,7 @@ use serde_json::Value;
 #[path = "schema.rs"]
 pub(crate) mod schema;
 
-/// A study on three days of a small plant at one-minute samples, with linear agents: seconds to run.
+/// A study of three days of a small plant at one-minute samples, with linear agents; it runs in seconds.
 const STUDY: &str = r#"
 seed = 3
 
@@ -50,18 +50,18 @@ log_replay_runs = 2
 learning_rate = [1e-5, 1e-3, 1e-2]
 "#;
 
-/// A temporary directory to run `calib` in.
+/// A temporary directory in which tests run `calib`.
 pub(crate) struct Place {
     directory: tempfile::TempDir,
 }
 
 impl Place {
-    /// An empty directory.
+    /// Creates an empty directory.
     pub(crate) fn new() -> Self {
         Self { directory: tempfile::tempdir().expect("a directory") }
     }
 
-    /// A directory with `data/` and `study.toml`.
+    /// Creates a directory with `data/` and `study.toml`.
     pub(crate) fn with_study() -> Self {
         let place = Self::new();
         place.simulate("data");
@@ -69,7 +69,7 @@ impl Place {
         place
     }
 
-    /// A directory with `study.toml` alone, which says how `data/` is simulated.
+    /// Creates a directory with only `study.toml`, which describes the simulation of `data/`.
     pub(crate) fn with_plant() -> Self {
         let place = Self::new();
         let plant = "[simulate]\ndays = 3\nchannels = 12\nperiod_secs = 60\ngaps_per_day = 2\n";
@@ -77,19 +77,19 @@ impl Place {
         place
     }
 
-    /// Simulate a small plant into `name`.
+    /// Simulates a small plant into `name`.
     pub(crate) fn simulate(&self, name: &str) {
         let sizes = ["--days", "3", "--channels", "12", "--period", "60", "--gaps-per-day", "2"];
         self.calib(&[&["simulate", name][..], &sizes].concat()).succeeds();
     }
 
-    /// Simulate another plant, of another seed, into `name`.
+    /// Simulates another plant, with another seed, into `name`.
     pub(crate) fn simulate_other(&self, name: &str) {
         let sizes = ["--days", "3", "--channels", "12", "--period", "60", "--seed", "9"];
         self.calib(&[&["simulate", name][..], &sizes].concat()).succeeds();
     }
 
-    /// Cart-pole as a random policy acts in it, in `pole/`, with a study of two agents.
+    /// Creates `pole/` with a log of cart-pole under a random policy, and a study of two agents.
     pub(crate) fn with_pole(transitions: usize, steps: usize, members: usize) -> Self {
         let place = Self::new();
         let args = ["simulate", "pole", "--task", "cart-pole", "--policy", "random"];
@@ -112,29 +112,29 @@ impl Place {
         fs::write(self.path().join(name), text).expect("writable");
     }
 
-    /// The text of a file.
+    /// Reads the text of a file.
     pub(crate) fn read(&self, name: &str) -> String {
         fs::read_to_string(self.path().join(name)).expect("readable")
     }
 
-    /// The content of a file of JSON.
+    /// Reads a JSON file.
     pub(crate) fn read_json(&self, name: &str) -> Value {
         serde_json::from_str(&self.read(name)).expect("JSON")
     }
 
-    /// `study.toml` with `from` replaced by `to`.
+    /// Replaces `from` by `to` in `study.toml`.
     pub(crate) fn edit_study(&self, from: &str, to: &str) {
         self.edit("study.toml", from, to);
     }
 
-    /// A file with `from` replaced by `to`, where it stands first.
+    /// Replaces the first `from` in a file by `to`.
     pub(crate) fn edit(&self, name: &str, from: &str, to: &str) {
         let text = self.read(name);
         assert!(text.contains(from), "{name} has no {from}");
         self.write(name, &text.replacen(from, to, 1));
     }
 
-    /// `study.toml` with `more` at its end.
+    /// Appends `more` to `study.toml`.
     pub(crate) fn extend_study(&self, more: &str) {
         self.write("study.toml", &(self.read("study.toml") + more));
     }
@@ -145,12 +145,12 @@ impl Place {
         command
     }
 
-    /// Run `calib` with these arguments.
+    /// Runs `calib` with these arguments.
     pub(crate) fn calib(&self, args: &[&str]) -> Ran {
         self.calib_with(args, &[])
     }
 
-    /// As [`calib`](Self::calib), with something in the environment.
+    /// Runs `calib` with these arguments and environment variables.
     pub(crate) fn calib_with(&self, args: &[&str], environment: &[(&str, &str)]) -> Ran {
         let mut command = self.command(args);
         let output = command.envs(environment.iter().copied()).output().expect("calib runs");
@@ -160,32 +160,32 @@ impl Place {
         Ran { args: args.join(" "), output, directory: self.path().to_owned() }
     }
 
-    /// Run these commands on `study.toml`, one after the other.
+    /// Runs these commands on `study.toml`, one after the other.
     pub(crate) fn run_steps(&self, commands: &[&str]) {
         for command in commands {
             self.calib(&[*command, "study.toml"]).succeeds();
         }
     }
 
-    /// Start `calib` with these arguments, and do not wait for it.
+    /// Starts `calib` with these arguments, and does not wait for it.
     pub(crate) fn start(&self, args: &[&str], stderr: Stdio) -> Child {
         self.command(args).stdout(Stdio::null()).stderr(stderr).spawn().expect("calib runs")
     }
 
-    /// As [`start`](Self::start), with something in the environment; what it says is kept until it has [`ended`](Self::ended).
+    /// Starts `calib` with environment variables. Its output is kept until it has [`ended`](Self::ended).
     pub(crate) fn start_with(&self, args: &[&str], environment: &[(&str, &str)]) -> Child {
         let mut command = self.command(args);
         command.envs(environment.iter().copied()).stdout(Stdio::null()).stderr(Stdio::piped());
         command.spawn().expect("calib runs")
     }
 
-    /// Wait for the end of a command that was started; `told` is what a failed assertion calls it.
+    /// Waits for the end of a started command; `told` names it in a failed assertion.
     pub(crate) fn ended(&self, told: &str, child: Child) -> Ran {
         let output = child.wait_with_output().expect("it ends");
         Ran { args: told.to_owned(), output, directory: self.path().to_owned() }
     }
 
-    /// Everything below `name`, but wall times and what the file system said of the log: relative path → content.
+    /// Returns all files below `name`, without wall times and file system data of the log: relative path → content.
     pub(crate) fn content(&self, name: &str) -> Content {
         let root = self.path().join(name);
         let mut content = BTreeMap::new();
@@ -206,10 +206,10 @@ impl Place {
     }
 }
 
-/// Files by their paths.
+/// Content of files by path.
 pub(crate) type Content = BTreeMap<PathBuf, Vec<u8>>;
 
-/// Assert that there are the same files, to the byte, and name one that differs.
+/// Asserts that files and bytes are equal, and names a file that differs.
 #[track_caller]
 pub(crate) fn assert_same(one: &Content, other: &Content) {
     assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
@@ -218,14 +218,14 @@ pub(crate) fn assert_same(one: &Content, other: &Content) {
     }
 }
 
-/// Send a process a signal, such as `-INT`.
+/// Sends a signal, such as `-INT`, to a process.
 #[cfg(unix)]
 pub(crate) fn send(signal: &str, process: &Child) {
     let sent = Command::new("kill").args([signal, &process.id().to_string()]).status();
     assert!(sent.expect("kill runs").success());
 }
 
-/// Wait until something is so, or twelve seconds; whether it is.
+/// Waits up to twelve seconds until `is_so` holds, and returns whether it does.
 pub(crate) fn wait_until(mut is_so: impl FnMut() -> bool) -> bool {
     for _ in 0..1200 {
         if is_so() {
@@ -236,14 +236,14 @@ pub(crate) fn wait_until(mut is_so: impl FnMut() -> bool) -> bool {
     false
 }
 
-/// What a command prints for machines is what the schema of it says.
+/// Checks that JSON output matches the schema of the command.
 fn check_json(args: &[&str], output: &Output) {
     let command = match args {
         ["cluster", part, ..] => format!("cluster {part}"),
         [command, ..] => (*command).to_owned(),
         [] => unreachable!("there is --json"),
     };
-    // A refused command, and one that was asked for a list, prints none.
+    // A refused command prints no JSON, and neither does a command that prints a list.
     if output.stdout.first() != Some(&b'{') {
         return;
     }
@@ -273,30 +273,30 @@ impl Ran {
         self.clean(&self.output.stderr)
     }
 
-    /// Assert that it exits with 0, and return what it printed.
+    /// Asserts exit code 0, and returns the output.
     pub(crate) fn succeeds(&self) -> String {
         assert_eq!(self.code(), 0, "calib {}\n{}{}", self.args, self.stdout(), self.stderr());
         self.stdout()
     }
 
-    /// Assert that it exits with 0, and that what it printed has these parts.
+    /// Asserts exit code 0, and that the output contains these parts.
     #[track_caller]
     pub(crate) fn succeeds_with(&self, parts: &[&str]) {
         assert_parts(&self.succeeds(), parts);
     }
 
-    /// Assert that it exits with `code`, and that its error message has these parts.
+    /// Asserts the exit code, and that the error message contains these parts.
     #[track_caller]
     pub(crate) fn fails_with(&self, code: i32, parts: &[&str]) {
         assert_parts(&self.fails(code), parts);
     }
 
-    /// Assert that it exits with one of `codes`, and return the JSON that it printed.
+    /// Asserts one of these exit codes, and returns the JSON output.
     pub(crate) fn json(&self, codes: &[i32]) -> Value {
         serde_json::from_str(&self.ends(codes)).expect("JSON")
     }
 
-    /// Assert that it exits with `code`, and return its error message.
+    /// Asserts the exit code, and returns the error message.
     pub(crate) fn fails(&self, code: i32) -> String {
         assert_eq!(self.code(), code, "calib {}\n{}{}", self.args, self.stdout(), self.stderr());
         let stderr = self.stderr();
@@ -304,7 +304,7 @@ impl Ran {
         error.trim_end().to_owned()
     }
 
-    /// Assert that it exits with one of `codes`, and return what it printed.
+    /// Asserts one of these exit codes, and returns the output.
     pub(crate) fn ends(&self, codes: &[i32]) -> String {
         assert!(
             codes.contains(&self.code()),
@@ -316,7 +316,7 @@ impl Ran {
         self.stdout()
     }
 
-    /// Text without what differs from run to run.
+    /// Removes from the text what differs between runs.
     fn clean(&self, bytes: &[u8]) -> String {
         let text = String::from_utf8_lossy(bytes).into_owned();
         text.replace(&*self.directory.to_string_lossy(), "PLACE")

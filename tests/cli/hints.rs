@@ -1,4 +1,5 @@
-//! What calib says to type can be pasted, and means the same run; a run is of one study, whatever happens to its file.
+//! Commands that calib suggests can be pasted, and mean the same run. A run
+//! belongs to one study, whatever happens to its file.
 
 use std::{
     env, fs,
@@ -9,7 +10,7 @@ use std::{
 
 use crate::harness::Place;
 
-/// What follows from a run in every respect in which commands can be told to be of one.
+/// The options of a command that identify a run.
 const GIVEN: [&str; 9] = [
     "--profile",
     "small",
@@ -22,7 +23,7 @@ const GIVEN: [&str; 9] = [
     "--quiet",
 ];
 
-/// Run what stands in backticks or behind `next:`, as a shell would.
+/// Runs the command in backticks or after `next:`, as a shell would.
 fn paste(place: &Place, line: &str) -> Output {
     let binary = Path::new(env!("CARGO_BIN_EXE_calib"));
     let folder = binary.parent().expect("in a folder").display();
@@ -36,7 +37,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// What stands behind `next:` and `or:`.
+/// Returns the commands after `next:` and `or:`.
 fn next(text: &str) -> Vec<String> {
     text.lines()
         .filter_map(|line| {
@@ -46,13 +47,13 @@ fn next(text: &str) -> Vec<String> {
         .collect()
 }
 
-/// What an error says to run.
+/// Returns the command that an error suggests.
 fn told(text: &str) -> Option<String> {
     let error = &text[text.find("error: ")?..];
     error.split('`').skip(1).step_by(2).find(|words| words.starts_with("calib ")).map(str::to_owned)
 }
 
-/// Run `line`, and whatever its errors say to run first, until it ends well; what was run before it did.
+/// Runs `line`, and first the commands that its errors suggest, until it succeeds. Returns the commands run before it.
 fn follow(place: &Place, line: &str) -> Vec<String> {
     let mut before = Vec::new();
     loop {
@@ -70,7 +71,7 @@ fn follow(place: &Place, line: &str) -> Vec<String> {
     }
 }
 
-/// A study with a plant, a profile, two models, two deployments, pre-training and representations.
+/// Returns a study with a plant, a profile, two models, two deployments, pre-training and representations.
 fn everything() -> Place {
     let place = Place::with_plant();
     place.edit_study(
@@ -93,17 +94,17 @@ fn errors_say_what_to_run_with_all_that_was_given() {
     for command in ["simulate", "represent", "build-model", "pretrain", "sweep"] {
         assert!(commands.contains(&command), "{before:?}");
     }
-    // Nothing was made anywhere else, and of nothing else.
+    // Results exist only in this folder, and only for these options.
     assert!(!place.path().join("study-results").exists());
     let sweep = place.read_json("it's here/models/b/deployments/late/sweep/manifest.json");
     assert_eq!(sweep["study"]["agent"]["gamma"], 0.8);
     assert!(!place.path().join("it's here/models/a").exists());
-    // What was made otherwise is told with the same flags.
+    // Suggestions about results with other settings have the same options.
     let other = line.replace("gamma=0.8", "gamma=0.7");
     let before = follow(&place, &other);
     assert!(before.iter().all(|ran| ran.contains("agent.gamma=0.7")), "{before:?}");
     assert!(before.iter().any(|ran| ran.starts_with("calib sweep")), "{before:?}");
-    // What is damaged too.
+    // So have suggestions about damaged results.
     let rows = place.path().join("it's here/models/b/model/rows.parquet");
     let whole = fs::read(&rows).expect("there");
     fs::write(&rows, &whole[..whole.len() / 2]).expect("writable");
@@ -133,7 +134,7 @@ fn what_comes_next_is_of_the_same_run() {
         let hints = next(&ran.stderr());
         let told: Vec<&str> = hints.iter().filter_map(|hint| hint.split(' ').nth(1)).collect();
         assert_eq!(told, expected, "{command}: {hints:?}");
-        // Pasted before what they need is there, they say so, and of the same run.
+        // If their inputs are missing, pasted commands say so, and name the same run.
         for hint in &hints {
             let dry = paste(&place, &format!("{hint} --dry-run"));
             let text = stderr(&dry);
@@ -179,6 +180,6 @@ fn a_study_that_is_edited_during_a_run_is_not_mixed_with_itself() {
         assert_eq!(study["agent"]["gamma"], 0.9, "{step}");
         assert_eq!(study["model"]["members"], 3, "{step}");
     }
-    // The next command is of the study as it is now, and says so.
+    // The next command uses the study as it is now, and says so.
     place.calib(&["evaluate", "study.toml"]).fails_with(2, &["run `calib sweep study.toml` again"]);
 }

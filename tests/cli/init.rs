@@ -1,4 +1,4 @@
-//! A study of a log that nobody has looked at.
+//! `calib init`: a study of an unknown log.
 
 mod loggers;
 
@@ -6,7 +6,7 @@ use std::{fmt::Write as _, fs};
 
 use crate::harness::Place;
 
-/// A log of two minutes a row: two levels, a flow, its total, and a dead channel.
+/// Returns a log with one row per two minutes: two levels, a flow, its total, and a dead channel.
 fn log() -> String {
     log_of(2_400)
 }
@@ -72,13 +72,13 @@ fn what_was_given_holds_for_the_study() {
     assert_eq!(json["study"], "plant.toml");
     let study = place.read("plant.toml");
     assert!(study.contains("time_zone = \"Europe/Paris\"  # given"), "{study}");
-    // What calib leaves out stays out.
+    // Channels that calib leaves out stay out.
     let exclude = "exclude = [\"FIT*\", \"FQ*\", \"XV400\"]  # given";
     assert!(study.contains(exclude), "{study}");
     place.calib(&["run", "plant.toml", "-q"]).ends(&[0, 1]);
 }
 
-/// The ranges of a study are on the clock that it reads them by.
+/// The ranges of a study use the same clock as the study does.
 #[test]
 fn ranges_are_written_on_the_clock_of_the_time_zone() {
     let with_offsets: String = log()
@@ -102,7 +102,7 @@ fn ranges_are_written_on_the_clock_of_the_time_zone() {
     }
 }
 
-/// Two days of rows at random times, 42 s apart by the median and a minute by the mean.
+/// Two days of rows at random times, with a median step of 42 s and a mean step of one minute.
 #[test]
 fn a_log_of_random_steps_is_not_told_to_be_shorter_than_it_is() {
     let mut log = String::from("time;LIT100;TIT200\n");
@@ -125,7 +125,7 @@ fn a_log_of_random_steps_is_not_told_to_be_shorter_than_it_is() {
     assert!(!said.contains("A log of 1 d"), "the log has 2 d: {said}");
 }
 
-/// A level that keeps one value for the last quarter of the log.
+/// A level is constant in the last quarter of the log.
 #[test]
 fn frozen_sensors_are_told_as_inspect_tells_them() {
     let mut log = String::from("time;LIT100;TIT200\n");
@@ -148,7 +148,7 @@ fn frozen_sensors_are_told_as_inspect_tells_them() {
     }
 }
 
-/// Names of channels that would be keys, comments or patterns of the study.
+/// The names of channels look like keys, comments or patterns of a study.
 #[test]
 fn names_of_channels_are_nothing_but_names() {
     let place = Place::new();
@@ -186,7 +186,7 @@ fn names_of_channels_are_nothing_but_names() {
     assert_eq!(kept, [names[0].1, names[1].1, names[2].1]);
 }
 
-/// What is not a log, and what to do about it.
+/// Files that are not logs, and what to do about them.
 #[test]
 fn what_is_no_log_is_told_at_once() {
     let place = Place::new();
@@ -213,7 +213,7 @@ fn what_is_no_log_is_told_at_once() {
     assert_eq!(left.len(), 7, "nothing was written: {left:?}");
 }
 
-/// A folder of Parquet and text: which of it is read is told.
+/// A folder of Parquet and text files: calib reports which files it reads.
 #[test]
 fn text_that_is_left_alone_is_named() {
     let place = Place::with_study();
@@ -229,7 +229,7 @@ fn text_that_is_left_alone_is_named() {
     }
 }
 
-/// Whether the study can be written is known before anything is tried.
+/// calib checks that it can write the study before it tries anything.
 #[cfg(unix)]
 #[test]
 fn a_study_that_cannot_be_written_is_refused_before_the_trials() {
@@ -255,7 +255,7 @@ fn a_log_without_a_sensor_says_so() {
     assert!(unknown.contains("expected a time with a unit, such as 90s"), "{unknown}");
 }
 
-/// Recordings that overlap by a few rows: what is said of them before `init` and by it is the same.
+/// Recordings that overlap by a few rows: other commands and `init` report the same.
 #[test]
 fn few_contradictions_are_told_as_they_are_resolved() {
     let place = Place::new();
@@ -286,7 +286,7 @@ fn few_contradictions_are_told_as_they_are_resolved() {
         .fails_with(2, &["at most 1 % of the rows contradict another; here there are more"]);
 }
 
-/// A building that was off for a day soon after the logger began: the sensors are whole in all but a small part of the log.
+/// A building was off for a day soon after its logger began, so sensors are complete in all but a small part of the log.
 #[test]
 fn an_outage_in_the_part_that_agents_are_tried_on_ends_nothing() {
     let place = Place::new();
@@ -307,7 +307,7 @@ fn an_outage_in_the_part_that_agents_are_tried_on_ends_nothing() {
     place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
 }
 
-/// Reading the log takes longer than that, whatever the machine.
+/// Reading the log takes longer than the limit, on any machine.
 #[test]
 fn nothing_is_compared_or_measured_once_the_time_is_over() {
     let place = Place::new();
@@ -331,12 +331,12 @@ fn nothing_is_compared_or_measured_once_the_time_is_over() {
     place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
 }
 
-/// Whatever else could be said of such a log follows from the period.
+/// Everything else about such a log follows from the period.
 #[test]
 fn a_period_that_is_not_that_of_the_log_is_named_first() {
     let place = Place::new();
     place.write("log.csv", &log());
-    // Ten seconds make gaps of all steps. The other two are near enough for a step to be one period.
+    // A period of ten seconds makes every step a gap. The other two are close enough to count a step as one period.
     for period in [10, 80, 140] {
         let expected = format!(
             "error: the rows are recorded every 120 s, and data.period_secs asks for one every {period} s: set data.period_secs = 120, or set data.resample"
@@ -351,7 +351,7 @@ fn a_period_that_is_not_that_of_the_log_is_named_first() {
     assert!(!place.path().join("study.toml").exists());
 }
 
-/// A short log has four windows of short runs, or says what two of them can show; and no horizon is lengthened in silence.
+/// A short log has four windows of short runs, or calib says what two windows can show. No horizon is lengthened silently.
 #[test]
 fn few_windows_and_short_horizons_are_told() {
     let place = Place::new();

@@ -1,4 +1,4 @@
-//! `calib init` for agents that act, and numbers of such agents that do not fit a log.
+//! `calib init` for acting agents, and settings of such agents that do not fit a log.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use crate::{
     harness::{Place, Ran},
 };
 
-/// Temperatures and first values are in units of return.
+/// Temperatures and initial values are in units of return.
 #[test]
 fn numbers_beyond_the_returns_of_the_log_are_told() {
     let place = control::place();
@@ -21,7 +21,8 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     let swept = told(&["--set=control.grid={ initial_weight = [1e6, 2e6] }"]);
     assert!(swept.contains("initial weights put the first values at 1.00e7, more"), "{swept}");
     assert!(swept.contains("set control.grid.initial_weight to 0"), "{swept}");
-    // A pole that stands for some 20 steps: returns differ by as many with a discount of 1, and hardly with one of 0.1.
+    // A pole that stands for some 20 steps: returns differ by about 20 with a
+    // discount of 1, and hardly with a discount of 0.1.
     let discounted = told(&[
         "--set=control.agent.gamma=0.1",
         "--set=control.agent.temperature=1.0",
@@ -35,7 +36,7 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     ]);
     assert!(discounted.contains("temperature 1 is more than the spread"), "{discounted}");
     assert!(discounted.contains("(gamma 0.2, timeout "), "the one that is nearest: {discounted}");
-    // Four columns and six pairs make a first value of 1,500, the columns alone one of 600; the spread is about 9.
+    // Four columns and six pairs give an initial value of 1,500, the columns alone give 600; the spread is about 9.
     let weight = "--set=control.agent.initial_weight=150";
     let paired = told(&[weight]);
     assert!(paired.contains("initial weights put the first values at 1500, more"), "{paired}");
@@ -43,7 +44,7 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     assert!(!alone.contains("initial weights put"), "{alone}");
 }
 
-/// Models that are made in a moment.
+/// Options for models that are quick to build.
 const QUICK: [&str; 3] = [
     "--within=6s",
     "--set=control.models=[\"neighbors\", \"increments\"]",
@@ -79,7 +80,7 @@ fn options_of_init_stand_together_in_its_help() {
     assert!(help.contains("[control]"), "{help}");
 }
 
-/// Reading the log takes longer than that, whatever the machine.
+/// Reading the log takes longer than the limit, on any machine.
 #[test]
 fn no_run_is_timed_once_the_time_is_over() {
     let place = Place::new();
@@ -139,7 +140,7 @@ fn a_log_of_decisions_becomes_a_study_that_runs() {
     let in_temperatures =
         number(&control["agent"]["step_size"]) / number(&control["agent"]["temperature"]);
     assert!((0.027..0.033).contains(&in_temperatures), "both are in spreads: {control:?}");
-    // Ten initial weights, of four columns and six pairs, make a first value of five spreads.
+    // Ten initial weights, of four columns and six pairs, give an initial value of five spreads.
     let optimism = number(&control["grid"]["initial_weight"][1]);
     let in_spreads = optimism / number(&control["agent"]["temperature"]);
     assert!((4.5..5.5).contains(&in_spreads), "{control:?}");
@@ -148,7 +149,7 @@ fn a_log_of_decisions_becomes_a_study_that_runs() {
     let verdict = ran.ends(&[0, 1]);
     assert!(verdict.contains("default"), "it is one of the settings: {verdict}");
     assert!(!ran.stderr().contains("the spread of the recorded returns"), "{}", ran.stderr());
-    // A study that is there stays, unless it may be replaced.
+    // An existing study is kept, unless --force is given.
     init(&place, &POLE[..8]).fails_with(2, &["--force"]);
     let json = init(&place, &[&POLE[..], &["--json"]].concat()).json(&[0]);
     assert_eq!(json["transitions"], 2000);
@@ -194,8 +195,8 @@ fn a_torque_of_any_number_gets_levels() {
     assert_eq!(study(&place)["control"]["levels"].as_integer(), Some(3));
 }
 
-/// Four hundred rows of a plant, so many minutes apart: sensors, a pump of three speeds and columns that are no actions, rewards or
-/// terminals.
+/// Returns four hundred rows of a plant, `minutes` apart: sensors, a pump with three speeds, and columns that are not actions,
+/// rewards or terminals.
 fn plant(minutes: usize) -> Place {
     let place = Place::new();
     let mut text = String::from(
@@ -222,7 +223,7 @@ fn plant(minutes: usize) -> Place {
     place
 }
 
-/// As `init` reads it: a column of words beside numbers might be a long table.
+/// Arguments of `init` for the plant. A column of words beside numbers could be a long table.
 const PLANT: [&str; 3] = ["log.csv", "study.toml", "--set=data.shape=wide"];
 
 #[test]
@@ -288,7 +289,7 @@ fn what_speaks_against_a_choice_is_told_at_once() {
     );
 }
 
-/// The log is read twice: as it is, and with levels in the place of very many actions.
+/// The log is read twice: as it is, and with levels in place of very many actions.
 #[test]
 fn text_among_many_actions_is_told_once() {
     let place = plant(1);
@@ -323,7 +324,7 @@ fn a_day_of_thinned_decisions_has_fewer_steps() {
     assert_eq!(study(&place)["control"]["timeout"].as_integer(), Some(48));
 }
 
-/// A slip of the logger stretches no levels, neither those that are proposed nor those of a study.
+/// An outlier of the logger stretches no levels, neither proposed ones nor those of a study.
 #[test]
 fn an_action_that_stands_out_makes_no_levels() {
     let place = plant(1);

@@ -1,4 +1,4 @@
-//! A result is the same as long as what it follows from is the same, and for no other reason.
+//! A result stays valid as long as its inputs are the same, and for no other reason.
 
 use std::{fs, path::Path};
 
@@ -23,7 +23,7 @@ fn what_changes_no_byte_changes_no_key() {
     judged.ends(&[0, 1]);
     assert!(!judged.stdout().contains("other settings"), "{}", judged.stdout());
     let after = place.content("study-results");
-    // These say which study they were made for.
+    // These files name the study that they were made for.
     let tells_study =
         |path: &Path| path.ends_with("manifest.json") || path.ends_with("planned.json");
     for (path, content) in before.iter().filter(|(path, _)| !tells_study(path)) {
@@ -48,7 +48,7 @@ fn a_log_is_known_by_what_it_holds() {
     let judged = at("evaluate", "moved");
     judged.ends(&[0, 1]);
     assert!(!judged.stdout().contains("other settings"), "{}", judged.stdout());
-    // Another log, in a folder that has any name.
+    // Another log, in a folder with another name.
     place.simulate_other("other");
     for command in ["rollout", "sweep", "evaluate"] {
         at(command, "other").fails_with(2, &["other data", "'data.path=other'"]);
@@ -99,7 +99,7 @@ fn the_keys_that_differ_are_named_with_both_values() {
     );
     let message = refused("rollout", "preprocess.fill_limit=6");
     assert!(message.contains("preprocess.fill_limit = 5, now 6"), "{message}");
-    // Rollouts of other settings are told of, and not shown.
+    // Rollouts with other settings are mentioned, but not shown.
     let note = place.calib(&["evaluate", "study.toml", "--set", "rollout.steps=399"]);
     note.ends(&[0, 1]);
     assert!(note.stdout().contains("with other settings"), "{}", note.stdout());

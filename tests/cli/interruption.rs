@@ -1,4 +1,4 @@
-//! Killed at any moment, a command that is run again gives what it would have given undisturbed.
+//! A command that was killed at any moment and run again gives the same results as an undisturbed one.
 
 #[cfg(unix)]
 use std::io::{BufRead as _, BufReader, Read as _};
@@ -11,7 +11,7 @@ use crate::{
     represent::LAPLACIAN,
 };
 
-/// Start `calib`, kill it after some milliseconds, again and again with more time, then let it finish.
+/// Starts `calib` and kills it after some milliseconds, repeatedly and each time later. Then lets it finish.
 fn kill_and_rerun(place: &Place, args: &[&str]) {
     let mut killed = 0;
     for milliseconds in [5, 15, 30, 60, 100, 160, 250, 400, 600, 900] {
@@ -36,7 +36,7 @@ fn a_killed_simulation_goes_on() {
     assert_same(&place.content("whole"), &place.content("killed"));
 }
 
-/// What simulates a plant into a folder.
+/// Returns the arguments that simulate a plant into a folder.
 fn simulation(folder: &str) -> [&str; 8] {
     ["simulate", folder, "--days", "6", "--channels", "40", "--period", "10"]
 }
@@ -44,7 +44,7 @@ fn simulation(folder: &str) -> [&str; 8] {
 #[test]
 fn a_killed_study_goes_on() {
     let place = Place::with_study();
-    // Long enough that it is worth keeping between epochs.
+    // Training is long enough to save checkpoints between epochs.
     place.edit_study("[sweep]", "[pretrain]\nepochs = 200\n\n[sweep]");
     for command in ["pretrain", "build-model", "rollout", "sweep"] {
         place.calib(&[command, "study.toml", "--output", "whole"]).succeeds();
@@ -96,7 +96,8 @@ fn a_killed_training_by_force_is_not_up_to_date() {
     assert!(place.content("study-results") == whole);
 }
 
-/// Start a sweep, wait until it has results of a sensor, send it this signal as often, and return how it ended.
+/// Starts a sweep, waits for the first results of a sensor, sends the signal
+/// `times` times, and returns how the sweep ended.
 #[cfg(unix)]
 fn signalled(place: &Place, signal: &str, times: usize) -> Ran {
     let child = place.start(&["sweep", "study.toml", "--threads", "1"], Stdio::piped());
@@ -113,7 +114,7 @@ fn signalled(place: &Place, signal: &str, times: usize) -> Ran {
 fn what_a_batch_system_ends_is_to_be_tried_again_and_gives_the_same_bytes() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
-    // Long enough that the signals arrive in the middle.
+    // The sweep is long enough that the signals arrive during it.
     place.edit_study("online_runs = 3", "online_runs = 120");
     for signal in ["-TERM", "-USR1", "-USR2"] {
         signalled(&place, signal, 2).fails_with(75, &["run the same command again"]);
@@ -127,7 +128,7 @@ fn what_a_batch_system_ends_is_to_be_tried_again_and_gives_the_same_bytes() {
     }
 }
 
-/// Processes that live and were started with this word.
+/// Counts the running processes that were started with this word.
 #[cfg(target_os = "linux")]
 fn living(word: &str) -> usize {
     let all = std::fs::read_dir("/proc").expect("there").flatten();
@@ -141,7 +142,7 @@ fn the_program_of_an_agent_does_not_outlive_calib() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
     let word = format!("{}.75", 200_000 + std::process::id());
-    // Neither the program nor what it starts, in a session of its own or not, reads anything.
+    // Neither the program nor its child processes, in their own session or not, read their input.
     let script = format!("setsid sleep {word} & sleep {word} & sleep {word}");
     place.edit_study(
         "value_function = \"linear\"\ngamma = 0.9\nbatch_size = 16\nlearning_rate = 1e-3\n",
@@ -200,7 +201,7 @@ fn where_there_are_no_locks_two_sweeps_of_one_folder_end_well() {
 fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
-    // Long enough that the signal arrives in the middle.
+    // The sweep is long enough that the signal arrives during it.
     place.edit_study("online_runs = 3", "online_runs = 4000");
     signalled(&place, "-INT", 1).fails_with(130, &["run the same command again"]);
     assert!(!place.path().join("study-results/sweep/manifest.json").exists());

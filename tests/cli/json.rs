@@ -1,4 +1,4 @@
-//! What `--json` prints is what the schemas of the structs say. Every run of these tests with `--json` is held to them
+//! The `--json` output matches the schemas of the structs. Every `--json` run in these tests is checked
 //! (`harness.rs`).
 
 use serde_json::Value;
@@ -30,16 +30,16 @@ fn every_command_with_json_has_a_schema() {
     assert_eq!(with_json, known);
 }
 
-/// The names of the commands that a help lists.
+/// Returns the names of the commands in a help text.
 fn commands(help: &str) -> Vec<String> {
     let list = help.split("Commands:").nth(1).expect("a list of commands");
     let names = list.lines().skip(1).take_while(|line| line.starts_with("  "));
-    // What does not fit beside a name is indented further.
+    // Wrapped descriptions are indented further than names.
     let names = names.filter(|line| !line.starts_with("   "));
     names.filter_map(|line| line.split_whitespace().next().map(str::to_owned)).collect()
 }
 
-/// A word where a number stood, a key too few and one too many, at the top and further down.
+/// A word in place of a number, a missing key and an extra key, at the top level and deeper.
 #[test]
 fn what_is_not_in_the_schema_is_found() {
     let place = Place::with_study();
@@ -64,7 +64,7 @@ fn what_is_not_in_the_schema_is_found() {
     assert!(schema::problem(&schema, &when).is_some(), "no time as RFC 3339 has it");
 }
 
-/// The choice is the swept keys and their values.
+/// The choice consists of the swept keys and their values.
 #[test]
 fn a_choice_is_a_structure() {
     let place = Place::with_study();

@@ -1,4 +1,4 @@
-//! The command line as users meet it: one binary, so that it links once.
+//! Tests of the command line from a user's view: one binary, which links once.
 
 mod acting_programs;
 mod build;

@@ -1,4 +1,4 @@
-//! What is said, on a terminal and in a file.
+//! Messages, on a terminal and in a file.
 
 use crate::harness::Place;
 
@@ -17,7 +17,7 @@ fn a_file_keeps_what_is_said_and_what_quiet_hides() {
         let known = ["info", "step", "warning", "error", "result"];
         assert!(known.iter().any(|kind| rest.starts_with(kind)), "{line}");
     }
-    // The next command adds to it, also why it failed.
+    // The next command appends its messages, and the reason of its failure.
     let told =
         place.calib(&["build-model", "study.toml", "--set", "agent.gamma=7", "--log", "said.log"]);
     let refused = told.fails(2);

@@ -27,7 +27,7 @@ fn models_are_compared_in_one_report() {
     place.run_steps(&["represent", "build-model", "rollout"]);
     place.calib(&["sweep", "study.toml", "--model", "euclidean"]).succeeds();
     let sweep = place.calib(&["sweep", "study.toml", "--model", "laplacian"]);
-    // Two sensors in three members with two runs each; Online and log replay are shared.
+    // Two sensors in three members with two runs each. Held-out runs and log replay are shared.
     assert!(sweep.succeeds().contains("36 training runs made"), "{}", sweep.stdout());
     let compared = place.calib(&["evaluate", "study.toml", "--why"]);
     let table = compared.stdout();
@@ -40,7 +40,7 @@ fn models_are_compared_in_one_report() {
     let report = place.read("study-results/report.html");
     assert!(report.contains("Representations of laplacian"));
     assert!(report.contains("euclidean, worst rank") && report.contains("laplacian, worst rank"));
-    // No model is preferred but for what held-out data says, and curves say whose they are.
+    // Only held-out data makes a model preferable, and curves have the name of their model.
     assert!(
         report.contains("smallest regret on held-out data is that of")
             || report.contains("equally good")
@@ -50,7 +50,7 @@ fn models_are_compared_in_one_report() {
     assert!(
         report.contains("ensemble member 0 of laplacian") && report.contains("PIT300, euclidean")
     );
-    // The commands and the study that made it, with all its models.
+    // The report has the commands, and the study with all its models.
     assert!(
         report.contains("calib represent study.toml\ncalib build-model study.toml\ncalib rollout")
     );
@@ -60,7 +60,7 @@ fn models_are_compared_in_one_report() {
     assert!(own.contains("[models.laplacian.representation]"), "the study has all models");
     let summary = place.calib(&["evaluate", "study.toml", "--json", "-q"]).json(&[0, 1]);
     assert_eq!(summary["models"]["laplacian"]["verdicts"].as_array().expect("a list").len(), 2);
-    // A model by itself is the same as in a study of its own.
+    // A model alone gives the same results as in a study of its own.
     place.edit_study("[models.laplacian.representation]", "[representation]");
     place.edit_study("[models.euclidean]", "");
     for command in ["represent", "build-model"] {

@@ -1,4 +1,4 @@
-//! Models that are networks, through the whole chain.
+//! Models that are networks, through all steps.
 
 use std::{fs, thread, time::Duration};
 
@@ -8,7 +8,7 @@ use calib_files::{
 
 use crate::harness::{Place, assert_same};
 
-/// The study of the other tests with a small network for a model.
+/// Returns the study of the other tests with a small network as its model.
 fn place() -> Place {
     let place = Place::with_study();
     place.edit_study(
@@ -66,7 +66,7 @@ fn rollouts_that_end_at_once_are_left_out_and_told() {
         tensor.values.iter_mut().for_each(|value| *value = 1e30);
     }
     write_tensors(&path, &weights).expect("written");
-    // As if they had been trained like this.
+    // The manifest is changed to match these weights.
     let manifest = place.path().join("study-results/model/manifest.json");
     let mut sealed = read_sealed_json::<serde_json::Value>(&manifest).expect("sealed");
     let fingerprint = fingerprint_file(&path).expect("readable");
@@ -100,7 +100,7 @@ fn killed_training_goes_on_to_the_same_bytes() {
     let checkpoint = place.path().join("killed/model/checkpoint.safetensors");
     for round in 1..40_u64 {
         let mut child = place.command(&args).spawn().expect("calib runs");
-        // Until there is something to go on with, and a little longer each time.
+        // Waits for a checkpoint to resume from, and each time a little longer.
         for _ in 0..10_000 {
             if checkpoint.exists() || child.try_wait().expect("a status").is_some() {
                 break;
@@ -129,7 +129,7 @@ fn other_settings_are_another_model() {
     place
         .calib(&[&["rollout", "study.toml"], &set[..]].concat())
         .fails_with(2, &["dynamics.learning_rate = ", "build-model"]);
-    // What the kind does not use changes nothing.
+    // A key that this kind of model does not use changes nothing.
     let set = ["--set", "dynamics.sequence_length=7"];
     let built = place.calib(&[&["build-model", "study.toml"], &set[..]].concat()).succeeds();
     assert!(built.contains("up to date"), "{built}");
@@ -174,7 +174,7 @@ fn a_gru_goes_through_the_chain() {
     assert!(run("build-model").succeeds().contains("up to date"));
 }
 
-/// A network that is rolled out as means comes to rest; with recorded residuals it goes on.
+/// A network whose rollouts use means comes to rest. With recorded residuals it keeps moving.
 #[test]
 fn residuals_keep_rollouts_moving() {
     let place = place();
@@ -182,7 +182,7 @@ fn residuals_keep_rollouts_moving() {
     let spread = |noise: &str| {
         let set = format!("dynamics.noise={noise}");
         let args = |command| place.calib(&[command, "study.toml", "--set", &set]);
-        // Weights do not follow from the noise.
+        // The weights do not depend on the noise.
         assert!(args("build-model").succeeds().contains("up to date"));
         args("rollout").succeeds();
         let path = place.path().join("study-results/rollout/trajectories.parquet");
@@ -215,13 +215,13 @@ fn native_and_libtorch_training_agree_about_the_model() {
     assert!((a - b).abs() < 0.02 * a, "{a} {b}");
 }
 
-/// The loss on what a training did not see.
+/// Returns the loss on the validation data.
 #[cfg(feature = "torch")]
 fn validation_loss(manifest: &serde_json::Value) -> f64 {
     manifest["training"]["validation_loss"].as_f64().expect("a number")
 }
 
-/// A study of neighbours, whose agents are networks.
+/// Options for a study of neighbours whose agents are networks.
 #[cfg(feature = "torch")]
 const NEIGHBOURS: [&str; 3] =
     ["--set=model.kind=knn", "--set=agent.value_function=mlp", "--set=agent.hidden_units=8"];
@@ -238,17 +238,17 @@ fn agents_that_libtorch_trains_are_results_of_their_own() {
     assert!(calib("sweep", &device).succeeds().contains("training runs made in"));
     assert_eq!(json(&place, "sweep/manifest.json")["arithmetic"], "libtorch-cpu");
     assert!(calib("sweep", &device).succeeds().contains("up to date"));
-    // The verdict is the device's, and says so.
+    // The verdict is that of the device, and says so.
     let summary = calib("evaluate", &["--json"]).json(&[0, 1]);
     assert!(summary["choices"].as_array().is_some_and(|choices| !choices.is_empty()), "{summary}");
     assert!(summary.to_string().contains("libtorch-cpu"), "{summary}");
     let page = place.read("study-results/report.html");
     assert!(page.contains("--device cpu"), "the report says how it was made");
-    // Natively they are others, and those of the device stay.
+    // Native runs are separate results, and those of the device stay.
     assert!(calib("sweep", &[]).succeeds().contains("training runs made in"));
     assert_eq!(json(&place, "sweep/manifest.json").get("arithmetic"), None);
     assert!(calib("sweep", &device).succeeds().contains("up to date"));
-    // A run knows which of them it would make.
+    // A dry run distinguishes between them.
     let planned = |more: &[&str]| calib("run", &[more, &["--dry-run"]].concat()).stderr();
     assert!(planned(&device).contains("up to date: "));
     assert!(!planned(&[]).split("to do").next().unwrap_or_default().contains("sweep"));

@@ -1,8 +1,8 @@
-//! What commands print, whole, as a reviewer reads it.
+//! Complete outputs of commands, as snapshots for a reviewer.
 
 use crate::harness::{Place, Ran};
 
-/// Both streams, without times, sizes and the number of threads.
+/// Returns both streams, without times, sizes and the number of threads.
 fn shown(ran: &Ran) -> String {
     format!("{}--- stderr\n{}--- exit code {}", ran.stdout(), ran.stderr(), ran.code())
 }

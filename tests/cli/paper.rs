@@ -1,10 +1,10 @@
-//! The paper's studies are valid as they stand, and their small profiles run.
+//! The studies of the paper are valid as written, and their small profiles run.
 
 use std::{fs, path::Path};
 
 use crate::harness::Place;
 
-/// A directory with the three studies.
+/// Returns a directory with the three studies.
 fn place() -> Place {
     let place = Place::new();
     let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper");
@@ -35,12 +35,13 @@ fn a_dry_run_says_what_a_study_takes_before_its_log_is_simulated() {
     let dry = place.calib(&["run", "one-week.toml", "--dry-run"]);
     assert_eq!(dry.code(), 0, "{}", dry.stderr());
     let said = dry.stderr();
-    // The simulated log has 345,244 x 142: some gaps take rows from it, and a sample has as many as it stands for.
+    // The simulated log has 345,244 x 142, because some gaps remove rows. The
+    // sample counts the rows that it stands for.
     assert!(said.contains("345,619 rows x 142 columns; 1 representation"), "{said}");
     let order = ["simulate", "represent,", "build-model,", "rollout,", "sweep,", "evaluate"];
     let places = order.map(|step| said.find(&format!("] {step}")).expect(step));
     assert!(places.is_sorted(), "{said}");
-    // Streams that models share are counted once: 40 of 90 passes, and of 50.
+    // Runs that models share count once: 40 of 90 passes, and of 50.
     assert!(said.contains("(160 passes over the data"), "{said}");
     assert!(said.contains("all sweeps together: expecting about"), "{said}");
     let files = fs::read_dir(place.path()).expect("readable").flatten();
@@ -57,7 +58,7 @@ fn the_week_runs_to_one_report_on_its_models() {
     }
     let report = place.read("one-week-results/tiny/report.html");
     assert!(report.contains("Four models of one week"), "the title");
-    // What is there can be looked at again, and a dry run looks into every step.
+    // Existing results can be shown again, and a dry run checks every step.
     let dry = place.calib(&[&tiny[..], &["--dry-run"]].concat());
     assert_eq!(dry.code(), 0, "{}", dry.stderr());
     let said = "up to date: reading the log, represent, build-model, rollout, sweep";

@@ -1,4 +1,4 @@
-//! Pre-trained agents: from the log to a fine-tuning rate.
+//! Pre-trained agents: from the log to a step size for fine-tuning.
 
 use std::{fs, path::Path};
 
@@ -38,7 +38,7 @@ fn a_sweep_starts_from_what_was_pre_trained() {
     }
     assert!(place.read("study-results/report.html").contains("calib pretrain"));
 
-    // Another sensor is one more agent, and the two that are there stay as they are.
+    // Another sensor needs one more agent, and the two existing agents stay unchanged.
     let before = place.content("study-results/pretrain");
     place.edit_study("[\"PIT300\", \"TIT101\"]", "[\"PIT300\", \"TUIT101\", \"TIT101\"]");
     let more = place.calib(&["pretrain", "study.toml"]);

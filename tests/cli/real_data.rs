@@ -1,4 +1,4 @@
-//! The studies on real plants, much shortened. They want `CALIB_DATA` and skip without it.
+//! The studies of real plants, much shortened. They need `CALIB_DATA`, and are skipped without it.
 
 use std::path::Path;
 
@@ -44,7 +44,7 @@ fn run_shortened(study: &str, folder: &str, more: &[&str]) {
     assert!(place.path().join("results/report.html").is_file());
 }
 
-/// Whether a line of a verdict says what is chosen for a sensor.
+/// Whether a line of a verdict names the choice for a sensor.
 fn is_headline(line: &str) -> bool {
     ![" ", "note: ", "report: "].iter().any(|start| line.starts_with(start))
 }
@@ -59,7 +59,8 @@ fn the_oil_wells_get_a_verdict() {
     run_shortened("wells.toml", "3w-field-2017-08", &["preprocess.subsample=40"]);
 }
 
-/// Every state at 1 Hz, raw (12 columns) and with traces (144): tables against brute force in f64, bit by bit.
+/// Checks the tables of all states at 1 Hz, raw (12 columns) and with traces (144), against brute force in
+/// f64, bit by bit.
 #[test]
 fn neighbours_on_the_oil_wells_agree_with_brute_force() {
     let Some(data) = std::env::var_os("CALIB_DATA") else {

@@ -1,4 +1,4 @@
-//! What was recorded of the predicted sensors: kept by the sweep, shown by the report.
+//! Recorded values of the predicted sensors: the sweep keeps them, and the report shows them.
 
 use std::fs;
 
@@ -7,7 +7,7 @@ use calib_data::table::read_parquet;
 
 use crate::harness::Place;
 
-/// Smallest and largest of some values, and the times of the first and the last.
+/// Smallest and largest value, and the first and last time.
 #[derive(Debug, Default)]
 struct Range {
     values: Vec<f64>,
@@ -22,7 +22,7 @@ impl Range {
     }
 }
 
-/// What the sweep kept of a sensor in a period.
+/// Returns the range that the sweep kept for a sensor in a period.
 fn kept(place: &Place, period: &str, sensor: &str) -> Range {
     let path = place.path().join("study-results/sweep/recorded.parquet");
     let table = read_parquet(&path).expect("readable");
@@ -38,7 +38,7 @@ fn kept(place: &Place, period: &str, sensor: &str) -> Range {
     range
 }
 
-/// What the log has of it between two instants.
+/// Returns the range of the sensor in the log between two instants.
 fn logged(place: &Place, sensor: &str, from: Timestamp, to: Timestamp) -> Range {
     let mut range = Range::default();
     for day in ["2022-11-01", "2022-11-02", "2022-11-03"] {
@@ -85,7 +85,7 @@ fn a_sweep_keeps_the_extremes_of_what_was_recorded_in_physical_units() {
     let svg = place.read("study-results/evaluate/figures/recorded-TIT101.svg");
     assert!(svg.contains("<desc") && svg.contains("held out: 2022-11-03 "), "{svg}");
 
-    // What is lost is told, and made again.
+    // A lost file is reported, and made again.
     fs::remove_file(results.join("sweep/recorded.parquet")).expect("there");
     let lost = place.calib(&["evaluate", "study.toml"]).fails(2);
     assert!(lost.contains("recorded.parquet") && lost.contains("calib sweep study.toml"), "{lost}");

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::harness::Place;
 
-/// Four gaps a day, at two of which members without a cure are trapped.
+/// A study with four gaps per day. At two of them, members have traps unless these are removed.
 const STUDY: &str =
     "[data]\npath = \"data\"\ntrain_fraction = 0.75\n\n[preprocess]\nfill_limit = 5\n";
 
@@ -62,7 +62,8 @@ fn what_is_drawn_decides_what_is_left_out() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     let uniform = ["rollout", "study.toml", "--set", "model.weights=uniform"];
     place.calib(&uniform).fails_with(2, &["build-model"]);
-    // Nothing that members were made of has changed: what is told of their walks is found again.
+    // The inputs of the members are unchanged. Only the statistics of
+    // their rollouts are computed again.
     let members = manifest(&place)["members"].clone();
     place.calib(&["build-model", "study.toml", "--set", "seed=7"]).succeeds();
     let again = manifest(&place)["members"].clone();

@@ -1,4 +1,4 @@
-//! Representations: trained, imported, chosen, and searched in.
+//! Representations: trained, imported, chosen, and used for the neighbour search.
 
 use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::harness::Place;
 
-/// A grid of two small representations, before `[model]`.
+/// A grid of two small representations, to be inserted before `[model]`.
 pub(crate) const LAPLACIAN: &str = r#"[representation]
 kind = "laplacian"
 dimension = 8
@@ -53,7 +53,7 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     let verified = place.calib(&["build-model", "study.toml", "--verify", "20"]);
     verified.succeeds();
     assert!(verified.stderr().contains("verified: 60 rows agree"), "{}", verified.stderr());
-    // What is damaged later is found, also when the study changes in what the model does not follow from.
+    // Later damage is found, even if the study changes only in keys that the model does not depend on.
     let encoder = results.join("model/encoder.safetensors");
     let good = std::fs::read(&encoder).expect("an encoder");
     let mut damaged = good.clone();
@@ -81,11 +81,11 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     let report = place.read("study-results/report.html");
     assert!(report.contains("Representations") && report.contains("dynamics awareness"));
 
-    // Start states of the deployment go through the encoder.
+    // The start states of the deployment go through the encoder.
     let nearest = ["rollout", "study.toml", "--set", "rollout.start=nearest"];
     assert!(place.calib(&nearest).succeeds().contains("start states"));
 
-    // Another representation is another model; a grid that grows keeps what is trained.
+    // Another representation needs another model. A larger grid keeps the trained representations.
     place.edit_study("[1e-3, 3e-3]", "[1e-3, 3e-3, 1e-2]");
     place
         .calib(&["rollout", "study.toml"])
@@ -97,7 +97,7 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     assert!(before.iter().all(|(path, content)| after[path] == *content));
 }
 
-/// The dynamics awareness of a candidate.
+/// Returns the dynamics awareness of a candidate.
 fn awareness(candidate: &Value) -> f64 {
     candidate["scores"]["dynamics_awareness"].as_f64().expect("a number")
 }
@@ -128,7 +128,7 @@ fn what_tells_too_little_apart_or_diverges_is_not_chosen() {
     place.calib(&args).fails_with(2, &["there is nothing to train"]);
 }
 
-/// A study with a model among the states themselves, and what `[representation]` is then set to.
+/// Returns a study with a model in the state space, and then sets `[representation]` to `section`.
 fn importing(section: &str) -> Place {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
@@ -139,7 +139,7 @@ fn importing(section: &str) -> Place {
     place
 }
 
-/// The states' first four columns: a representation that anybody could make.
+/// Returns the first four columns of the states, as a simple representation.
 fn psi(place: &Place) -> (Vec<f32>, usize) {
     let path = place.path().join("study-results/model/states.npy");
     let states = map_npy::<f32>(&path).expect("states");
@@ -160,7 +160,7 @@ fn an_imported_representation_is_searched_in() {
     place.calib(&nearest).fails_with(2, &["imported without an encoder"]);
     place.calib(&["rollout", "study.toml"]).succeeds();
 
-    // Another content of the same file is another representation.
+    // The same file with other content is another representation.
     write_npy(&place.path().join("psi.npy"), &vec![0.5_f32; 4 * rows], rows, 4).expect("written");
     let stale = place.calib(&["build-model", "study.toml"]).fails(2);
     assert!(stale.contains("run `calib represent study.toml` again"), "{stale}");
@@ -174,14 +174,14 @@ fn what_depends_on_coordinates_waits_until_they_are_known() {
     let place = laplacian();
     let tree = ["build-model", "study.toml", "--index", "kd-tree"];
     let dry = [&tree[..], &["--dry-run"]].concat();
-    // There are eight, though they are yet to be trained, and the states have more.
+    // The representation has eight dimensions although it is not trained yet, and the states have more.
     place.calib(&dry).succeeds();
     place.calib(&tree).fails_with(2, &["run `calib represent study.toml` first"]);
     place.edit_study("dimension = 8", "dimension = 9");
     for args in [&dry[..], &tree[..]] {
         place.calib(args).fails_with(2, &["at most 8 columns, got 9"]);
     }
-    // Of these, either may be chosen.
+    // Either of these may be chosen.
     place.edit_study("dimension = 9", "dimension = [8, 9]");
     place.calib(&dry).succeeds();
     place.calib(&tree).fails_with(2, &["run `calib represent study.toml` first"]);
@@ -196,7 +196,7 @@ fn a_stale_representation_says_nothing_of_the_next_one() {
     let before = place.content("study-results");
     place.calib(&built_with("model.components=4")).fails_with(2, &["fewer than the"]);
     assert!(place.content("study-results") == before, "the model is still there");
-    // Five components of four coordinates there are none, but the next ones are eight.
+    // Four coordinates cannot have five components; the next file has eight coordinates.
     let twice: Vec<f32> = psi.chunks_exact(4).flat_map(|row| [row, row].concat()).collect();
     write_npy(&place.path().join("wide.npy"), &twice, rows, 8).expect("written");
     place.edit_study("psi.npy", "wide.npy");
@@ -205,7 +205,7 @@ fn a_stale_representation_says_nothing_of_the_next_one() {
         .fails_with(2, &["run `calib represent study.toml --set 'model.components=5'` again"]);
 }
 
-/// What builds the model with something set.
+/// Returns the arguments that build the model with a key set.
 fn built_with(set: &str) -> [&str; 6] {
     ["build-model", "study.toml", "--set", set, "--index", "scan"]
 }
@@ -253,7 +253,7 @@ fn parquet_is_joined_by_time_and_by_row() {
     let (psi, rows) = psi(&place);
     let table = read_parquet(&place.path().join("study-results/model/rows.parquet"));
     let times = table.expect("rows").column::<Timestamp>("timestamp").expect("times").to_vec();
-    // In another order, with a time that is not asked for.
+    // The rows come in another order, with an additional time.
     let order: Vec<usize> = (0..rows).rev().collect();
     let mut at: Vec<Timestamp> = order.iter().map(|&row| times[row]).collect();
     at.push(Timestamp::from_micros(0));

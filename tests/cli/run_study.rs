@@ -1,4 +1,4 @@
-//! From logs to a verdict, and the same bytes every time.
+//! From logs to a verdict, with the same bytes every time.
 
 use crate::harness::{Place, assert_same};
 
@@ -71,7 +71,7 @@ fn what_is_up_to_date_is_not_made_again() {
     }
     assert!(place.content("study-results") == before, "made again, it is the same");
 
-    // Other steps are another sweep, and so are other start states and weights; the model stays.
+    // Other steps need another sweep, and so do other start states and weights. The model stays.
     let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]).stderr();
     // Each of 22 runs trains three settings; 12 of them are in the model.
     for (set, left) in [
@@ -83,7 +83,7 @@ fn what_is_up_to_date_is_not_made_again() {
         assert!(dry(set).contains(left), "{set}: {}", dry(set));
     }
 
-    // One more value: only a changed grid is run, the model stays.
+    // One more value: only the changed grid is run, and the model stays.
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2]");
     assert!(run("build-model").contains("up to date"));
     assert!(run("sweep").contains("training runs made"));
@@ -147,14 +147,14 @@ fn work_that_the_disk_has_no_room_for_is_refused_before_it_begins() {
     refused(&["build-model", "study.toml"], &["the model may take", "model lies; choose a folder"]);
     let results = place.path().join("study-results");
     assert!(!results.join("model").exists() && !results.join("sweep").exists());
-    // A plan writes nothing, and says what it would take.
+    // A plan writes nothing, and gives the required space.
     place.calib_with(&["build-model", "study.toml", "--dry-run"], &full).succeeds();
     place.calib(&["build-model", "study.toml"]).succeeds();
     refused(&["sweep", "study.toml"], &["the sweep may take", "sweep.curve_points"]);
     assert!(!results.join("sweep").exists());
-    // What is up to date is not made again.
+    // Results that are up to date are not made again.
     place.calib_with(&["build-model", "study.toml"], &full).succeeds();
-    // Nothing is free: so says a file system that does not tell.
+    // A file system that does not report its free space reports 0.
     place.calib_with(&["run", "study.toml"], &[("CALIB_FAULT", "free:0")]).ends(&[0, 1]);
     place.calib_with(&["run", "study.toml"], &full).ends(&[0, 1]);
 }

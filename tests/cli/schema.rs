@@ -1,21 +1,19 @@
-//! Whether a document is what its schema says: as much of JSON Schema as they have, and a panic at the rest.
-//!
-//! Stricter than a validator in one thing: a key that the schema does not know is a problem, as if `unevaluatedProperties` were
-//! `false` everywhere. The schemas themselves leave it open, so that who holds documents to them is not stopped by a key that a later
-//! version adds.
+//! Validation of a document against its schema: the part of JSON Schema that calib's schemas use. Other keywords cause a panic.
+//!  It is stricter than a validator in one respect: a key that the schema does not know is a problem, as if `unevaluatedProperties`
+//! were `false` everywhere. The schemas themselves allow unknown keys, so that documents with keys of a later version stay valid.
 
 use std::collections::BTreeSet;
 
 use serde_json::{Map, Value};
 
-/// The schema of what `command` prints.
+/// Returns the schema of the output of `command`.
 pub(crate) fn of(command: &str) -> Value {
     let mut schemas = calib::json_schemas();
     let schema = schemas.remove(command).unwrap_or_else(|| panic!("no schema of {command}"));
     schema.into()
 }
 
-/// What of `value` is not as `schema` says, and where.
+/// Returns the first violation of `schema` in `value`, and its place.
 pub(crate) fn problem(schema: &Value, value: &Value) -> Option<String> {
     Checker { root: schema }.whole(schema, value, "$").err()
 }
@@ -24,7 +22,7 @@ struct Checker<'a> {
     root: &'a Value,
 }
 
-/// Words about a value, for people.
+/// Keywords that only describe a value for readers.
 const NOTES: [&str; 9] = [
     "title",
     "description",
@@ -37,15 +35,15 @@ const NOTES: [&str; 9] = [
     "writeOnly",
 ];
 
-/// Which keys an object may have.
+/// Keys that an object may have.
 enum Keys {
-    /// Any: it is a map, or JSON of no known form.
+    /// Any key: the object is a map, or JSON of unknown form.
     Any,
     These(BTreeSet<String>),
 }
 
 impl Checker<'_> {
-    /// A value, and whether all of its keys are known.
+    /// Checks a value, and whether all of its keys are known.
     fn whole(&self, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
         self.check(schema, value, at)?;
         let (Value::Object(object), Keys::These(known)) = (value, self.keys(schema, value)) else {
@@ -57,7 +55,7 @@ impl Checker<'_> {
         }
     }
 
-    /// The keys that `schema` knows of `value`: its own, and those of every part of it that holds of the value.
+    /// Returns the keys that `schema` knows for `value`: its own keys, and those of every part that applies to the value.
     fn keys(&self, schema: &Value, value: &Value) -> Keys {
         let Value::Object(rules) = schema else { return Keys::Any };
         let mut parts: Vec<&Value> = Vec::new();
@@ -81,7 +79,7 @@ impl Checker<'_> {
         Keys::These(known)
     }
 
-    /// What a reference means.
+    /// Follows a reference.
     fn target(&self, path: &Value) -> &Value {
         let path = path.as_str().and_then(|path| path.strip_prefix('#')).expect("local");
         self.root.pointer(path).expect("a definition")
@@ -106,7 +104,7 @@ impl Checker<'_> {
         value: &Value,
         at: &str,
     ) -> Result<(), String> {
-        // Bounds are of numbers, and hold for nothing else.
+        // Bounds apply to numbers only.
         let number = value.as_f64().zip(says.as_f64());
         let refused = |why: &str| Err(format!("{at}: {value} is {why} ({rule}: {says})"));
         let list = || says.as_array().expect("a list");

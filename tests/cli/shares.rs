@@ -1,4 +1,4 @@
-//! Work that several processes divide among them: the bytes of one.
+//! Work that several processes divide: the bytes equal those of one process.
 
 use crate::{
     control,
@@ -12,7 +12,7 @@ fn a_grid_of_representations_in_shares_is_that_of_one_process() {
     let shared = with_three_representations();
     alone.calib(&["represent", "study.toml"]).succeeds();
     let share = |part: &str| shared.calib(&["represent", "study.toml", "--share", part]);
-    // In any order, and one twice; of one nothing is left to do.
+    // Shares run in any order, and one runs twice. One of them has nothing left to do.
     assert!(share("1/2").succeeds().contains("share 1/2: 1 representation trained, of 3"));
     shared.calib(&["build-model", "study.toml"]).fails_with(2, &["represent"]);
     share("0/2").succeeds();
@@ -27,7 +27,7 @@ fn a_grid_of_representations_in_shares_is_that_of_one_process() {
     assert!(forced.contains("--force makes everything again"), "{forced}");
 }
 
-/// A study with a grid of three representations.
+/// Returns a study with a grid of three representations.
 fn with_three_representations() -> Place {
     let place = Place::with_study();
     place.edit_study("[model]", LAPLACIAN);
@@ -42,7 +42,7 @@ fn agents_that_shares_pre_train_are_those_of_one_process() {
     alone.calib(&["pretrain", "study.toml"]).succeeds();
     let share = |part: &str| shared.calib(&["pretrain", "study.toml", "--share", part]);
     assert!(share("0/2").succeeds().contains("share 0/2: 2 agents pre-trained, of 3"));
-    // What a share has made counts, whoever goes on.
+    // The results of a share count, whichever process continues.
     let again = share("0/2");
     assert!(again.stderr().contains("1 of 3 agents left"), "{}", again.stderr());
     share("1/2").succeeds();
@@ -54,7 +54,7 @@ fn agents_that_shares_pre_train_are_those_of_one_process() {
     assert!(shared.calib(&["pretrain", "study.toml"]).succeeds().contains("up to date"));
 }
 
-/// A study of three sensors, whose agents are pre-trained.
+/// Returns a study of three sensors with pre-trained agents.
 fn with_three_agents() -> Place {
     let place = Place::with_study();
     place.edit_study(
@@ -65,7 +65,7 @@ fn with_three_agents() -> Place {
     place
 }
 
-/// The runs that shares of the study of [`control::place`] have kept: name → content.
+/// Returns the runs that the shares of [`control::place`]'s study have kept: name → content.
 fn kept_runs(place: &Place) -> Content {
     let mut content = place.content(UNITS);
     content.retain(|path, _| path.to_string_lossy().starts_with("run-"));
@@ -103,7 +103,7 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     let started = control::place();
     let share = started.calib(&["control", study, "--share", "1/20"]).succeeds();
     assert!(share.contains("share 1/20: 1 run made, 0 there before, of 18 in all"), "{share}");
-    // The last run of networks, and as often as it is asked for.
+    // This share has the last run of networks. Asked again, it has nothing left to train.
     let trained = "training the network of ensemble member 2, in which this share has runs";
     for (counts, is_made) in
         [("1 run made, 0 there before", true), ("0 runs made, 1 there before", false)]
@@ -113,12 +113,12 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
         assert!(share.contains(&format!("share 17/18: {counts}, of 18 in all")), "{share}");
         assert_eq!(ran.stderr().contains(trained), is_made, "{}", ran.stderr());
     }
-    // Of networks, numbers 12 to 17, it has the runs 12 and 16, in members 0 and 2.
+    // Networks have the numbers 12 to 17. The share has runs 12 and 16, in members 0 and 2.
     let ran = started.calib(&["control", study, "--share", "0/4"]);
     ran.succeeds();
     let trained = "training the networks of ensemble members 0 and 2, in which this share has runs";
     assert!(ran.stderr().contains(trained), "{}", ran.stderr());
-    // A network that was trained without the others gives the bytes that it gives with them.
+    // A network that was trained without the others has the same bytes as one trained with them.
     started.calib(&["control", study]).ends(&[1]);
     assert!(alone.content(folder) == started.content(folder));
     let json = ["control", study, "--share", "1/20", "--json"];
@@ -170,7 +170,7 @@ fn a_share_that_ends_after_the_verdict_does_not_hide_it() {
     assert!(kept_runs(&place).is_empty(), "its runs are in the verdict");
 }
 
-/// The representation is trained by every share that begins before one has written it.
+/// Every share that starts before the representation is written trains it.
 #[test]
 fn shares_whose_neighbours_are_near_in_a_representation_run_side_by_side() {
     let args = [

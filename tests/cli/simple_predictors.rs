@@ -1,4 +1,4 @@
-//! Simple predictors: beside every verdict, and as what agents start from.
+//! Simple predictors: beside every verdict, and as the starting point of agents.
 
 use std::fs;
 
@@ -8,7 +8,7 @@ use crate::harness::{Place, assert_same};
 
 const GRID: &str = "[1e-5, 1e-3, 1e-2]";
 
-/// Agents that start from `baseline`, and one of them that stays there.
+/// Returns a study of agents that start from `baseline`; one of them stays there.
 fn place(baseline: &str) -> Place {
     let place = Place::with_study();
     place.edit_study("[agent]", &format!("[agent]\nbaseline = \"{baseline}\""));
@@ -32,7 +32,7 @@ fn an_agent_that_does_not_learn_has_the_error_of_its_baseline() {
             let frozen = verdict["truth"]["scores"]["candidates"][0]["mean"].as_f64();
             let own = own["online_error"].as_f64();
             let (own, frozen) = own.zip(frozen).expect("numbers");
-            // The mean of three runs that are the same is rounded.
+            // The mean of three equal runs is rounded.
             assert!((own - frozen).abs() < 1e-12, "{name}: {own} {frozen}");
         }
     }
@@ -52,7 +52,7 @@ fn every_choice_says_what_to_do() {
     }
     let text = summary["advice"].to_string();
     assert!(text.contains("NRMSE of simple predictors"), "{text}");
-    // Whoever reads the page is told the same grades.
+    // The page shows the same grades.
     let page = place.read("study-results/report.html");
     let shown: Vec<&str> = page
         .split("<article class=\"card ")

@@ -1,4 +1,4 @@
-//! How a study stands, seen from another shell: while it runs, afterwards, and after a kill.
+//! `calib status` from another shell: during a run, after it, and after a kill.
 
 use std::{
     fs,
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::harness::{Place, schema};
 
-/// A study whose sweep takes about half a minute on two cores.
+/// Returns a study whose sweep takes about half a minute on two cores.
 fn long() -> Place {
     let place = Place::with_study();
     place.edit_study("value_function = \"linear\"", "value_function = \"mlp\"\nhidden_units = 64");
@@ -26,7 +26,7 @@ fn status(place: &Place, path: &str) -> Value {
     place.calib(&["status", path, "--json"]).json(&[0])
 }
 
-/// Ends a process however a test ends.
+/// Process that is killed when the test ends, even by a panic.
 struct Ends(Child);
 
 impl Drop for Ends {
@@ -40,7 +40,7 @@ fn begin(place: &Place, args: &[&str]) -> Ends {
     Ends(place.start(args, Stdio::null()))
 }
 
-/// Look until `is_there` is so.
+/// Polls until `is_there` returns a value.
 fn wait_for<T>(what: &str, mut is_there: impl FnMut() -> Option<T>) -> T {
     for _ in 0..LOOKS {
         if let Some(found) = is_there() {
@@ -51,7 +51,7 @@ fn wait_for<T>(what: &str, mut is_there: impl FnMut() -> Option<T>) -> T {
     panic!("{what} did not come")
 }
 
-/// So that a test that waits in vain ends.
+/// Limit of polls, so that a test without success ends.
 const LOOKS: usize = 3_000;
 
 fn states<'v>(status: &'v Value, step: &str) -> Vec<&'v str> {
@@ -90,7 +90,7 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
         let [low, high] = [0, 1].map(|end| settings[2]["interval"][end].as_f64().expect("known"));
         let ratio = settings[2]["ratio"].as_f64().expect("known");
         assert!(low < ratio && ratio < high, "{ranking}");
-        // By the default rule: two runs in each of three members, two on the log.
+        // By the default rule: two runs in each of three members, and two on the log.
         assert!(settings.iter().all(|setting| setting["runs"] == 8), "{ranking}");
     }
     let folder = status(&place, "study-results");
@@ -102,7 +102,7 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
     ]);
     assert!(place.content("study-results") == content, "nothing is written");
 
-    // One setting more is to do.
+    // One more setting is left to run.
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2]");
     let edited = status(&place, "study.toml");
     assert_eq!((&edited["state"], states(&edited, "sweep")), (&"waiting".into(), vec!["to_do"]));
@@ -110,7 +110,7 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
     assert_eq!(edited["rankings"], Value::Array(vec![]), "no ranking of another study");
 }
 
-/// The note of a command that is killed in its first second is there.
+/// A command that is killed in its first second leaves a note.
 #[test]
 fn a_command_is_noted_before_its_first_second_ends() {
     let place = long();
@@ -125,7 +125,8 @@ fn a_command_is_noted_before_its_first_second_ends() {
     assert!(written - began < 1.0, "{note}");
 }
 
-/// Sensors that `calib status` ranks settings for, and why the sweep is to do again.
+/// Returns the sensors for which `calib status` ranks settings, and
+/// the reason why the sweep has to run again.
 fn ranked(place: &Place, set: &str) -> (Vec<String>, String) {
     let standing = place.calib(&["status", "study.toml", "--json", "--set", set]).json(&[0]);
     let rankings = standing["rankings"].as_array().expect("rankings").iter();
@@ -209,7 +210,7 @@ fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
         " training runs are made",
     ]);
 
-    // The next command removes what the killed one has left, and goes on.
+    // The next command removes the rest of the killed one, and resumes.
     let smaller = ["--set", "sweep.member_runs=1", "--set", "sweep.log_replay_runs=1"];
     place.calib(&[&["run", "study.toml"][..], &smaller].concat());
     assert!(!place.path().join("study-results/.progress").exists());
@@ -242,7 +243,7 @@ fn what_is_missing_or_changed_is_to_do_and_told() {
     assert!(checked.contains("study-results/report.html: it is missing"), "{checked}");
     place.calib(&["evaluate", "study.toml"]).ends(&[0, 1]);
 
-    // A file that was only touched may be another one.
+    // A touched file may have changed.
     let log = place.path().join("data/2022-11-02.parquet");
     fs::write(&log, fs::read(&log).expect("there")).expect("writable");
     let told = "2022-11-02.parquet has another name, size or date than when the log was read";
@@ -271,13 +272,13 @@ fn shards_of_a_cluster_are_ranked_as_far_as_they_are() {
     place.calib(&["status", "plan"]).succeeds_with(&["1 of 3 shards done", "provisional"]);
 }
 
-/// What a page says of its study.
+/// Returns the status that a page serves.
 fn told(address: SocketAddr) -> Value {
     let (_, told) = ask(address, "GET /status.json", &address.to_string());
     serde_json::from_str(&told).expect("JSON")
 }
 
-/// Ask a page for something: the status and headers, and the body.
+/// Sends a request to a page, and returns the status with headers, and the body.
 fn ask(address: SocketAddr, request: &str, host: &str) -> (String, String) {
     let mut stream = TcpStream::connect(address).expect("connected");
     let text = format!("{request} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
@@ -288,7 +289,7 @@ fn ask(address: SocketAddr, request: &str, host: &str) -> (String, String) {
     (head.to_owned(), body.to_owned())
 }
 
-/// Begin a command that shows a page, and where that is.
+/// Starts a command that serves a page, and returns the address of the page.
 fn serving(
     place: &Place,
     args: &[&str],
@@ -330,7 +331,7 @@ fn a_page_shows_a_study_to_this_machine_alone_and_changes_nothing() {
         let (head, _) = ask(address, request, host);
         assert!(head.starts_with(&format!("HTTP/1.1 {expected}")), "{request}: {head}");
     }
-    // The address is taken.
+    // The address is already in use.
     place.calib(&["status", "study.toml", "--serve", &host]).fails_with(2, &["give another port"]);
     drop(ends);
     assert!(place.content("study-results") == content, "nothing is written");

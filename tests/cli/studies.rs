@@ -1,4 +1,4 @@
-//! Studies that are run as a whole, on a plant that they describe themselves.
+//! Studies that run as a whole, on a plant that they describe themselves.
 
 use crate::harness::Place;
 
@@ -24,7 +24,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     assert!(!again.stderr().contains("day files"), "{}", again.stderr());
     assert!(place.content("study-results") == before);
 
-    // Step by step it is the same.
+    // Single steps give the same results.
     for command in ["build-model", "rollout", "sweep", "evaluate"] {
         place.calib(&[command, "study.toml", "--output", "steps"]).succeeds();
     }
@@ -33,7 +33,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     whole.insert("report.html".into(), by_steps[std::path::Path::new("report.html")].clone());
     assert!(by_steps == whole, "but for the report's command lines");
 
-    // What is stale is made again, and what is not stays.
+    // Stale results are made again, and the others stay.
     let fewer = place.calib(&["run", "study.toml", "-v", "--set", "rollout.steps=300"]);
     fewer.succeeds();
     assert_eq!(fewer.stderr().matches("up to date").count(), 3, "{}", fewer.stderr());
@@ -50,7 +50,7 @@ fn what_is_wrong_with_a_study_is_said_before_its_plant_is_simulated() {
     let pattern = ["--set", "data.include=[\"PIT3OO\"]"];
     let refused = "sweep.sensors: sensor \"PIT30\" is not a channel of the plant that [simulate] describes; did you mean PIT300";
     let all = "and 4 more: `calib simulate study.toml ";
-    // With a clock of its own nothing stands in for the log.
+    // If the study has its own clock, the simulated plant cannot replace the log.
     for clock in [&["--set", "data.period_secs=60", "--dry-run"][..], &["--dry-run"]] {
         let error = told(&[clock, &sensor].concat());
         assert!(
@@ -77,7 +77,7 @@ fn a_plant_that_is_not_there_is_simulated_first() {
     assert!(simulated.stderr().contains("next: calib run study.toml"), "{}", simulated.stderr());
     place.calib(&["build-model", "study.toml"]).succeeds();
 
-    // A day that is lost is missed, and comes back as it was.
+    // A deleted day is reported missing, and is simulated again to the same bytes.
     let day = place.path().join("data/2022-11-02.parquet");
     let whole = std::fs::read(&day).expect("readable");
     std::fs::remove_file(&day).expect("there");
@@ -85,7 +85,7 @@ fn a_plant_that_is_not_there_is_simulated_first() {
     assert!(place.calib(&["simulate", "study.toml"]).succeeds().contains("1 written"));
     assert!(std::fs::read(&day).expect("readable") == whole);
 
-    // Another plant is not taken for it, nor written over it.
+    // Another plant is not mistaken for it, and does not overwrite it.
     let other = ["--set", "simulate.seed=9"];
     place
         .calib(&["sweep", "study.toml", other[0], other[1]])
@@ -99,13 +99,13 @@ fn other_data_make_the_plant_superfluous() {
     let place = Place::with_plant();
     place.simulate("logs");
     place.calib(&["build-model", "study.toml", "--set", "data.path=logs"]).succeeds();
-    // A path that does not exist is a slip, and nothing is written there.
+    // A path that does not exist is a typing error, and nothing is written there.
     let message = place.calib(&["run", "study.toml", "--set", "data.path=lgos"]).fails(2);
     assert!(message.contains("no log at lgos"), "{message}");
     let message = place.calib(&["simulate", "study.toml", "--set", "data.path=logs"]).fails(2);
     assert!(message.contains("no [simulate] section (one is not used"), "{message}");
 
-    // Logs of one's own where the plant would be are read as they are.
+    // A user's own logs in the folder of the plant are read as they are.
     std::fs::remove_file(place.path().join("logs/simulation.json")).expect("there");
     std::fs::rename(place.path().join("logs"), place.path().join("data")).expect("there");
     place.calib(&["build-model", "study.toml"]).succeeds();
@@ -245,7 +245,7 @@ fn models_that_differ_in_their_rollouts_share_tables() {
     let verified = ["build-model", "study.toml", "--model", "near", "--verify", "5"];
     place.calib(&verified).succeeds();
     place.run_steps(&["rollout", "sweep", "evaluate"]);
-    // Each is the same to the byte as alone.
+    // Each has the same bytes as alone.
     let alone = ["build-model", "study.toml", "--model", "near", "--output", "alone"];
     place.calib(&alone).succeeds();
     let mut copied = place.content("study-results/models/near/model");
@@ -254,7 +254,7 @@ fn models_that_differ_in_their_rollouts_share_tables() {
         content.retain(|path, _| path.file_name().is_some_and(|name| name != "manifest.json"));
     }
     assert!(copied == made);
-    // Only some of the models: the others are as if they were not there.
+    // With some of the models only, the others are ignored.
     let some = ["evaluate", "study.toml", "--set", "compare=[\"near\"]"];
     place.calib(&some).succeeds();
     let message = place.calib(&["run", "study.toml", "--set", "compare=[\"far\"]"]).fails(2);

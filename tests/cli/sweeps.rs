@@ -1,11 +1,11 @@
-//! What is swept: every field of the agent, lists, ranges, samples; and what it takes.
+//! Sweeps: every field of the agent, lists, ranges and samples, and their cost.
 
 use calib_data::table::{Table, read_parquet};
 use insta::assert_snapshot;
 
 use crate::harness::{Content, Place};
 
-/// A small plant with its model, and runs as short as they can be.
+/// Returns a small plant with its model, and the shortest possible runs.
 fn place() -> Place {
     let place = Place::with_study();
     place.edit_study("sensors = [\"PIT300\", \"TIT101\"]", "sensors = [\"PIT300\"]");
@@ -63,7 +63,7 @@ fn every_field_of_the_agent_can_be_swept_and_has_an_effect() {
             assert!(rmse(0) != rmse(1), "{field} makes a difference in {member}");
         }
     }
-    // Swept traces can be told from one another to the end.
+    // Swept traces stay distinct in all outputs.
     let traces = runs(&place);
     let written = traces.column::<String>("traces").expect("text");
     assert!(written.iter().any(|text| text == "[0.5, 0.9]"), "{written:?}");
@@ -89,7 +89,8 @@ fn a_dry_run_lists_the_values_and_what_they_take() {
     assert_eq!(plan["candidates"].as_array().map(Vec::len), Some(5), "{plan}");
     assert!(plan["memory"]["total"].as_u64() > plan["memory"]["data"].as_u64());
     let other = place.calib(&[&sampled[..], &["--set", "seed=4"]].concat());
-    // Tables over the states do not follow from the seed, so the model is still good; the values do.
+    // Tables over the states do not depend on the seed, so the model
+    // stays valid; the sampled values do.
     assert!(other.succeeds() != listed.stdout());
 }
 
@@ -144,7 +145,7 @@ fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
     assert!(refused.contains("sweep.race: expected \"none\" or \"halving\", got"), "{refused}");
 }
 
-/// The chosen candidates, sensor by sensor.
+/// Returns the chosen candidates, one per sensor.
 fn chosen(place: &Place) -> Vec<u64> {
     let verdict = place.calib(&["evaluate", "study.toml", "--json"]).json(&[0, 1]);
     verdict["verdicts"]
@@ -155,7 +156,7 @@ fn chosen(place: &Place) -> Vec<u64> {
         .collect()
 }
 
-/// How many runs the sweep made.
+/// Returns the number of runs that the sweep made.
 fn runs_made(place: &Place) -> usize {
     runs(place).column::<u32>("candidate").expect("there").len()
 }
@@ -173,7 +174,8 @@ fn a_race_drops_what_diverges_says_so_and_resumes() {
         let runs = environment.iter().zip(candidate);
         runs.filter(|(name, value)| *name == member && **value == wanted).count()
     };
-    // Two sensors; the one that diverges makes its first run in each member, and all Online.
+    // There are two sensors. The diverging setting makes its first run
+    // in each member, and all held-out runs.
     assert_eq!((made("member:0", 3), made("online", 3)), (2, 6));
     assert!(made("member:0", 2) > 2, "the best goes on");
     let verdict = place.calib(&["evaluate", "study.toml"]).stdout();
@@ -197,7 +199,7 @@ fn a_race_drops_what_diverges_says_so_and_resumes() {
     }
 }
 
-/// Runs that the last sweep made.
+/// Reads the number of runs that the last sweep reported.
 fn told_runs(told: &str) -> Option<usize> {
     told.split_once(" training runs made in")?.0.rsplit('\n').next()?.parse().ok()
 }
@@ -225,7 +227,8 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
         let made = told_runs(&told).unwrap_or_else(|| panic!("{race}: {told}"));
         let all = runs(&fresh).column::<u32>("candidate").expect("there").len();
         if race == "none" {
-            // Two sensors; three runs in each of three members, three online, two on the log.
+            // Two sensors; three runs in each of three members, three
+            // held-out runs, and two on the log.
             assert_eq!((made, all), (28, 112), "{told}");
             assert_eq!(told_runs(&whole), Some(112), "{whole}");
             assert!(
@@ -237,12 +240,12 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
         assert!(made * 2 < all, "{race}: {made} of {all}");
         let swept = |place: &Place| {
             let mut content = place.content("study-results/sweep");
-            // In a race runs stay that this one would not have made.
+            // In a race, runs stay that this sweep would not have made.
             content.retain(|path, _| race == "none" || !path.starts_with("units"));
             content
         };
         assert!(swept(&grown) == swept(&fresh), "{race}: the same bytes");
-        // Going back costs nothing.
+        // Returning to the smaller number of runs costs nothing.
         grown.edit_study(large, small);
         let back = grown.calib(&["sweep", "study.toml"]).succeeds();
         assert!(back.contains("up to date"), "{race}: {back}");
@@ -254,7 +257,7 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
     }
 }
 
-/// What a sweep left but for its units.
+/// Returns the files of a sweep without its units.
 fn without_units(mut content: Content) -> Content {
     content.retain(|path, _| !path.starts_with("sweep/units"));
     content

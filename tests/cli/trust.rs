@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::harness::Place;
 
-/// A small plant, with runs as short as they can be.
+/// Returns a small plant with the shortest possible runs.
 fn place() -> Place {
     let place = Place::with_study();
     place.edit_study("sensors = [\"PIT300\", \"TIT101\"]", "sensors = [\"PIT300\"]");
@@ -43,7 +43,7 @@ fn a_sweep_with_nothing_to_write_writes_nothing() {
     place.run_steps(&["build-model", "sweep"]);
     let manifest = place.path().join("study-results/sweep/manifest.json");
     let (before, content) = (modified(&manifest), fs::read(&manifest).expect("readable"));
-    // Not even a lock can be taken.
+    // Not even a lock can be created.
     let lock = place.path().join("study-results/sweep/.lock");
     fs::remove_file(&lock).expect("removed");
     fs::create_dir(&lock).expect("made");
@@ -53,7 +53,7 @@ fn a_sweep_with_nothing_to_write_writes_nothing() {
     assert!(manifest.exists(), "what could not be begun is not given up");
 }
 
-/// When a file was last written.
+/// Returns the time of the last write to a file.
 fn modified(path: &Path) -> SystemTime {
     fs::metadata(path).expect("there").modified().expect("a time")
 }
@@ -115,7 +115,7 @@ fn what_belongs_to_others_stays() {
     use std::os::unix::fs::symlink;
     let place = place();
     let at = |name: &str| place.path().join(name);
-    // A lock that leads to somebody's file.
+    // A lock that links to a user's file.
     place.write("thesis.tex", "years of work");
     fs::create_dir_all(at("study-results/model")).expect("made");
     symlink(at("thesis.tex"), at("study-results/model/.lock")).expect("linked");
@@ -123,7 +123,7 @@ fn what_belongs_to_others_stays() {
     assert!(refused.contains("holds .lock, which calib did not write"), "{refused}");
     assert_eq!(fs::read(at("thesis.tex")).expect("readable"), b"years of work");
     fs::remove_file(at("study-results/model/.lock")).expect("removed");
-    // Units that are somebody's, behind a link.
+    // A link to a user's folder in place of the units.
     place.calib(&["build-model", "study.toml"]).succeeds();
     fs::create_dir_all(at("theirs/units/P/online")).expect("made");
     place.write("theirs/units/P/online/notes.txt", "theirs");
@@ -132,14 +132,14 @@ fn what_belongs_to_others_stays() {
         .calib(&["sweep", "study.toml", "--force"])
         .fails_with(2, &["holds units/P/online/notes.txt, which calib did not write"]);
     assert!(at("theirs/units/P/online/notes.txt").exists());
-    // Days that no simulation wrote.
+    // Day files that no simulation wrote.
     fs::create_dir(at("logs")).expect("made");
     fs::copy(at("data/2022-11-01.parquet"), at("logs/2022-11-01.parquet")).expect("copied");
     let refused = place.calib(&["simulate", "logs", "--days", "2", "--force"]).fails(2);
     assert!(refused.contains("2022-11-01.parquet is in the way"), "{refused}");
     let own = fs::read(at("data/2022-11-01.parquet")).expect("readable");
     assert_eq!(fs::read(at("logs/2022-11-01.parquet")).expect("readable"), own);
-    // A path that is to go to a device; where a link leads is somebody's.
+    // A warping path that should go to a device; the target of a link belongs to the user.
     let series = ["a.csv", "b.csv"];
     for name in series {
         place.write(name, "1\n2\n3\n");
@@ -190,7 +190,7 @@ fn pipes_are_refused_instead_of_waited_for() {
     assert!(place.calib(&["validity", "s.toml"]).fails(2).contains("a pipe"));
 }
 
-/// A log of one row a minute, in which `values` gives the first channel.
+/// Writes a log with one row per minute; `value` gives the values by row and channel.
 fn log(place: &Place, name: &str, channels: &[&str], value: impl Fn(usize, usize) -> f64) {
     let times: Vec<Timestamp> = (0..3000)
         .map(|row| Timestamp::from_micros(1_667_260_800_000_000 + row * 60_000_000))
@@ -321,7 +321,7 @@ fn a_study_beside_its_text_can_run_again() {
     assert_eq!(place.calib(&["inspect", "."]).succeeds(), before);
 }
 
-/// A row of a log of two waves.
+/// Returns a row of a log of two waves.
 fn row_of_waves(row: usize) -> String {
     let (hour, minute) = (row / 60 % 24, row % 60);
     let day = 1 + row / 1440;
@@ -348,7 +348,7 @@ fn a_simulated_log_is_what_was_simulated() {
     let text = fs::read_to_string(&record).expect("readable");
     fs::write(&record, text.replacen("\"days\": 2", "\"days\": 9", 1)).expect("writable");
     place.calib(&args).fails_with(2, &["it is not known what the logs in data"]);
-    // No more is removed than what is known to have been simulated.
+    // Only files that are known to be simulated are removed.
     let theirs = place.path().join("data/2022-11-05.parquet");
     fs::write(&theirs, "theirs").expect("writable");
     place.calib(&[&args[..], &["--force"]].concat()).succeeds();
@@ -356,7 +356,7 @@ fn a_simulated_log_is_what_was_simulated() {
     assert_eq!(fs::read(&theirs).expect("readable"), b"theirs");
 }
 
-/// Rewrite a file of JSON under a fingerprint that fits.
+/// Changes a JSON file, and seals it with a valid fingerprint.
 fn forge(path: &Path, change: impl FnOnce(&mut Value)) {
     let mut value: Value = read_json(path).expect("JSON");
     value.as_object_mut().expect("an object").remove("fingerprint");

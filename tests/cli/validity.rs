@@ -1,4 +1,4 @@
-//! Several studies, judged together.
+//! Several studies that are judged together.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::harness::Place;
 
-/// A day and a half of a small plant, with two sensors and linear agents: seconds to run.
+/// A study of a day and a half of a small plant, with two sensors and linear agents; it runs in seconds.
 const STUDY: &str = r#"
 seed = 3
 
@@ -63,7 +63,7 @@ fn place() -> Place {
     place
 }
 
-/// The method called `name` of a judgement's first score.
+/// Returns the method called `name` in the first score of a judgement.
 fn method(json: &Value, name: &str) -> Value {
     let all = json["scores"][0]["methods"].as_array().expect("a list");
     all.iter().find(|method| method["method"] == name).expect("it is there").clone()
@@ -104,14 +104,15 @@ fn a_folder_of_studies_is_run_and_judged() {
     ] {
         assert_eq!(method(&json, name)["pairs"], 4, "{name}");
     }
-    // Nobody beats the best constant, and hindsight beats the study's default or equals it.
+    // No method is better than the best fixed setting in hindsight, which
+    // is at least as good as the study's default.
     let typical = |name: &str| method(&json, name)["typical"].as_f64().expect("finite");
     assert!(typical("model:near") >= typical("hindsight"));
     assert!(typical("best_default") <= typical("default"));
-    // Two models in each pair, whose one-step errors are known.
+    // Each pair has two models with known one-step errors.
     let accuracy = &score["accuracy"][0];
     assert_eq!((&accuracy["pairs"], &accuracy["models"]), (&4.into(), &8.into()));
-    // What one study says is what the judgement says of it.
+    // The study and the judgement report the same.
     let own = place.calib(&["evaluate", "plants/north.toml", "--model", "near", "--json", "-q"]);
     let own = own.json(&[0, 1]);
     let regret = |sensor: usize| {
@@ -130,7 +131,7 @@ fn a_folder_of_studies_is_run_and_judged() {
     assert!(page.contains("Does calib choose well?") && page.contains("calib validity plants"));
     assert!(page.contains("Regret in every pair") && !page.contains("src=\"http"));
 
-    // Again, nothing is run, and on one thread it is the same.
+    // Run again, it trains nothing, and gives the same result on one thread.
     let again = place.calib(&["validity", "plants", "--threads", "1"]);
     let shown = again.succeeds();
     assert!(!again.stderr().contains("training runs made in"), "{}", again.stderr());
@@ -166,7 +167,7 @@ fn what_cannot_be_judged_is_refused() {
     assert!(!place.path().join("plants/north-results").exists(), "nothing is run for nothing");
 }
 
-/// Two simulated plants, one that is too short to be scored, and one whose data are elsewhere.
+/// A protocol of two simulated plants, one that is too short for a score, and one whose data is missing.
 const PROTOCOL: &str = r#"
 [validity]
 seed = 5
@@ -225,13 +226,14 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     );
     let reason = left_out[0]["reason"].as_str().expect("text");
     assert!(reason.contains("is too short for gamma"), "{reason}");
-    // 270 steps or more, three quarters of them, and gamma of at most 0.3 are 140 horizons: too few for the second score.
+    // At least 270 steps, three quarters of them, and gamma of at most 0.3
+    // give 140 horizons: too few for the second score.
     assert_eq!(json["scores"].as_array().map(Vec::len), Some(1));
     let rules = json["scores"][0]["rules"].as_array().expect("a list").len();
     assert_eq!(rules, 16, "seven rules of two models, and what a race leaves");
     assert!(json["scores"][0]["accuracy"][0]["correlation"].is_null(), "there are no rollouts");
 
-    // Each drawn study is one like any other.
+    // Each drawn study is an ordinary study.
     let study = "validity-results/draw-5/studies/plant-01.toml";
     let text = place.read(study);
     assert!(text.contains("with the seed 5") && text.contains("#     simulate.drift = "), "{text}");
@@ -239,7 +241,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     again.succeeds();
     assert!(again.stdout().contains("up to date"), "{}", again.stdout());
 
-    // Again nothing is run; what is lost of a plant is run again, to the same bytes.
+    // Run again, it trains nothing. Lost results of a plant are made again, with the same bytes.
     let results = place.content("validity-results/draw-5");
     let again = place.calib(&VALIDITY[..2]);
     again.succeeds();
@@ -268,13 +270,13 @@ fn another_draw_confirms_and_leaves_the_first_as_it_is() {
     assert_eq!(other["protocol"]["seed"], 6);
     assert_ne!(first["plants"], other["plants"], "other tasks");
     assert!(place.content("validity-results/draw-5") == results);
-    // A judgement so far, of what has been run.
+    // An interim judgement of the finished runs.
     let folder = place.path().join("validity-results/draw-6/studies/plant-02-results");
     std::fs::remove_dir_all(folder).expect("it was there");
     let so_far = [&VALIDITY[..], &["--draw", "6", "--judge-only"]].concat();
     let so_far = place.calib(&so_far).json(&[0]);
     assert_eq!(so_far["scores"][0]["plants"], json!(["plant-01"]));
-    // A protocol that draws otherwise draws its own plants anew.
+    // A protocol with other draws draws its own plants.
     let drift = "{ from = 0.3, to = 3, scale = \"log\" }";
     place.write("protocol.toml", &PROTOCOL.replace(drift, "[0.7, 0.8]"));
     let redrawn = place.calib(&VALIDITY).json(&[0]);
@@ -290,7 +292,7 @@ fn a_protocol_is_told_from_studies() {
     place
         .calib(&["validity", "protocol.toml", "plant.toml"])
         .fails_with(2, &["is a protocol, which draws its own studies: name nothing beside it"]);
-    // In a folder the protocol is what is meant, and the studies beside it are what it draws from.
+    // A folder with a protocol means the protocol. The studies beside it are those that it draws from.
     place.calib(&["validity", ".", "--dry-run"]).succeeds_with(&["plant-01"]);
     place.write("protocol.toml", &PROTOCOL.replace("agent.gamma", "agent.gama"));
     place.calib(&["validity", "protocol.toml"]).fails_with(2, &["did you mean `gamma`"]);

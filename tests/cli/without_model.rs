@@ -1,4 +1,4 @@
-//! Studies without a model: the replayed log alone decides.
+//! Studies without a model: log replay alone decides.
 
 use std::{fmt::Write as _, fs};
 
@@ -6,16 +6,16 @@ use crate::harness::{Place, Ran};
 
 const NONE: [&str; 2] = ["--set", "model.kind=none"];
 
-/// Words for what such a study does not have.
+/// Words about models, which must not occur in such a study.
 const OF_MODELS: [&str; 7] =
     ["model", "member", "ensemble", "rollout", "jump", "neighbour", "worst rank"];
 
-/// `calib COMMAND study.toml`, with more arguments.
+/// Runs `calib COMMAND study.toml` with more arguments.
 fn calib(place: &Place, command: &[&str], more: &[&str]) -> Ran {
     place.calib(&[command, &["study.toml"], more].concat())
 }
 
-/// `study.toml` without anything of a model.
+/// Removes all keys about models from `study.toml`.
 fn without_model(place: &Place) {
     place.edit_study(
         "members = 3\nexclude_self = true\n\n[rollout]\nsteps = 400\nrollouts = 2\n",
@@ -24,14 +24,14 @@ fn without_model(place: &Place) {
     place.edit_study("member_runs = 2\n", "");
 }
 
-/// What a text says of models, but for the key that takes them away.
+/// Returns the words about models in a text, except for the key that removes the model.
 fn said_of_models(text: &str) -> Vec<String> {
     let lower = text.to_lowercase().replace("model.kind", "").replace("[model]", "");
     let lines = lower.lines().filter(|line| OF_MODELS.iter().any(|word| line.contains(word)));
     lines.map(str::to_owned).collect()
 }
 
-/// The words of a page that somebody reads.
+/// Returns the visible words of a page.
 fn words_of(page: &str) -> String {
     let body =
         &page[page.find("<main").expect("a page")..page.rfind("<script>").expect("a script")];
@@ -93,7 +93,7 @@ fn the_replayed_log_decides_alone_from_the_log_to_the_report() {
     assert!(again.contains("up to date: reading the log, sweep"), "{again}");
 }
 
-/// The choice is that of the same study with a model, which does not count by this rule; its runs on the log are the same.
+/// The choice equals that of the same study with a model, which this rule ignores. The runs on the log are the same.
 #[test]
 fn the_choice_is_that_of_log_replay_beside_a_model() {
     let place = Place::with_study();
@@ -110,7 +110,7 @@ fn the_choice_is_that_of_log_replay_beside_a_model() {
     assert_eq!(alone["choices"][0]["values"], beside["choices"][0]["values"]);
     assert_eq!(alone["verdicts"][0]["log_replay"], beside["verdicts"][0]["log_replay"]);
     assert_eq!(alone["verdicts"][0]["truth"], beside["verdicts"][0]["truth"]);
-    // The model that lies there is of no study without one, and neither are its rollouts.
+    // An existing model does not belong to a study without a model, and neither do its rollouts.
     assert!(place.path().join("study-results/rollout").exists());
     assert_eq!(said_of_models(&alone["notes"].to_string()), Vec::<String>::new());
 }
@@ -141,7 +141,7 @@ fn steps_of_a_model_say_that_there_is_none() {
     assert!(refused.contains("validity compares the choices of models"), "{refused}");
 }
 
-/// Everything that can differ from study to study, beside the missing model: agents that are pre-trained, several deployments, a race.
+/// Other features without a model: pre-trained agents, several deployments, a race.
 #[test]
 fn pretraining_deployments_and_races_need_no_model() {
     let place = Place::with_study();
@@ -177,7 +177,7 @@ fn shards_and_killed_sweeps_give_the_bytes_of_one_process() {
     calib(&place, &["sweep"], &[]).succeeds();
     let alone = place.content("study-results");
     let sweep = place.path().join("study-results/sweep");
-    // As a kill leaves it: some units are there, and no manifest.
+    // The state after a kill: some units exist, and no manifest.
     fs::remove_file(sweep.join("manifest.json")).expect("there");
     fs::remove_file(sweep.join("units/PIT300/log-replay/run-0001.json")).expect("there");
     fs::remove_file(sweep.join("profile.json")).expect("there");
@@ -186,7 +186,7 @@ fn shards_and_killed_sweeps_give_the_bytes_of_one_process() {
 
     fs::remove_dir_all(&sweep).expect("there");
     calib(&place, &["cluster", "plan"], &["--shards", "3", "-o", "plan"]).succeeds();
-    // A shard reads no log, and no results of the study.
+    // A shard reads neither a log nor results of the study.
     for hidden in ["data", "study-results"] {
         let to = place.path().join(format!("hidden-{hidden}"));
         fs::rename(place.path().join(hidden), to).expect("moved");
@@ -206,7 +206,7 @@ fn shards_and_killed_sweeps_give_the_bytes_of_one_process() {
     calib(&place, &["evaluate"], &[]).ends(&[0, 1]);
 }
 
-/// An input whose unit changes spoils a verdict, though nobody predicts it.
+/// An input whose unit changes spoils a verdict, even if no agent predicts it.
 #[test]
 fn an_input_that_breaks_in_the_held_out_period_is_told_once() {
     let mut log = String::from("time,level,height\n");

@@ -1,9 +1,8 @@
-//! Parsers against bytes that nobody meant: whatever they are given, they return. What they return of a damaged file is
-//! refused, or what was written.
+//! Parsers on arbitrary bytes: they always return. For a damaged file they return an error, or the written content.
 //!
-//! 256 cases a parser run with the other tests. More by hand: `PROPTEST_CASES=1000000 cargo test --release --test fuzz`.
-//! What only the command line does with what they return (manifests and units with other values under a fingerprint that fits,
-//! imports) is in `tests/torture/hostile.rs`.
+//! 256 cases per parser run with the other tests. To run more: `PROPTEST_CASES=1000000 cargo test --release --test fuzz`.
+//! `tests/torture/hostile.rs` tests what only the command line does with parsed content: imports, and manifests and units with
+//! other values under a valid fingerprint.
 
 use std::{fs, path::Path};
 
@@ -25,7 +24,7 @@ enum Edit {
     Flip(Index, u8),
     Cut(Index),
     Insert(Index, Vec<u8>),
-    /// Four bytes that lengths and counts are read from.
+    /// Overwrites four bytes, which may be a length or a count.
     Number(Index, u32),
     Copy(Index, Index),
 }
@@ -99,7 +98,7 @@ impl Place {
     }
 }
 
-/// What `write` writes.
+/// Returns the bytes that `write` writes.
 fn written(write: impl FnOnce(&Path)) -> Vec<u8> {
     let place = Place::new();
     let path = place.file("whole");
@@ -107,7 +106,7 @@ fn written(write: impl FnOnce(&Path)) -> Vec<u8> {
     fs::read(path).expect("readable")
 }
 
-/// Bytes of a file of the corpus: shapes that were met, or made trouble once.
+/// Returns the bytes of files of the corpus: shapes from real files, or ones that caused errors.
 fn corpus(name: &str) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/corpus").join(name);
     let mut paths: Vec<_> =
@@ -116,7 +115,7 @@ fn corpus(name: &str) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).expect("readable")).collect()
 }
 
-/// Logs as text, as other programs write them.
+/// Returns logs as text in the forms of other programs.
 fn logs_as_text() -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/calib-data/tests/it/formats");
     let mut paths: Vec<_> = fs::read_dir(&folder)
@@ -129,7 +128,7 @@ fn logs_as_text() -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).expect("readable")).collect()
 }
 
-/// Read a log in every way that text is read in.
+/// Reads a log in all ways that calib reads text.
 fn read_text(path: &Path) {
     for time_zone in [None, Some("Europe/Paris".to_owned())] {
         let data = DataConfig { time_zone, memory: Some(1 << 30), ..DataConfig::at(path) };
@@ -228,7 +227,7 @@ proptest! {
     #[test]
     fn logs(edits in edits(), at_end in any::<bool>()) {
         let whole = log();
-        // Most of what can be said wrongly is said in the footer.
+        // The footer contains most of what can be wrong.
         let footer = whole.len() - 8 - u32::from_le_bytes(
             whole[whole.len() - 8..whole.len() - 4].try_into().expect("four bytes")) as usize;
         let bytes = if at_end {
@@ -241,7 +240,7 @@ proptest! {
         let _ = read_parquet(&path);
         let _ = parquet_names(&path);
         let _ = read_parquet_list(&path, "P");
-        // What declares more than there can be is refused before it is read.
+        // A file that declares impossible sizes is refused before it is read.
         if Declared::of(&data).is_ok_and(|declared| declared.least_bytes < 1 << 30) {
             let _ = inspect(&data, &PreprocessConfig::default(), &calib_core::Silent);
         }
@@ -287,7 +286,7 @@ proptest! {
         }
         for profile in [None, Some("small".to_owned())] {
             let Ok(job) = Job::resolve(Request { profile, ..Request::new(&path) }) else { continue };
-            // What is valid as a whole may not be in one of its models.
+            // A study that is valid as a whole may be invalid with one of its models.
             if let Ok(models) = job.models() {
                 prop_assert!(!models.is_empty());
             }

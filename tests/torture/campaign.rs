@@ -1,5 +1,5 @@
-//! What campaigns share: numbers from the environment, draws that follow from a seed, work on all cores, a study that is
-//! as small as can be.
+//! Tools of all campaigns: numbers from the environment, seeded random draws, work on all cores, and a study that is as
+//! small as possible.
 
 use std::{
     sync::{
@@ -11,12 +11,12 @@ use std::{
 
 use crate::harness::Place;
 
-/// A number from the environment.
+/// Reads a number from the environment.
 pub(crate) fn number(name: &str, otherwise: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(otherwise)
 }
 
-/// `SplitMix64`: what comes next follows from the seed alone.
+/// `SplitMix64`: the sequence depends only on the seed.
 pub(crate) struct Draws(pub(crate) u64);
 
 impl Draws {
@@ -37,7 +37,7 @@ impl Draws {
     }
 }
 
-/// Do `work` for every number below `count`, on all cores; what it returns, in order.
+/// Runs `work` for every number below `count` on all cores, and returns the results in order.
 pub(crate) fn on_all_cores<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(count));
@@ -62,7 +62,7 @@ pub(crate) fn on_all_cores<T: Send>(count: usize, work: impl Fn(usize) -> T + Sy
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// A long campaign says now and then how far it is.
+/// Reports the progress of a long campaign from time to time.
 #[expect(clippy::print_stderr, reason = "a campaign by hand takes long")]
 fn tell(number: usize, count: usize) {
     if count >= 500 && number % 100 == 99 {
@@ -70,7 +70,7 @@ fn tell(number: usize, count: usize) {
     }
 }
 
-/// A day of a tiny plant: a fraction of a second.
+/// A study of one day of a tiny plant; it runs in a fraction of a second.
 pub(crate) const STUDY: &str = r#"
 seed = 3
 
@@ -112,7 +112,7 @@ log_replay_runs = 1
 learning_rate = [1e-3, 1e-2]
 "#;
 
-/// To be put behind the study above: pre-trained agents, a representation, and two models.
+/// Sections to append to this study: pre-trained agents, a representation, and two models.
 const FURTHER: &str = r#"
 [pretrain]
 epochs = 2
@@ -133,14 +133,14 @@ epochs = 2
 kind = "nn"
 "#;
 
-/// A folder with `study.toml` alone: one model of neighbours.
+/// Returns a folder with only `study.toml`: one model of neighbours.
 pub(crate) fn neighbours() -> Place {
     let place = Place::new();
     place.write("study.toml", STUDY);
     place
 }
 
-/// A folder with `study.toml` alone: neighbours and a network, a representation, pre-trained agents.
+/// Returns a folder with only `study.toml`: neighbours and a network, a representation, pre-trained agents.
 pub(crate) fn everything() -> Place {
     let place = Place::new();
     place.write("study.toml", &format!("{STUDY}{FURTHER}"));

@@ -1,7 +1,7 @@
-//! Damage to every file that calib writes: what is read again afterwards is what was written, or is refused and made
-//! again; never something else.
+//! Damage to every file that calib writes. Later reads return the written content, or refuse the file and make it
+//! again. They never return something else.
 //!
-//! A slice runs with the other tests. More by hand, with another seed:
+//! Some cases run with the other tests. To run more, with another seed:
 //!
 //!     CALIB_DAMAGES=2000 CALIB_SEED=7 cargo test --release --test torture damage -- --nocapture
 
@@ -16,13 +16,14 @@ use crate::{
     harness::{Content, Place},
 };
 
-/// Ways to damage a file.
+/// Kinds of damage.
 const KINDS: [&str; 8] =
     ["bit", "cut", "swap", "zeros", "longer", "empty", "gone", "another study's"];
-/// Damages with the other tests.
+/// Cases that run with the other tests.
 const SLICE: u64 = 32;
 
-/// `whole` with one damage; the same where that changes nothing, such as zeros over zeros. None: no file any more.
+/// Applies one kind of damage to `whole`. The result is equal if that changes nothing, such as zeros over zeros.
+/// `None`: the file is deleted.
 fn damaged(
     whole: &[u8],
     other: Option<&Vec<u8>>,
@@ -54,21 +55,21 @@ fn damaged(
     Some(bytes)
 }
 
-/// What a study made: relative path → content.
+/// Returns the results of a study: relative path → content.
 fn results(place: &Place) -> Content {
     let mut content = place.content("study-results");
     content.retain(|path, _| !path.ends_with(".lock"));
     content
 }
 
-/// What became of a damage.
+/// Outcome of a damage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
-    /// Nothing was changed by it.
+    /// The damage changed nothing.
     None,
-    /// `check` named it, and the study made it again.
+    /// `check` named the file, and the study made it again.
     Found,
-    /// The study made it again; a file that is missing, or whole and another study's, is none of `check`'s.
+    /// The study made the file again. `check` does not report it: it is missing, or an intact file of another study.
     MadeAgain,
 }
 
@@ -108,7 +109,7 @@ fn try_one(
     }
 }
 
-/// Damage files that are read again, run the study again, and count.
+/// Damages files that are read again, runs the study again, and counts the outcomes.
 #[test]
 fn damage() {
     let base = everything();

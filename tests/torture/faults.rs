@@ -1,7 +1,7 @@
-//! Every operation on the disk fails once, is the first on a full disk, and is the last before a kill; afterwards the same
-//! command gives what it would have given undisturbed.
+//! Every disk operation fails once, finds a full disk once, and is the last before a kill once. Afterwards the same
+//! command gives the same results as an undisturbed one.
 //!
-//! A slice runs with the other tests. All operations of all commands by hand:
+//! Some operations run with the other tests. To run all operations of all commands:
 //!
 //!     CALIB_FAULTS=all cargo test --release --test torture faults -- --nocapture
 
@@ -15,9 +15,9 @@ use crate::{
     harness::{Content, Place, Ran},
 };
 
-/// What goes wrong.
+/// Kinds of failure.
 const KINDS: [&str; 3] = ["fail", "full", "kill"];
-/// Operations of a command that are tried with the other tests, for each kind.
+/// Operations per command and kind that run with the other tests.
 const SLICE: usize = 4;
 
 /// A command that writes.
@@ -33,13 +33,13 @@ impl Job {
         place.calib_with(&args, &[("CALIB_FAULT", fault.unwrap_or_default())])
     }
 
-    /// What it makes undisturbed.
+    /// Returns the results of an undisturbed run.
     fn whole(&self, place: &Place) -> Content {
         self.run(place, None).ends(&[0, 1]);
         content(place)
     }
 
-    /// What it does to the disk, in order.
+    /// Returns the disk operations of the command in order.
     fn operations(&self, place: &Place) -> Vec<String> {
         let list = tempfile::NamedTempFile::new().expect("a file");
         self.run(place, Some(&format!("list:{}", list.path().display()))).ends(&[0, 1]);
@@ -48,15 +48,15 @@ impl Job {
     }
 }
 
-/// Everything in a place, but locks and wall times, and what a kill leaves beside a file that the user named: nobody else
-/// knows whether another process still writes it.
+/// Returns everything in a place without locks, wall times, and half-written files beside a file that the user named.
+/// Those stay after a kill, because no other process can know whether they are still being written.
 fn content(place: &Place) -> Content {
     let mut content = place.content(".");
     content.retain(|path, _| !path.ends_with(".lock") && !is_left_by_a_kill(path));
     content
 }
 
-/// Whether a file is one that a kill leaves half-written beside that of a user.
+/// Whether a file is a half-written one that a kill leaves beside a user's file.
 fn is_left_by_a_kill(path: &Path) -> bool {
     path.to_str().is_some_and(|name| name.starts_with(".calib-"))
         && path.extension().is_some_and(|kind| kind == "tmp")
@@ -75,24 +75,24 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// A copy of a place.
+/// Copies a place.
 pub(crate) fn copied(place: &Place) -> Place {
     let other = Place::new();
     copy(place.path(), other.path());
     other
 }
 
-/// What one failure led to.
+/// Outcome of one failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
-    /// The command said what could not be done.
+    /// The command reported what it could not do.
     Refused,
-    /// What failed need not succeed: the result was whole at once.
+    /// The failed operation was not needed, and the result is whole.
     Whole,
     Killed,
 }
 
-/// Let one operation go wrong, and run the command again.
+/// Makes one operation fail, and runs the command again.
 fn try_one(job: &Job, base: &Place, whole: &Content, fault: &str) -> Result<Outcome, String> {
     let place = copied(base);
     let ran = job.run(&place, Some(fault));
@@ -137,7 +137,7 @@ fn same(found: &Content, whole: &Content) -> Result<(), String> {
     Err(format!("left over: {further:?}; missing: {missing:?}; other bytes: {other:?}"))
 }
 
-/// Try operations of a command: all of them, or some that are spread over it.
+/// Tries the operations of a command: all of them, or some that are spread over it.
 #[expect(clippy::print_stdout, reason = "a campaign by hand says what it counted")]
 fn campaign(job: &Job) {
     let base = (job.place)();
@@ -152,7 +152,7 @@ fn campaign(job: &Job) {
             if all {
                 return (kind, place + 1);
             }
-            // Spread over the command, and different ones for each kind.
+            // The operations are spread over the command, and differ between the kinds.
             let shift = kind * operations.len() / KINDS.len();
             (kind, 1 + (place * operations.len() + shift) / wanted % operations.len())
         })
@@ -182,7 +182,7 @@ fn campaign(job: &Job) {
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), cases.len(), wrong.join("\n"));
 }
 
-/// A place in which a command was run before.
+/// Returns a place in which these commands have run.
 fn after(place: Place, commands: &[&[&str]]) -> Place {
     for args in commands {
         place.calib(&[args, &["--threads", "1", "-q"][..]].concat()).ends(&[0, 1]);
@@ -238,7 +238,7 @@ fn what_stands_alone() {
     campaign(&Job { args: &["validity", "study.toml", "--output", "made"], place: neighbours });
 }
 
-/// What changes a disk, in Rust's standard library and in those that calib uses.
+/// Calls that change a disk, in Rust's standard library and in calib's dependencies.
 const CHANGES: [&str; 16] = [
     "fs::write(",
     "fs::rename(",
@@ -258,7 +258,7 @@ const CHANGES: [&str; 16] = [
     ".set_len(",
 ];
 
-/// Sources of a folder, without their tests.
+/// Collects the sources in a folder, without their tests.
 fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
     for entry in fs::read_dir(folder).expect("readable").flatten() {
         let path = entry.path();
@@ -273,10 +273,10 @@ fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
     }
 }
 
-/// What opens a file to read it, as above.
+/// Calls that open a file for reading.
 const OPENS: [&str; 3] = ["fs::read(", "fs::read_to_string(", "File::open("];
 
-/// Sources of everything but `calib-files`.
+/// Returns the sources of everything except `calib-files`.
 fn sources_of_all() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut found = Vec::new();
@@ -290,14 +290,14 @@ fn sources_of_all() -> Vec<(PathBuf, String)> {
     found
 }
 
-/// Whether a text has a call, and not only one of something whose name ends alike.
+/// Whether a text contains a call, and not only a call of a function whose name ends in the same way.
 fn names(text: &str, call: &str) -> bool {
     text.match_indices(call).any(|(place, _)| {
         !text[..place].ends_with(|before: char| before.is_alphanumeric() || before == '_')
     })
 }
 
-/// Files with one of `calls`, but for `own`, a path from the root.
+/// Returns the files that contain one of `calls`, except for `own`, a path from the root.
 fn callers(calls: &[&'static str], own: &str) -> Vec<(PathBuf, Vec<&'static str>)> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(own);
     let found = sources_of_all().into_iter().filter(|(path, _)| *path != own);
@@ -310,13 +310,13 @@ fn callers(calls: &[&'static str], own: &str) -> Vec<(PathBuf, Vec<&'static str>
 
 #[test]
 fn nothing_but_calib_files_changes_a_disk() {
-    // The list of operations that a test asks for is no result.
+    // The list of operations, which a test requests, is not a result.
     assert_eq!(callers(&CHANGES, "src/faults.rs"), []);
 }
 
-/// Whoever opens a file himself waits for ever where it is a pipe.
+/// Code that opens a file itself would wait for ever if the file is a pipe.
 #[test]
 fn nothing_but_calib_files_opens_a_file() {
-    // What the system says of memory and of processes is no file of a user's.
+    // System files about memory and processes are not user files.
     assert_eq!(callers(&OPENS, "crates/calib-base/src/memory.rs"), []);
 }

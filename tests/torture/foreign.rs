@@ -1,5 +1,5 @@
-//! Folders full of files and links that calib did not write, under the names that it gives and under others: whatever
-//! command writes there, with whatever option, afterwards every one of them is what it was.
+//! Folders full of foreign files and links, under the names that calib uses and under others. Whatever command writes
+//! there, with whatever option, all of them stay unchanged.
 //!
 //!     CALIB_CASES=5000 CALIB_SEED=7 cargo test --release --test torture foreign -- --nocapture
 
@@ -15,19 +15,19 @@ use crate::{
     harness::Place,
 };
 
-/// Cases with the other tests.
+/// Cases that run with the other tests.
 const SLICE: u64 = 60;
-/// What is put where calib would write, at most.
+/// Most foreign files per case.
 const MOST: usize = 6;
 
 /// A command that writes.
 struct Act {
     args: &'static [&'static str],
-    /// Commands that it follows.
+    /// Commands that must run before it.
     before: &'static [&'static [&'static str]],
-    /// A file that the user names, which `--force` may replace.
+    /// A file that the user names, and that `--force` may replace.
     named: Option<&'static str>,
-    /// Whether there is a `--force`.
+    /// Whether the command has `--force`.
     force: bool,
     place: fn() -> Place,
 }
@@ -116,12 +116,12 @@ fn acts() -> Vec<Act> {
     ]
 }
 
-/// A log of decisions, and a study of it.
+/// Returns a log of decisions, and a study of it.
 fn with_decisions() -> Place {
     Place::with_pole(400, 200, 2)
 }
 
-/// A study, and a table of runs that another program made.
+/// Returns a study, and a table of runs from another program.
 fn with_runs() -> Place {
     use calib_data::table::Table;
     let place = neighbours();
@@ -144,7 +144,7 @@ fn with_runs() -> Place {
     place
 }
 
-/// Everything in a place but folders, by its path there.
+/// Lists everything in a place except folders, by relative path.
 fn listed(place: &Place) -> BTreeSet<PathBuf> {
     let mut found = BTreeSet::new();
     let mut pending = vec![place.path().to_owned()];
@@ -161,7 +161,7 @@ fn listed(place: &Place) -> BTreeSet<PathBuf> {
     found
 }
 
-/// A place where an act can begin, what it writes there, and the place afterwards.
+/// A place where a command can start, the files that it writes there, and the place afterwards.
 struct Base {
     before: Place,
     after: Place,
@@ -185,11 +185,11 @@ impl Base {
     }
 }
 
-/// What somebody put there.
+/// A foreign file or link.
 #[derive(Debug)]
 enum Theirs {
     File(Vec<u8>),
-    /// Where it leads.
+    /// Target of the link.
     Link(PathBuf),
 }
 
@@ -201,7 +201,7 @@ fn seen(path: &Path) -> Option<Theirs> {
     fs::read(path).ok().map(Theirs::File)
 }
 
-/// Put something at `path`, if nothing is there; folders are made on the way.
+/// Puts something at `path` if nothing is there, and creates the parent folders.
 fn put(place: &Place, path: &Path, draws: &mut Draws) -> Option<(PathBuf, Theirs)> {
     let whole = place.path().join(path);
     fs::create_dir_all(whole.parent()?).ok()?;
@@ -214,7 +214,7 @@ fn put(place: &Place, path: &Path, draws: &mut Draws) -> Option<(PathBuf, Theirs
         1 => std::os::unix::fs::symlink(&theirs, &whole).ok()?,
         2 => std::os::unix::fs::symlink("nowhere", &whole).ok()?,
         3 => {
-            // A folder in the place of a file.
+            // A folder in place of a file.
             let inside = path.join("inside.txt");
             fs::create_dir(&whole).ok()?;
             fs::write(place.path().join(&inside), b"inside").ok()?;
@@ -226,7 +226,7 @@ fn put(place: &Place, path: &Path, draws: &mut Draws) -> Option<(PathBuf, Theirs
     Some((path.to_owned(), seen(&whole)?))
 }
 
-/// A name that calib may give, or not, in a folder that it writes to.
+/// Returns a name that calib may or may not use, in a folder that it writes to.
 fn elsewhere(written: &[PathBuf], draws: &mut Draws) -> PathBuf {
     const NAMES: [&str; 16] = [
         "notes.txt",
@@ -281,7 +281,7 @@ fn try_one(act: &Act, base: &Base, draws: &mut Draws) -> Result<&'static str, St
         let is_named = act.named.is_some_and(|named| Path::new(named) == path);
         match was {
             Theirs::File(_) if is_named && forced => continue,
-            // A journal is appended to, and an empty file is one that begins.
+            // A journal is appended to, and an empty file becomes a new journal.
             Theirs::File(was) if is_named && !act.force && was.is_empty() => continue,
             _ => {}
         }
@@ -301,7 +301,7 @@ fn try_one(act: &Act, base: &Base, draws: &mut Draws) -> Result<&'static str, St
     Ok(if ran.code() == 2 { "refused" } else { "done" })
 }
 
-/// Files and links of somebody, then a command.
+/// Puts foreign files and links into a place, then runs a command.
 #[cfg(unix)]
 #[test]
 fn foreign() {

@@ -1,5 +1,5 @@
-//! Studies, profiles, manifests, units and imports that nobody meant: as text with other bytes in it, and as JSON with
-//! other values in it under a fingerprint that fits. Nothing panics, aborts, hangs or takes four gibibytes.
+//! Malformed studies, profiles, manifests, units and imports: text with changed bytes, and JSON with other values
+//! under a valid fingerprint. Nothing panics, aborts, hangs or takes four gibibytes.
 //!
 //!     CALIB_CASES=10000 CALIB_SEED=7 cargo test --release --test torture hostile -- --nocapture
 
@@ -18,7 +18,7 @@ use crate::{
     limits::{Ended, TriedCase, run, run_cases},
 };
 
-/// Cases with the other tests.
+/// Cases that run with the other tests.
 const SLICE: u64 = 40;
 
 /// Words that parsers look for.
@@ -49,7 +49,7 @@ const WORDS: [&str; 24] = [
     "seed = 1",
 ];
 
-/// Text with some words and letters changed.
+/// Changes some words and letters of a text.
 fn edited(text: &str, draws: &mut Draws) -> Vec<u8> {
     let mut bytes = text.as_bytes().to_vec();
     for _ in 0..=draws.below(4) {
@@ -72,7 +72,7 @@ fn edited(text: &str, draws: &mut Draws) -> Vec<u8> {
     bytes
 }
 
-/// Values that something else was meant by.
+/// Returns an unexpected value.
 fn odd(draws: &mut Draws) -> Value {
     let deep = (0..60).fold(json!(1), |inside, _| json!([inside]));
     let all = [
@@ -100,7 +100,7 @@ fn odd(draws: &mut Draws) -> Value {
     draws.of(&all).clone()
 }
 
-/// Change a value somewhere inside.
+/// Changes a value somewhere inside a JSON value.
 fn change(value: &mut Value, draws: &mut Draws) {
     let go_on = draws.below(5) > 0;
     match value {
@@ -123,22 +123,22 @@ fn change(value: &mut Value, draws: &mut Draws) {
     }
 }
 
-/// Files of a place that end so.
+/// Returns the files of a place whose names `wanted` accepts.
 fn files(place: &Place, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf> {
     let content = place.content("study-results");
     content.into_keys().filter(|path| path.to_str().is_some_and(&wanted)).collect()
 }
 
-/// What is read in a case, and by what.
+/// Kinds of changed files.
 const TARGETS: [&str; 5] = ["study", "profile", "manifest", "unit", "import"];
 
 struct Bases {
-    /// After `run`.
+    /// Place after `run`.
     made: Place,
-    /// Sealed JSON of each kind.
+    /// Sealed JSON files of each kind.
     manifests: Vec<PathBuf>,
     units: Vec<PathBuf>,
-    /// After `simulate`, with a profile and an import.
+    /// Place after `simulate`, with a profile and an import.
     plain: Place,
 }
 
@@ -212,7 +212,7 @@ fn is_json(name: &str) -> bool {
     Path::new(name).extension().is_some_and(|kind| kind == "json")
 }
 
-/// ψ from a file whose bytes were changed.
+/// Imports ψ from a file with changed bytes.
 fn import(base: &Place, draws: &mut Draws) -> (String, Ended) {
     let place = copied(base);
     let path = place.path().join("psi.npy");

@@ -1,4 +1,4 @@
-//! A command under limits: thirty seconds, four gibibytes of addresses.
+//! Runs a command under limits: thirty seconds, and four gibibytes of address space.
 
 use std::{
     collections::BTreeMap,
@@ -13,24 +13,24 @@ use crate::{
     harness::Place,
 };
 
-/// How a command may end, and how it may not.
+/// How a command ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Ended {
     /// Exit code 0 or 1.
     Done,
-    /// Exit code 2, with a message that names what was wrong.
+    /// Exit code 2, with a message that names the mistake.
     Refused(String),
-    /// Anything else, in words.
+    /// Any other end, described in words.
     Wrong(String),
 }
 
-/// Seconds after which a command hangs; `CALIB_SECONDS` where others use the machine as well.
+/// Seconds after which a command counts as hanging; `CALIB_SECONDS` on machines with other load.
 const SECONDS: u64 = 30;
-/// Addresses that a command may take.
+/// Largest address space of a command in bytes.
 #[cfg(unix)]
 const BYTES: u64 = 4 << 30;
 
-/// Run a command in a place; `names` are what a refusal may call the thing that is wrong.
+/// Runs a command in a place. `names` are the words with which a refusal may name the mistake.
 pub(crate) fn run(place: &Place, args: &[&str], names: &[&str]) -> Ended {
     let stderr = place.path().join("stderr.txt");
     let mut command = place.command(args);
@@ -76,25 +76,25 @@ pub(crate) fn run(place: &Place, args: &[&str], names: &[&str]) -> Ended {
 #[cfg(unix)]
 fn limit(command: &mut std::process::Command) {
     use std::os::unix::process::CommandExt as _;
-    // SAFETY: between fork and exec nothing but `setrlimit` is called.
+    // SAFETY: between fork and exec only `setrlimit` is called.
     #[expect(unsafe_code, reason = "what a child does before it begins is unsafe by nature")]
     unsafe {
         command.pre_exec(limit_own_addresses);
     }
 }
 
-/// Limit the addresses of the process that calls this.
+/// Limits the address space of the calling process.
 #[cfg(unix)]
 fn limit_own_addresses() -> std::io::Result<()> {
     let limit = libc::rlimit { rlim_cur: BYTES, rlim_max: BYTES };
-    // SAFETY: the limit is read, and nothing is kept of it.
+    // SAFETY: the call only reads the limit, and keeps no reference to it.
     #[expect(unsafe_code, reason = "limits are set in C")]
     let set = unsafe { libc::setrlimit(libc::RLIMIT_AS, &raw const limit) };
     if set == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
 }
 
-/// Words by which a message says what to do, what was expected, or what there is instead; a caret below the place of a
-/// TOML file that is no TOML says as much.
+/// Words in messages that show a remedy, an expectation or an alternative. A
+/// caret below a TOML syntax error counts as one.
 const REMEDIES: [&str; 49] = [
     "expected",
     "run `",
@@ -149,15 +149,15 @@ const REMEDIES: [&str; 49] = [
 
 /// A case of a campaign.
 pub(crate) struct TriedCase {
-    /// What it is counted with.
+    /// Group in which the case is counted.
     pub(crate) kind: String,
-    /// What was done, in words.
+    /// Description of the case.
     pub(crate) told: String,
     pub(crate) ended: Ended,
 }
 
-/// Do so many cases on all cores, with draws that follow from the seed, the number of the case, and a number that sets
-/// these cases `apart` from others. Print the counts, and fail if something was wrong.
+/// Runs `count` cases on all cores. The draws depend on the seed, the number of the case, and `apart`, which separates
+/// these cases from others. Prints the counts, and fails if a case went wrong.
 pub(crate) fn run_cases(
     title: &str,
     cases: u64,
@@ -175,13 +175,13 @@ pub(crate) fn run_cases(
     tally.close(title);
 }
 
-/// Counts by kind, and what must not be.
+/// Counts by kind, and forbidden outcomes.
 #[derive(Default)]
 struct Tally {
     counts: BTreeMap<String, [usize; 3]>,
-    /// The first case of each kind of fault, and how many there are.
+    /// First case of each kind of fault, and the number of such cases.
     wrong: BTreeMap<String, (String, usize)>,
-    /// Messages without a word of what to do, once each.
+    /// Messages without a remedy, once each.
     helpless: BTreeMap<String, usize>,
 }
 
@@ -207,7 +207,7 @@ impl Tally {
         }
     }
 
-    /// Print the table, and fail if something was wrong.
+    /// Prints the table, and fails if a case went wrong.
     #[expect(clippy::print_stdout, reason = "a campaign by hand says what it counted")]
     fn close(self, title: &str) {
         let all = |place: usize| self.counts.values().map(|counts| counts[place]).sum::<usize>();
@@ -229,7 +229,7 @@ impl Tally {
     }
 }
 
-/// A message without its numbers: what is alike is told once.
+/// Removes the numbers of a message, so that similar messages are reported once.
 fn bare(message: &str) -> String {
     message.chars().filter(|letter| !letter.is_ascii_digit()).take(200).collect()
 }

@@ -1,7 +1,6 @@
-//! Campaigns against the binary: damage, failures and kills at every operation on the disk, odd logs, odd values.
-//!
-//! A slice of each runs with the other tests; `bash scripts/torture.sh` runs all of it and prints the tables of
-//! docs/reliability.md.
+//! Campaigns against the binary: damage, failures and kills at every disk operation, odd logs, odd values.
+//!  Some cases of each run with the other tests. `bash scripts/torture.sh` runs all of them, and prints the
+//! tables of docs/reliability.md.
 
 mod campaign;
 mod damage;

@@ -1,5 +1,5 @@
 //! Odd logs: every shape of column, content, time and file, read by the commands that read logs. Nothing panics, aborts,
-//! hangs or takes more than four gibibytes, and each refusal names the file and says what to do.
+//! hangs or takes more than four gibibytes. Each refusal names the file and a remedy.
 //!
 //!     CALIB_CASES=10000 CALIB_SEED=7 cargo test --release --test torture odd_ -- --nocapture
 
@@ -14,10 +14,10 @@ use crate::{
     types::{CONTENTS, KINDS},
 };
 
-/// Cases with the other tests.
+/// Cases that run with the other tests.
 const SLICE: u64 = 60;
 
-/// What is done with a log.
+/// Commands that read a log.
 const COMMANDS: [&[&str]; 8] = [
     &["inspect", "logs"],
     &["inspect", "logs", "--json"],
@@ -34,7 +34,7 @@ const COMMANDS: [&[&str]; 8] = [
     &["dtw", "logs/a.parquet:P", "series.csv"],
 ];
 
-/// One log of each shape alone, then drawn ones.
+/// Returns one log per shape alone, then randomly drawn ones.
 fn shape(case: usize, draws: &mut Draws) -> Shape {
     let plain = Shape { kind: "f64", content: "wave", times: "us", files: "one" };
     let kinds = KINDS.len();
@@ -73,7 +73,7 @@ fn place(shape: &Shape, draws: &mut Draws) -> Place {
 #[test]
 fn odd_logs() {
     let cases = number("CALIB_CASES", SLICE);
-    // With the other tests the shapes alone are drawn from as well.
+    // With the other tests, the single shapes are also drawn at random.
     let shapes = KINDS.len() + CONTENTS.len() + TIMES.len() + FILES.len();
     run_cases("odd logs", cases, 0, |case, draws| {
         let which = if cases < shapes as u64 { draws.below(2 * shapes) } else { case };
@@ -108,7 +108,7 @@ fn odd_logs() {
     });
 }
 
-/// What an address space too small for the log is answered with.
+/// The reaction to an address space that is too small for the log.
 #[test]
 fn a_log_of_a_hundred_million_equal_rows_is_refused() {
     let shape = Shape { kind: "f64", content: "wave", times: "us", files: "runs of 10^8 rows" };
@@ -128,7 +128,7 @@ fn a_log_of_a_hundred_million_equal_rows_is_refused() {
     }
 }
 
-/// The reader panics on some types that nothing here wants.
+/// The Parquet reader panics on some types that calib does not use.
 #[test]
 fn a_column_of_a_type_that_cannot_be_read_is_named() {
     for kind in ["map key", "struct", "list of lists"] {

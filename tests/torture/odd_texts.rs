@@ -1,5 +1,5 @@
-//! Odd logs as text, of which the truth is known. What is read of them is what was written, or they are refused; nothing
-//! panics, aborts, hangs or takes more than four gibibytes.
+//! Odd logs as text, with a known truth. calib reads what was written, or refuses the log. Nothing panics, aborts, hangs
+//! or takes more than four gibibytes.
 //!
 //!     CALIB_CASES=10000 CALIB_SEED=7 cargo test --release --test torture odd_texts -- --nocapture
 
@@ -15,10 +15,10 @@ use crate::{
     texts::{Kind, Log},
 };
 
-/// Cases with the other tests.
+/// Cases that run with the other tests.
 const SLICE: u64 = 80;
 
-/// What a refusal may call the thing that is wrong.
+/// Words with which a refusal may name the mistake.
 const NAMES: [&str; 6] = ["logs", "log ", "data.", "channel", "rows", "--sensor"];
 
 fn place(log: &Log) -> Place {
@@ -30,7 +30,7 @@ fn place(log: &Log) -> Place {
     place
 }
 
-/// What a study would have to say, where the log does not tell.
+/// Returns the key that a study needs because the log does not contain the information.
 fn told(kind: &Kind) -> Option<&'static str> {
     match (kind.times, kind.numbers) {
         ("spreadsheet" | "spreadsheet with comma", _) => Some("data.timestamp_unit=excel"),
@@ -44,7 +44,7 @@ fn told(kind: &Kind) -> Option<&'static str> {
     }
 }
 
-/// What is wrong with what was imported.
+/// Returns the difference between the imported log and the truth.
 fn difference(place: &Place, kind: &Kind, log: &Log) -> Option<String> {
     let table = match read_parquet(&place.path().join("wide.parquet")) {
         Ok(table) => table,
@@ -73,14 +73,14 @@ fn difference(place: &Place, kind: &Kind, log: &Log) -> Option<String> {
             return Some(format!("at {at} it is {value:?}, and {expected:?} was written"));
         }
     }
-    // Rows of an hour that comes twice may be left out.
+    // Rows of an hour that occurs twice may be left out.
     if !kind.times.starts_with("clock of a zone") && times.len() != truth.len() {
         return Some(format!("{} of {} rows are there", times.len(), truth.len()));
     }
     None
 }
 
-/// What is wrong with a study that was proposed.
+/// Returns the mistake in a proposed study.
 fn injected(place: &Place) -> Option<String> {
     let text = place.read("study.toml");
     let study: toml::Table = match toml::from_str(&text) {
@@ -130,7 +130,7 @@ fn odd_texts() {
     });
 }
 
-/// Bytes that are no log, by the names of logs.
+/// Returns arbitrary bytes in files with the names of logs.
 fn noise(draws: &mut Draws) -> Vec<u8> {
     let length = draws.below(30_000);
     let alphabet: &[u8] = match draws.below(5) {
@@ -177,7 +177,7 @@ fn noise_by_the_names_of_logs() {
     });
 }
 
-/// Logs that are small on a disk, and large once they are read.
+/// Logs that are small on disk and large in memory.
 const LARGE: [&str; 8] = [
     "InfluxDB with other keys in every table",
     "InfluxDB with many tables",
@@ -189,7 +189,7 @@ const LARGE: [&str; 8] = [
     "many files of one tag",
 ];
 
-/// The content of its files, each perhaps repeated.
+/// Returns the content of the files of such a log, each perhaps repeated.
 fn large(kind: &str, draws: &mut Draws) -> Vec<(String, Vec<u8>)> {
     let mut text = String::new();
     match kind {
@@ -252,7 +252,7 @@ fn large(kind: &str, draws: &mut Draws) -> Vec<(String, Vec<u8>)> {
     vec![("a.csv".to_owned(), text.into_bytes())]
 }
 
-/// The time of a second of March.
+/// Formats a second of March as a time.
 fn time(second: usize) -> String {
     format!(
         "2024-03-{:02} {:02}:{:02}:{:02}",

@@ -1,4 +1,4 @@
-//! Odd values: every key that docs/study.md knows, set to what nobody should set it to.
+//! Odd values: every key in docs/study.md, set to values that make no sense.
 //!
 //!     CALIB_CASES=10000 CALIB_SEED=7 cargo test --release --test torture odd_ -- --nocapture
 
@@ -9,12 +9,12 @@ use crate::{
     limits::{Ended, TriedCase, run, run_cases},
 };
 
-/// Cases with the other tests.
+/// Cases that run with the other tests.
 const SLICE: u64 = 60;
-/// The keys.
+/// Document that lists the keys.
 const DOCUMENT: &str = include_str!("../../docs/study.md");
 
-/// Values that are small enough to work with.
+/// Values that are small enough to run with.
 const VALUES: [&str; 34] = [
     "-1",
     "0",
@@ -52,7 +52,7 @@ const VALUES: [&str; 34] = [
     "{ from = 1e-3, to = 1e-1, count = 2 }",
 ];
 
-/// Values that would be worked on for ever: they are only planned with.
+/// Values that would take for ever to run: they are only planned.
 const LARGE: [&str; 12] = [
     "100",
     "1000000",
@@ -68,7 +68,7 @@ const LARGE: [&str; 12] = [
     "{ from = 1e-300, to = 1e300, per_decade = 1000000 }",
 ];
 
-/// Section and key, as they are typed.
+/// Returns section and key, as they are typed.
 fn keys() -> Vec<String> {
     let mut section = String::new();
     let mut keys = Vec::new();
@@ -101,7 +101,7 @@ fn keys() -> Vec<String> {
     keys
 }
 
-/// What is planned with any value, and done with values that are not large.
+/// Commands for any value (plans), and for values that are not large.
 const PLANS: [&[&str]; 4] = [
     &["run", "study.toml", "--dry-run"],
     &["sweep", "study.toml", "--dry-run"],
@@ -126,21 +126,21 @@ const WORK: [&[&str]; 3] = [
     ],
 ];
 
-/// What is done with keys of `[control]`, in a study that has it.
+/// Commands for keys of `[control]`, in a study with this section.
 const CONTROL: [&[&str]; 4] = [
     &["control", "study.toml", "--dry-run"],
     &["inspect", "study.toml"],
     &["control", "study.toml", "--set", "control.steps=60", "--set", "control.runs=2"],
     &["control", "study.toml"],
 ];
-/// What is done with keys of `[data]`, on a log that is text.
+/// Commands for keys of `[data]`, on a log as text.
 const TEXT: [&[&str]; 2] = [&["inspect", "log.csv"], &["import", "log.csv", "wide.parquet"]];
 
-/// Logs on which the keys are set.
+/// Places in which the keys are set.
 struct Bases {
-    /// After `run`, without the sweep; and a log as text.
+    /// Place after `run` without the sweep, with a log as text.
     plain: Place,
-    /// A log of decisions.
+    /// Place with a log of decisions.
     control: Place,
 }
 
@@ -182,7 +182,7 @@ impl Bases {
         let set = format!("{key}={value}");
         let args = [args, &["--set", &set]].concat();
         let last = key.rsplit('.').next().unwrap_or(key);
-        // A plant that is another one now is no value that is wrong.
+        // A changed plant is not an invalid value.
         let names = [last, "[simulate]: data holds another simulation"];
         (args.join(" "), run(&copied(base), &args, &names))
     }

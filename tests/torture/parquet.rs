@@ -1,4 +1,4 @@
-//! Parquet files as no library writes them: any types, levels and declarations, right or wrong.
+//! Parquet files that no library writes: any types, levels and declarations, right or wrong.
 
 use polars_parquet_format::{
     ColumnChunk, ColumnMetaData, CompressionCodec, ConvertedType, DataPageHeader,
@@ -6,35 +6,35 @@ use polars_parquet_format::{
     PageType, RowGroup, SchemaElement, Type, thrift::protocol::TCompactOutputProtocol,
 };
 
-/// Runs of equal levels: how often, which.
+/// Runs of equal levels: length and level.
 pub(crate) type Levels = Vec<(u64, u8)>;
 
-/// A column that holds values, below the groups that hold it.
+/// A column of values, inside its groups.
 #[derive(Clone, Debug)]
 pub(crate) struct Column {
-    /// Names of the groups around it, whether they repeat, and what they stand for.
+    /// Names of the enclosing groups, their repetition, and their types.
     pub(crate) groups: Vec<(String, FieldRepetitionType, Option<ConvertedType>)>,
     pub(crate) name: String,
     pub(crate) physical: Type,
-    /// Bytes of a value, of fixed length.
+    /// Length in bytes of a value, for fixed-length types.
     pub(crate) length: Option<i32>,
     pub(crate) repetition: FieldRepetitionType,
     pub(crate) converted: Option<ConvertedType>,
     pub(crate) logical: Option<LogicalType>,
-    /// Of decimals.
+    /// Scale and precision of decimals.
     pub(crate) scale_and_precision: Option<(i32, i32)>,
     pub(crate) repetition_levels: Option<Levels>,
     pub(crate) definition_levels: Option<Levels>,
-    /// Values that are there, plain; with a dictionary, its entries.
+    /// Existing values in plain encoding; with a dictionary, its entries.
     pub(crate) plain: Vec<u8>,
-    /// Entries of a dictionary, of which every value is the first.
+    /// Number of dictionary entries. Every value is the first entry.
     pub(crate) dictionary: Option<i32>,
-    /// Rows with and without a value.
+    /// Number of rows with and without a value.
     pub(crate) values: u64,
 }
 
 impl Column {
-    /// A column in which every row has a value.
+    /// Returns a column in which every row has a value.
     pub(crate) fn required(name: &str, physical: Type, plain: Vec<u8>, values: u64) -> Self {
         Self {
             groups: Vec::new(),
@@ -74,7 +74,7 @@ impl Column {
         self.groups.iter().map(schema_of_group).chain([leaf]).collect()
     }
 
-    /// The pages of the column, and where its data page begins in them.
+    /// Returns the pages of the column, and the offset of its data page.
     fn pages(&self) -> (Vec<u8>, usize) {
         let mut bytes = Vec::new();
         let mut content = Vec::new();
@@ -90,7 +90,7 @@ impl Column {
                 page.type_ = PageType::DICTIONARY_PAGE;
                 page.dictionary_page_header = Some(header);
             });
-            // One bit a value, of which one run has all.
+            // There is one bit per value, and one run for all of them.
             content.push(1);
             content.extend(run(self.values, 0));
             Encoding::RLE_DICTIONARY
@@ -130,7 +130,7 @@ fn page(bytes: &mut Vec<u8>, content: &[u8], set: impl FnOnce(&mut PageHeader)) 
     bytes.extend(content);
 }
 
-/// A group, with one child.
+/// Returns a group with one child.
 fn schema_of_group(
     (name, repetition, converted): &(String, FieldRepetitionType, Option<ConvertedType>),
 ) -> SchemaElement {
@@ -148,7 +148,7 @@ fn schema_of_group(
     }
 }
 
-/// A run of equal numbers of at most eight bits.
+/// Encodes a run of equal numbers of at most eight bits.
 fn run(count: u64, value: u8) -> Vec<u8> {
     let mut header = count << 1;
     let mut bytes = Vec::new();
@@ -165,7 +165,7 @@ fn with_length(levels: &Levels) -> Vec<u8> {
     [&(runs.len() as u32).to_le_bytes()[..], &runs].concat()
 }
 
-/// A file of one row group; `declare` may change what it declares.
+/// Returns a file of one row group; `declare` may change its metadata.
 pub(crate) fn file(
     columns: &[Column],
     rows: i64,

@@ -1,4 +1,4 @@
-//! Shapes of logs: what a column is made of, what is in it, what times are, what files are.
+//! Shapes of logs: types of columns, their content, times and files.
 
 use polars_parquet_format::{CompressionCodec, FieldRepetitionType, FileMetaData};
 
@@ -9,7 +9,7 @@ use crate::{
     types::{CONTENTS, KINDS, column, value},
 };
 
-/// What files are.
+/// Shapes of files.
 pub(crate) const FILES: [&str; 29] = [
     "one",
     "empty file",
@@ -42,7 +42,7 @@ pub(crate) const FILES: [&str; 29] = [
     "encrypted",
 ];
 
-/// Sensors with names that somebody will use.
+/// Problematic names of sensors.
 const NAMES: [&str; 14] = [
     "",
     " ",
@@ -60,7 +60,7 @@ const NAMES: [&str; 14] = [
     "*",
 ];
 
-/// A shape of a log: one of each list above.
+/// Shape of a log: one entry of each list.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
     pub(crate) kind: &'static str,
@@ -70,7 +70,7 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// A log with one or two oddities: more of them would all be refused for the first.
+    /// Draws a log with one or two oddities. With more, all would be refused for the first one.
     pub(crate) fn drawn(draws: &mut Draws) -> Self {
         let mut shape = Self { kind: "f64", content: "wave", times: "us", files: "one" };
         for _ in 0..=draws.below(2) {
@@ -84,7 +84,7 @@ impl Shape {
         shape
     }
 
-    /// Its files: path below the folder of logs, and content; a folder where there is none.
+    /// Returns its files: path below the folder of logs, and content; `None` for a folder.
     pub(crate) fn files(&self, draws: &mut Draws) -> Vec<(String, Option<Vec<u8>>)> {
         let rows = match self.files {
             "no rows" => 0,
@@ -191,7 +191,7 @@ fn wave(rows: u64, draws: &mut Draws) -> Vec<(f64, bool)> {
     (0..rows).map(|row| value("wave", row, draws)).collect()
 }
 
-/// A footer that says something else than the pages.
+/// Makes the footer contradict the pages.
 fn declare(what: &str, metadata: &mut FileMetaData) {
     let group = &mut metadata.row_groups[0];
     let rows = match what {
@@ -211,7 +211,7 @@ fn declare(what: &str, metadata: &mut FileMetaData) {
     }
 }
 
-/// Few bytes, many rows: one time and one value, repeated.
+/// Returns few bytes with many rows: one time and one value, repeated.
 fn endless(rows: u64) -> Vec<u8> {
     let dictionary = |name: &str, kind, value| {
         let mut made = column(name, kind, &[(value, true)]);

@@ -1,4 +1,4 @@
-//! Logs as text of which the truth is known: which instants and values were written, however they were written.
+//! Logs as text with a known truth: the instants and values that were written, in any notation.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use jiff::tz::TimeZone;
 
 use crate::campaign::Draws;
 
-/// How times are written.
+/// Notations of times.
 pub(crate) const TIMES: [&str; 28] = [
     "iso",
     "iso with T and Z",
@@ -38,7 +38,7 @@ pub(crate) const TIMES: [&str; 28] = [
     "clock of a zone, newest first",
 ];
 
-/// How numbers are written.
+/// Notations of numbers.
 pub(crate) const NUMBERS: [&str; 16] = [
     "point",
     "comma",
@@ -58,7 +58,7 @@ pub(crate) const NUMBERS: [&str; 16] = [
     "infinite ones among them",
 ];
 
-/// What is around the table.
+/// Text around the table.
 pub(crate) const DRESSES: [&str; 11] = [
     "plain",
     "CR LF",
@@ -73,10 +73,10 @@ pub(crate) const DRESSES: [&str; 11] = [
     "no end of line",
 ];
 
-/// What a row is.
+/// Meanings of a row.
 pub(crate) const SHAPES: [&str; 4] = ["wide", "long", "file per tag", "InfluxDB"];
 
-/// What the first channel is called.
+/// Names of the first channel.
 pub(crate) const NAMES: [&str; 16] = [
     "P",
     "Durchfluß: P",
@@ -96,7 +96,7 @@ pub(crate) const NAMES: [&str; 16] = [
     "..",
 ];
 
-/// A zone, and the instant at which its clocks are set back.
+/// Time zones, each with the instant at which clocks go back.
 const ZONES: [(&str, i64); 4] = [
     ("Europe/Paris", 1_729_990_800),
     ("Europe/Moscow", 1_414_274_400),
@@ -104,7 +104,7 @@ const ZONES: [(&str, i64); 4] = [
     ("Australia/Lord_Howe", 1_712_415_600),
 ];
 
-/// What a text log is.
+/// Kind of a text log.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kind {
     pub(crate) times: &'static str,
@@ -128,7 +128,7 @@ impl Kind {
             }
         }
         if kind.shape == "InfluxDB" {
-            // It has one notation of times and numbers, and no dress.
+            // InfluxDB has one notation of times and numbers, and no text around the table.
             kind = Self { times: "iso with T and Z", numbers: "point", dress: "plain", ..kind };
         }
         kind
@@ -158,24 +158,24 @@ impl Kind {
 /// A value of the first channel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Truth {
-    /// In microseconds; as the log has it, where it names no zone.
+    /// Time in microseconds; local time if the log names no zone.
     pub(crate) time: i64,
-    /// None if it is no number that can be kept.
+    /// The value; `None` if it is not a number that can be kept.
     pub(crate) value: Option<f64>,
 }
 
-/// A log, and what it says.
+/// A log and its truth.
 pub(crate) struct Log {
     /// Name and content of each file.
     pub(crate) files: Vec<(String, Vec<u8>)>,
     pub(crate) truth: Vec<Truth>,
-    /// Rows that have no time.
+    /// Number of rows without a time.
     pub(crate) never: usize,
-    /// What a study has to say of it.
+    /// Keys that a study of the log needs.
     pub(crate) sets: Vec<String>,
 }
 
-/// The instants of the rows, in microseconds, oldest first.
+/// Returns the instants of the rows, in microseconds, oldest first.
 fn instants(kind: &Kind, draws: &mut Draws) -> (Vec<i64>, Option<&'static str>) {
     let rows = match draws.below(4) {
         0 => 40,
@@ -195,7 +195,7 @@ fn instants(kind: &Kind, draws: &mut Draws) -> (Vec<i64>, Option<&'static str>) 
     let start = match kind.times {
         "from zero" => 0,
         times if times.ends_with("of 1969") => -1_000_000 - 3_600 * rows,
-        // A day that cannot be a month, and one that can.
+        // A day that cannot be a month, and one that can be a month.
         _ if draws.below(2) == 0 => 1_710_309_600,
         _ => 1_709_272_800,
     };
@@ -208,7 +208,7 @@ fn civil(micros: i64, zone: Option<&str>) -> jiff::civil::DateTime {
     zone.to_datetime(instant)
 }
 
-/// A time as it is written.
+/// Formats a time.
 fn written(times: &str, micros: i64, zone: Option<&str>) -> String {
     let at = civil(micros, zone);
     let as_pattern = |pattern: &str| at.strftime(pattern).to_string();
@@ -250,7 +250,7 @@ fn never(times: &str) -> &'static str {
     }
 }
 
-/// Groups of three digits.
+/// Formats a number in groups of three digits.
 fn grouped(whole: u64, sign: char) -> String {
     let digits = whole.to_string();
     let mut grouped = String::new();
@@ -263,7 +263,7 @@ fn grouped(whole: u64, sign: char) -> String {
     grouped
 }
 
-/// A number of thousandths as it is written in a row of a file, and what it is: fractions that cannot be written are left out.
+/// Formats a number of thousandths for a row of a file, and returns its value. Notations without fractions drop the fraction.
 fn number(numbers: &str, thousandths: u64, row: usize, file: usize) -> (String, Option<f64>) {
     let whole = thousandths / 1_000;
     let fraction = thousandths % 1_000;
@@ -300,7 +300,7 @@ fn number(numbers: &str, thousandths: u64, row: usize, file: usize) -> (String, 
         ("whole, then both", _) if late && row.is_multiple_of(2) => {
             text_and_value(format!("{},5", grouped(whole, '.')), half)
         }
-        // Thousands, as the others of the file have them.
+        // Thousands have the separator of the file's other numbers.
         ("whole, then both", _) if late => text_and_value(grouped(whole, '.'), whole as f64),
         (
             "whole"
@@ -349,7 +349,7 @@ fn dressed(dress: &str, header: &str, units: &str, rows: &str) -> Vec<u8> {
 }
 
 impl Log {
-    /// The log of a kind.
+    /// Returns a log of a kind.
     pub(crate) fn of(kind: &Kind, draws: &mut Draws) -> Self {
         let (mut times, zone) = instants(kind, draws);
         if kind.times.ends_with("newest first") {

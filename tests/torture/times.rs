@@ -6,7 +6,7 @@ use crate::{
     types::{column, logical},
 };
 
-/// What times are.
+/// Kinds of times.
 pub(crate) const TIMES: [&str; 32] = [
     "us",
     "ms",
@@ -42,10 +42,10 @@ pub(crate) const TIMES: [&str; 32] = [
     "nan",
 ];
 
-/// The first minute of the log, in microseconds.
+/// First minute of the log, in microseconds.
 pub(crate) const START: f64 = 1_667_260_800_000_000.0;
 
-/// The time of a row, in microseconds.
+/// Returns the time of a row in microseconds, and whether it exists.
 fn instant(times: &str, row: u64, rows: u64, draws: &mut Draws) -> (f64, bool) {
     let minute = 60e6;
     let regular = START + row as f64 * minute;
@@ -73,7 +73,7 @@ fn instant(times: &str, row: u64, rows: u64, draws: &mut Draws) -> (f64, bool) {
     (micros, there)
 }
 
-/// The column of times.
+/// Returns the column of times.
 pub(crate) fn timestamps(times: &str, rows: u64, draws: &mut Draws) -> Column {
     let micros: Vec<(f64, bool)> = (0..rows).map(|row| instant(times, row, rows, draws)).collect();
     let (kind, factor) = match times {
@@ -107,7 +107,7 @@ pub(crate) fn timestamps(times: &str, rows: u64, draws: &mut Draws) -> Column {
     made
 }
 
-/// Regular times, so many rows later.
+/// Returns regular times that begin `shift` rows later.
 pub(crate) fn timestamps_from(shift: u64, rows: u64) -> Column {
     let values: Vec<_> = (0..rows).map(|row| (START + (shift + row) as f64 * 60e6, true)).collect();
     column("timestamp", "us", &values)

@@ -1,4 +1,4 @@
-//! Types of columns of values, and what is in them.
+//! Types of value columns, and their content.
 
 use polars_parquet_format::{
     ConvertedType, DecimalType, FieldRepetitionType, Float16Type, IntType, LogicalType,
@@ -8,7 +8,7 @@ use polars_parquet_format::{
 
 use crate::{campaign::Draws, parquet::Column};
 
-/// Types of a column of values.
+/// Types of a value column.
 pub(crate) const KINDS: [&str; 38] = [
     "f64",
     "f32",
@@ -50,7 +50,7 @@ pub(crate) const KINDS: [&str; 38] = [
     "map key",
 ];
 
-/// What is in it, row by row.
+/// Content of a column, row by row.
 pub(crate) const CONTENTS: [&str; 20] = [
     "wave",
     "nan",
@@ -165,7 +165,7 @@ fn scale_and_precision(kind: &str) -> Option<(i32, i32)> {
         "decimal(9, 2)" => Some((2, 9)),
         "decimal(18, 4)" => Some((4, 18)),
         "decimal(38, 10)" => Some((10, 38)),
-        // More digits behind the point than there are.
+        // More decimals than digits.
         "decimal(5, 9)" => Some((9, 5)),
         _ => None,
     }
@@ -175,7 +175,7 @@ fn text(bytes: &[u8]) -> Vec<u8> {
     [&(bytes.len() as u32).to_le_bytes()[..], bytes].concat()
 }
 
-/// A value as it lies in a page.
+/// Encodes a value as in a page.
 fn plain(kind: &str, value: f64) -> Vec<u8> {
     match kind {
         "numbers as text" => text(value.to_string().as_bytes()),
@@ -203,7 +203,7 @@ fn plain(kind: &str, value: f64) -> Vec<u8> {
     }
 }
 
-/// The value of a row, and whether it is there.
+/// Returns the value of a row, and whether it exists.
 pub(crate) fn value(content: &str, row: u64, draws: &mut Draws) -> (f64, bool) {
     let wave = 50.0 + 20.0 * (row as f64 / 9.0).sin() + draws.below(100) as f64 / 40.0;
     let odd = row % 37 == 5;
@@ -241,7 +241,7 @@ pub(crate) fn value(content: &str, row: u64, draws: &mut Draws) -> (f64, bool) {
     (value, there)
 }
 
-/// Runs of equal levels, of one level a row.
+/// Returns runs of equal levels, from one level per row.
 fn levels(by_row: impl Iterator<Item = u8>) -> Vec<(u64, u8)> {
     let mut runs: Vec<(u64, u8)> = Vec::new();
     for level in by_row {
@@ -253,7 +253,7 @@ fn levels(by_row: impl Iterator<Item = u8>) -> Vec<(u64, u8)> {
     runs
 }
 
-/// A column of this type and content.
+/// Returns a column of this type and content.
 pub(crate) fn column(name: &str, kind: &str, values: &[(f64, bool)]) -> Column {
     let rows = values.len() as u64;
     let there = values.iter().filter(|(_, there)| *there).map(|(value, _)| *value);
@@ -316,13 +316,13 @@ pub(crate) fn column(name: &str, kind: &str, values: &[(f64, bool)]) -> Column {
     if made.groups.is_empty() {
         return made;
     }
-    // The outermost group has the column's name.
+    // The outermost group has the name of the column.
     name.clone_into(&mut made.groups[0].0);
     "value".clone_into(&mut made.name);
     made
 }
 
-/// A group, as columns have them around them.
+/// Returns a group, as it may enclose a column.
 fn group(
     name: &str,
     repetition: FieldRepetitionType,

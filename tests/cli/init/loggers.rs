@@ -1,11 +1,11 @@
-//! What loggers write: words for missing values, clocks in two columns, angles.
+//! Peculiarities of loggers: words for missing values, times in two columns, angles.
 
 use std::fmt::Write as _;
 
 use crate::harness::Place;
 
-/// A log as loggers write it: dates and times in two columns, decimal commas, -200 for "no value", a clock that starts anew at midnight, the
-/// wind's direction, a sensor that came later, and a damaged line.
+/// Returns a typical logger file: dates and times in two columns, decimal commas, -200 for "no value", a clock that restarts at midnight,
+/// a wind direction, a sensor that was added later, and a damaged line.
 fn loggers() -> String {
     let mut text = String::from("Date;Time;CO;NOx;T;NSM;Wind;Late\r\n");
     let mut noise = 1_u32;
@@ -111,7 +111,7 @@ fn what_was_asked_for_is_taken_or_refused() {
     assert!(fraction.contains("has no effect, because data.train says"), "{fraction}");
 }
 
-/// The clocks of the log are those of the place, and the study has the same.
+/// The times of the log are local times, and the study uses the same time zone.
 #[test]
 fn the_stretch_of_a_sensor_is_printed_on_the_clock_of_the_time_zone() {
     let place = Place::new();
@@ -128,7 +128,7 @@ fn the_stretch_of_a_sensor_is_printed_on_the_clock_of_the_time_zone() {
     assert_eq!(stretch(&["--set=data.time_zone=Asia/Tokyo"]), stretch(&[]));
 }
 
-/// The wind is an input as its sine and its cosine, and is predicted or left out where that was asked for.
+/// The wind is an input through its sine and cosine. On request it is predicted or left out.
 #[test]
 fn an_angle_becomes_its_sine_and_its_cosine() {
     let place = Place::new();
@@ -203,7 +203,7 @@ fn mistakes_about_angles_are_those_of_the_user() {
         let error = inspect(set).fails(2);
         assert!(error.contains(expected), "{error}\n{expected}");
     }
-    // What a pattern matches is known with the log.
+    // The matches of a pattern are known only with the log.
     let described = inspect(&["--set=data.angles={ \"W*\" = 6.283 }"]);
     let said = described.stderr();
     assert!(
