@@ -27,8 +27,8 @@ BEFORE = """\
 
 
 def help_of(binary: Path, *command: str) -> str:
-    """What `calib COMMAND --help` prints."""
-    # It calls itself as it was called.
+    """Returns the output of `calib COMMAND --help`."""
+    # calib prints the name with which it was called.
     with tempfile.TemporaryDirectory() as folder:
         called = Path(folder) / "calib"
         called.symlink_to(binary)
@@ -38,14 +38,14 @@ def help_of(binary: Path, *command: str) -> str:
 
 
 def commands(text: str) -> list[str]:
-    """Commands that a help text lists."""
+    """Returns the commands that a help text lists."""
     listed = re.search(r"^Commands:\n(.*?)(?:\n\n|\Z)", text, re.MULTILINE | re.DOTALL)
     names = re.findall(r"^  ([a-z][a-z-]*)\b", listed[1], re.MULTILINE) if listed else []
     return [name for name in names if name != "help"]
 
 
 def brief(text: str) -> str:
-    """Without the options that every command has."""
+    """Removes the options that every command has."""
     text = re.sub(r"\n\nWhat is shown:\n.*?(?=\n\n\S|\Z)", "", text, flags=re.DOTALL)
     return re.sub(r"\n\n? +-(?:h, --help|V, --version)\n? +Print (?:help|version)[^\n]*", "", text)
 

@@ -16,18 +16,18 @@ from pathlib import Path
 TASKS = ["acrobot", "puddle_world", "cart_pole"]
 QUALITIES = ["near_optimal", "medium", "random"]
 LENGTHS = [500, 5000]
-# What agents learnt in; lines of the first do not name it.
+# Models in which agents learned. Lines of the first model do not contain its name.
 MODELS = ["euclidean", "laplacian", "network"]
 COLOURS = {"euclidean": "#06c", "laplacian": "#808", "network": "#096", "fitted": "#c50"}
 # Two-sided 95 % quantiles of Student's t by degrees of freedom.
 T = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
      2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042]
-# calib's own default among the 54: step size 0.03, no momentum, temperature 10, weights from 0.
+# calib's default among the 54: step size 0.03, no momentum, temperature 10, weights from 0.
 DEFAULT = 21
 
 
 def interval(values):
-    """Mean and half the width of its 95 % t-interval."""
+    """Returns the mean and half the width of its 95 % t-interval."""
     mean = sum(values) / len(values)
     if len(values) < 2:
         return mean, math.nan
@@ -66,7 +66,7 @@ def of_model(logs, model):
 
 
 def together(logs, rule):
-    """What each way chose for each log that every model with lines has, by name: the models, and fitted Q evaluation."""
+    """Returns the choice of each selection method for each log that all models have, by name: the models, and fitted Q evaluation."""
     of = {model: {log["name"]: log for log in of_model(logs, model) if log["rule"] == rule} for model in MODELS}
     of = {model: own for model, own in of.items() if own}
     names = set.intersection(*map(set, of.values())) if of else set()
@@ -78,7 +78,7 @@ def together(logs, rule):
 
 
 def best_single(truth):
-    """The candidate with the best mean percentile over all tasks: the default of one who knows all truths."""
+    """Returns the candidate with the best mean percentile over all tasks: the default with full knowledge of the truth."""
     count = len(truth[TASKS[0]])
     return max(range(count), key=lambda c: sum(percentile(truth[task], c) for task in TASKS))
 
@@ -93,7 +93,7 @@ def cells(truth, logs, rule):
 
 
 def refused(log):
-    """Whether calib refuses the choice, by the limits that it has unless a study says otherwise; what a line was written with may be older."""
+    """Whether calib refuses the choice with its default limits; the line may have been written with older ones."""
     others = [doubt for doubt in log["doubts"] if doubt["reason"] != "uncovered"]
     return bool(others) or log["uncovered"] > 0.5 or log["terminals"] < 10
 
@@ -143,7 +143,7 @@ def table(truth, logs, rule):
 
 
 def beside(truth, logs, rule):
-    """Every model beside the others, paired log by log: percentiles of the grid by true return, and differences of true returns."""
+    """Compares the models pairwise, log by log: percentiles of the grid by true return, and differences of true returns."""
     chosen = together(logs, rule)
     ways = [way for way in [*MODELS, "fitted"] if all(way in of for of in chosen.values())]
     if not chosen or len(ways) < 3:
@@ -152,7 +152,7 @@ def beside(truth, logs, rule):
     fixed = {"best single default": single, "calib's default": DEFAULT}
 
     def of(way, own, value):
-        """The value of what was chosen, log by log; of a random choice its mean over candidates."""
+        """Returns the value of the choice, log by log; for a random choice, the mean over candidates."""
         for one in own:
             returns = truth[one["log"]["task"]]
             if way == "random":
@@ -161,7 +161,7 @@ def beside(truth, logs, rule):
                 yield value(returns, fixed.get(way, one.get(way)))
 
     def regret(returns, choice):
-        """In % of that of a random choice, which makes tasks comparable."""
+        """Returns the regret in % of that of a random choice, which makes tasks comparable."""
         return 100 * (max(returns) - returns[choice]) / (max(returns) - sum(returns) / len(returns))
 
     others = [*ways, "random", *fixed]
@@ -189,7 +189,7 @@ def beside(truth, logs, rule):
 
 
 def cell_table(truth, logs, rule):
-    """A column for each model: true mean return of what was chosen, cell by cell."""
+    """Prints one column per model: the true mean return of the choice, cell by cell."""
     chosen = together(logs, rule)
     ways = [way for way in [*MODELS, "fitted"] if all(way in of for of in chosen.values())]
     if not chosen or len(ways) < 3:
@@ -205,7 +205,7 @@ def cell_table(truth, logs, rule):
 
 
 def cell_of(logs, rule, one):
-    """The logs of the same task, behaviour and length."""
+    """Returns the logs of the same task, behaviour and length."""
     keys = ["task", "quality", "transitions"]
     return [log for log in logs if log["rule"] == rule and all(log[key] == one[key] for key in keys)]
 

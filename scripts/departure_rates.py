@@ -22,8 +22,8 @@ CHUNK = 100_000
 
 
 def departure_rate(states: np.ndarray, neighbors: int, queries: int, rng: np.random.Generator) -> float:
-    """Share of the nearest neighbours of random states, themselves among them, that lie at another time."""
-    rows = len(states) - 1  # the last one has no successor
+    """Returns the share of nearest neighbours (including the state itself) of random states that lie at another time."""
+    rows = len(states) - 1  # the last row has no successor
     asked = rng.choice(rows, min(queries, rows), replace=False)
     lengths = (states * states).sum(axis=1)
     nearest = np.zeros((len(asked), 0), dtype=np.int64)

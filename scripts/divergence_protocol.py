@@ -67,14 +67,14 @@ from protocols import CAP, even_in_logarithm, head, interval, quotient, row, sma
 SENSORS = ["PIT300", "TIT101", "TUIT101"]
 RATES = [1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 1e-2, 3.16e-2, 0.1, 0.316, 1]
 DEFAULT_RATE = 1e-3
-# The first plant of the second pass, and its rates.
+# First plant of the second pass, and its rates.
 SECOND = 48
 SECOND_RATES = [rate for rate in RATES if rate >= DEFAULT_RATE]
 WINDOWS = 40
-# The largest share of failing runs that is accepted, and what its upper bound may be wrong by.
+# Largest accepted share of failing runs, and the error probability of its upper bound.
 SHARE = 0.05
 LEVEL = 0.05
-# A run with an error above this many times the default's fails.
+# A run fails if its error is more than this many times the default's.
 FACTOR = 2
 
 STUDY = """seed = {seed}
@@ -120,7 +120,7 @@ learning_rate = {rates}
 
 
 def draw(seed: int) -> dict:
-    """The keys of a plant and of its task."""
+    """Returns the keys of a plant and of its task."""
     generator = random.Random(seed)
 
     def between(low: float, high: float) -> float:
@@ -177,10 +177,10 @@ def make(number: int, folder: Path, calib: str) -> dict:
 
 
 def summary(table, rates: list[float]) -> dict:
-    """Of each candidate, over the runs of one sensor: how many there are, diverged and failed, and means of logarithms.
+    """Summarises each candidate over the runs of one sensor: number of runs, diverged and failed runs, and means of logarithms.
 
-    `mean` is that of the error, over the runs that did not diverge. `excess` is that of the error by the least one of the same run,
-    at most `CAP`, which a run that diverged counts. In `cost` a run that failed counts as much.
+    `mean` is the mean logarithm of the error over the runs that did not diverge. `excess` is that of the error divided by the least error
+    of the same run, at most `CAP`; a diverged run counts `CAP`. In `cost` a failed run counts `CAP` as well.
     """
     ordered = table.sort("environment", "run", "candidate")
     logs = [
@@ -196,7 +196,7 @@ def summary(table, rates: list[float]) -> dict:
         own = [stream[candidate] for stream in streams]
         finite = [value for value in own if value < math.inf]
         failed = [fails(stream, candidate, default) for stream in streams]
-        # Where all diverged, infinity minus infinity is no number.
+        # If all candidates diverged, infinity minus infinity is not a number.
         excess = [CAP if value == math.inf else min(value - min(stream), CAP) for value, stream in zip(own, streams)]
         cost = [CAP if failing else value for value, failing in zip(excess, failed)]
         kept["diverged"].append(len(own) - len(finite))
@@ -208,7 +208,7 @@ def summary(table, rates: list[float]) -> dict:
 
 
 def fails(stream: list[float], candidate: int, default: int) -> bool:
-    """Whether a candidate diverged, or has more than `FACTOR` times the default's error. Of logarithms."""
+    """Whether a candidate diverged, or has more than `FACTOR` times the default's error. Errors are logarithms."""
     return stream[candidate] == math.inf or stream[candidate] > stream[default] + math.log(FACTOR)
 
 
@@ -216,11 +216,11 @@ def rounded_mean(values: list[float]) -> float:
     return round(sum(values) / len(values), 5)
 
 
-# Rules give a key of each candidate, and choose the smallest. They look at the summaries of one plant and sensor, as screens do.
+# A rule returns a key per candidate, and chooses the smallest key. It uses the summaries of one plant and sensor, as screens do.
 
 
 def least_error(*sources: dict) -> Callable[[int], tuple]:
-    """First those that never diverged, then by the mean logarithm of the error. Every run counts the same."""
+    """Prefers candidates that never diverged, then a small mean logarithm of the error. Every run counts the same."""
 
     def key(candidate: int) -> tuple:
         diverged = sum(source["diverged"][candidate] for source in sources)
@@ -239,19 +239,19 @@ RULES = {
     "pooled": lambda pair: least_error(pair["log"], pair["few rollouts"]),
     "log, soft": lambda pair: lambda candidate: (pair["log"]["excess"][candidate],),
 }
-# The summaries that they look at.
+# Summaries that each screen uses.
 SCREENS = {"15 windows": ["log"], "150 rollouts": ["rollouts"], "both": ["log", "rollouts"], "150 windows": ["windows"]}
 
 
 def at_most(count: int, trials: int, share: float) -> float:
-    """Probability of so many successes or fewer."""
+    """Returns the probability of at most `count` successes."""
     return sum(math.comb(trials, k) * share**k * (1 - share) ** (trials - k) for k in range(count + 1))
 
 
 def passes(pair: dict, screen: str, candidate: int) -> bool:
     for name in SCREENS[screen]:
         failed, runs = pair[name]["failed"][candidate], pair[name]["runs"]
-        # Clopper and Pearson's upper bound is at most SHARE where so few failures would be this unlikely with SHARE.
+        # Clopper and Pearson's upper bound is at most SHARE if a rate of SHARE would make so few failures this unlikely.
         accepted = failed == 0 if name == "log" else at_most(failed, runs, SHARE) <= LEVEL
         if not accepted:
             return False
@@ -269,7 +269,7 @@ def choose(pair: dict, rule: str, screen: str | None) -> int:
 
 @dataclass
 class Judged:
-    """A chooser's results, `[plant][sensor]`: logarithms of errors by the best rate's, and shares of windows that fail."""
+    """Results of a selection method, `[plant][sensor]`: ln(error / error of the best rate), and shares of failing windows."""
 
     regrets: list[list[float]]
     failing: list[list[float]]
@@ -282,7 +282,7 @@ class Judged:
 
 
 def judge(plants: list[dict], chosen: Callable[[dict, int], int]) -> Judged:
-    """Of `chosen(pair, sensor)`."""
+    """Returns the results of the choices `chosen(pair, sensor)`."""
     judged = Judged([], [])
     for plant in plants:
         places = [(pair["truth"], chosen(pair, sensor)) for sensor, pair in enumerate(plant["sensors"])]
@@ -296,7 +296,7 @@ def flat(table: list[list]) -> list:
 
 
 def sign_test(fewer: int, more: int) -> float:
-    """Exact, two-sided. On pairs of which one of two changed it is McNemar's test."""
+    """Returns the p-value of the exact, two-sided sign test. For pairs in which one of two changed it is McNemar's test."""
     return min(1, 2 * at_most(min(fewer, more), fewer + more, 0.5))
 
 

@@ -17,7 +17,8 @@ from pathlib import Path
 from pool_protocol import DEFAULT, KINDS, by_mean_rank, mean, ranks, regret
 
 DRAWS = 10_000
-# Tasks on which the default in units of the spread of returns was chosen; the others test it.
+# Tasks that were used to choose the default in units of the spread
+# of returns. The other tasks test it.
 PILOT = range(3)
 
 
@@ -35,7 +36,7 @@ def read(path):
 
 
 def bootstrap(logs, values):
-    """The mean over kinds of tasks, and its 95 % interval when tasks are drawn anew."""
+    """Returns the mean over kinds of tasks, and its 95 % interval over resampled tasks."""
     tasks = defaultdict(lambda: defaultdict(list))
     for log, value in zip(logs, values):
         tasks[log["kind"]][log["number"]].append(value)
@@ -46,20 +47,20 @@ def bootstrap(logs, values):
 
 
 def scaled_regret(log, setting):
-    """As regret: of a setting that need not be in the grid, beside the best of the grid. Below 0 it is better."""
+    """Returns the scaled regret of a setting that need not be in the grid, against the best of the grid. Below 0 it is better."""
     truth = log["truth"]
     return 100 * (max(truth) - log["truth_of_scaled"][setting]) / (max(truth) - mean(truth))
 
 
 def may_be_no_better_than_random(log, setting):
-    """Whether calib refuses the choice for that, by the jackknife over the five blocks of the log."""
+    """Whether calib refuses the choice as no better than random, by the jackknife over the five blocks of the log."""
     blocks = [mean([log[kind]["returns"][block][setting] - log["random_actions"][kind][block] for kind in KINDS]) for block in range(5)]
     error = math.sqrt(4 / 5 * sum((block - mean(blocks)) ** 2 for block in blocks))
     return not mean(blocks) > 2.776 * error
 
 
 def best_of_others(logs, log):
-    """The setting of the grid with the best mean percentile over all other tasks."""
+    """Returns the setting of the grid with the best mean percentile over all other tasks."""
     others = {(other["kind"], other["number"]): ranks(other["truth"]) for other in logs if other["name"].rsplit("/", 1)[0] != log["name"].rsplit("/", 1)[0]}
     return min(range(len(log["truth"])), key=lambda setting: sum(own[setting] for own in others.values()))
 

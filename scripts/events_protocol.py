@@ -63,23 +63,24 @@ from protocols import day, head, mean, mean_of, quotient, regrets, row, smallest
 EVENTS_MOVE = "TUIT101"
 SENSORS = [EVENTS_MOVE, "PIT300", "TIT101"]
 RATES = [1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1]
-# Storms a day in the log for each factor on their rate.
+# Storms per day in the log, for each factor on their rate.
 LOGGED = {0.25: 4, 4: 1, 12: 1}
 MORE = [4, 12]
-# Factors that an engineer takes for 4 who misjudges it by 2.
+# Factors that an engineer mistakes for 4, wrong by a factor of 2.
 MISJUDGED = [2, 8]
 LOG_DAYS = 40
 LATER_DAYS = 20
 PERIOD_SECS = 120
 WINDOWS = 24
-# The fewest effective windows of weighted replay, and the windows of `quarter`.
+# Fewest effective windows of weighted replay, and the number of windows of `quarter`.
 LEAST_EFFECTIVE = 4
 QUARTER = 6
 NEAREST_ONSETS = 8
 LEAD_ROWS = 3
-# Walks that are made for one target, at the most.
+# Most rollouts that are made for one target.
 ATTEMPTS = 12
-# One step in so many may leave or enter an event by any neighbour. Otherwise a gap within an event could trap a walk.
+# One step in this many may leave or enter an event by any neighbour.
+# Otherwise a gap within an event could trap a rollout.
 FREE_STEP = 100
 
 STUDY = """seed = {seed}
@@ -115,12 +116,12 @@ learning_rate = {rates}
 
 
 def target(share: float, factor: float) -> float:
-    """The share of event rows with `factor` times as many independent events."""
+    """Returns the share of event rows with `factor` times as many independent events."""
     return 1 - (1 - share) ** factor
 
 
 class Member:
-    """The steps of one ensemble member. The next of a step are drawn from cumulative weights."""
+    """The steps of one ensemble member. The successor of a step is drawn by cumulative weights."""
 
     def __init__(self, log: "Log", number: int):
         import numpy
@@ -132,7 +133,7 @@ class Member:
         lacking[self.steps] = False
         neighbors[lacking], distances[lacking] = 0, 0
         sums = distances.sum(axis=1, keepdims=True)
-        # calib's weights "linear", but for their sum.
+        # calib's weights "linear", except for their sum.
         weights = 1 - numpy.divide(distances, sums, out=numpy.zeros_like(distances), where=sums > 0)
         stays = log.before[neighbors] == log.after[:, None]
         self.neighbors = neighbors.tolist()
@@ -144,7 +145,7 @@ class Member:
 
 
 class Log:
-    """The training range with its events, as a neighbour model of it has its rows and steps."""
+    """The training range with its events, in the rows and steps of a neighbour model."""
 
     def __init__(self, model):
         import numpy
@@ -160,14 +161,14 @@ class Log:
         self.ends_below = median + 2.5 * spread
         self.event = self.events(turbidity)
         self.share = float(self.event.mean())
-        # Of each step: whether the row before it, and that after it, is of an event.
+        # Whether the row before a step, and the row after it, belongs to an event.
         self.before, self.after = self.event[self.sources], self.event[self.sources + 1]
         self.onset = ~self.before & self.after
         self.onset_rate = float(self.onset.sum() / (~self.before).sum())
         self.members = [Member(self, number) for number in range(model.members)]
 
     def events(self, values):
-        """Which of these turbidities are of an event."""
+        """Whether each of these turbidities belongs to an event."""
         import numpy
 
         inside, flags = False, []
@@ -177,7 +178,7 @@ class Log:
         return numpy.array(flags)
 
     def nearest(self, state, rows, count: int):
-        """Positions of the `count` nearest of these rows."""
+        """Returns the positions of the `count` nearest of these rows."""
         import numpy
 
         away = ((self.states[rows] - self.states[state]) ** 2).sum(axis=1)
@@ -192,7 +193,7 @@ class Log:
         return numpy.concatenate(walks).astype(numpy.int64)
 
     def tilted_walk(self, generator: random.Random, begin: float, keep: float):
-        """Rows of a walk in which events also begin with probability `begin` a step, and begin by themselves with `keep`."""
+        """Returns the rows of a rollout in which events also begin with probability `begin` per step, and natural ones with `keep`."""
         import numpy
 
         rows = []
@@ -218,11 +219,11 @@ class Log:
         return numpy.array(rows)
 
     def one_of_nearest(self, generator: random.Random, at: int, steps, count: int) -> int:
-        """One of the `count` steps whose sources are nearest to a row."""
+        """Returns one of the `count` steps whose sources are nearest to a row."""
         return int(steps[generator.choice(self.nearest(at, self.sources[steps], count).tolist())])
 
     def resampled(self, generator: random.Random, begin: float, keep: float):
-        """Recorded rows in order, but events are inserted with probability `begin` a row, and each recorded one stays with `keep`."""
+        """Returns recorded rows in order. Events are inserted with probability `begin` per row, and recorded events stay with `keep`."""
         import numpy
 
         edges = numpy.flatnonzero(numpy.diff(self.event.astype(int), prepend=0, append=0))
@@ -240,7 +241,7 @@ class Log:
         return numpy.array(rows)
 
     def with_target(self, make, factor: float, seed: str):
-        """The rows that `make` gives with the share of event rows nearest to the target of `factor`."""
+        """Returns the rows from `make` whose share of event rows is nearest to the target of `factor`."""
         wanted = target(self.share, factor)
         begin, keep = max(factor - 1, 0) * self.onset_rate, min(factor, 1)
         made = []
@@ -251,7 +252,7 @@ class Log:
             if abs(share / wanted - 1) < 0.05:
                 break
             odds = wanted / (1 - wanted) * (1 - share) / max(share, 1e-9)
-            # The share of one walk is uncertain by a fifth where events are rare, so half of the way is enough.
+            # If events are rare, the share of one rollout is uncertain by a fifth, so half of the way is enough.
             odds = min(max(math.sqrt(odds), 1 / 3), 3)
             if factor > 1:
                 begin = max((begin + self.onset_rate) * odds - self.onset_rate, 0)
@@ -277,7 +278,7 @@ class Plant:
         self.agent = f'{network}\noptimiser = "{optimiser}"\ngamma = {gamma}\nbatch_size = {batch}\nlearning_rate = 1e-3'
 
     def simulate(self, storms: int) -> list[str]:
-        """Day files of the plant with so many storms a day, in the order of time."""
+        """Returns the day files of the plant with so many storms per day, in order of time."""
         folder = self.folder / f"storms-{storms}"
         options = {
             "--days": LOG_DAYS + LATER_DAYS, "--channels": 24, "--period": PERIOD_SECS, "--seed": self.seed,
@@ -302,16 +303,16 @@ class Plant:
         return polars.read_parquet(study.with_suffix("") / "sweep" / "runs.parquet")
 
     def recorded_study(self, name: str, files: list[str], replay: int) -> Path:
-        """A log with the days after it."""
+        """Writes a study of a log together with the days after it."""
         start, later, end = map(day, (self.start, self.later, self.end))
         ranges = f"train = {{ start = {start}, end = {later} }}\nheld_out = {{ start = {later}, end = {end} }}"
         return self.write_study(name, files, ranges, replay)
 
     def of_rows(self, name: str, log: Log, rows) -> dict:
-        """The errors on a log of these recorded rows, and their share of event rows.
+        """Returns the errors on a log of these recorded rows, and their share of event rows.
 
-        They follow the recorded log, from which calib takes the normaliser, and are in the units of its states. `model.period` replays
-        them alone.
+        The rows follow the recorded log, from which calib takes the normaliser, so errors are in the units of its states.
+        With `model.period`, log replay uses these rows only.
         """
         import numpy
         import polars
@@ -369,7 +370,7 @@ class Plant:
         return Log(calib_rl.Study(study, set={"model.kind": "knn"}, output=study.with_suffix(".model")).build_model(progress=False))
 
     def of_log(self, log: Log, runs, plain: str) -> dict:
-        """The log's events, and the errors on it by window, `[window][sensor][rate]`."""
+        """Returns the events of the log, and the errors on it per window, `[window][sensor][rate]`."""
         own = runs.filter(runs["environment"] == "log-replay")
         starts = sorted(own["start_row"].unique().to_list())
         return {
@@ -388,12 +389,12 @@ def turbidities(files: list[str]):
 
 
 def errors(runs, environment: str) -> list[list[float]]:
-    """Mean logarithm of the error, `[sensor][rate]`."""
+    """Returns the mean logarithm of the error, `[sensor][rate]`."""
     return protocols.errors(runs.filter(runs["environment"] == environment), SENSORS, len(RATES))
 
 
 def tilted_weights(shares: list[float], wanted: float) -> list[float]:
-    """Weights of windows with these shares of event rows, whose mean share is the wanted one where enough windows count."""
+    """Returns weights of windows with these shares of event rows. Their mean share is the wanted one if enough windows count."""
     equal = sum(shares) / len(shares)
     sign = 1 if wanted > equal else -1
     farthest = max(sign * share for share in shares)
@@ -416,7 +417,7 @@ def effective(weights: list[float]) -> float:
 
 
 def weighted(tables: list[list[list[float]]], weights: list[float], sensor: int) -> list[float]:
-    """Weighted mean over windows, by rate; infinite where one window is."""
+    """Returns the weighted mean over windows per rate; infinite if a window is infinite."""
     totals = []
     for rate in range(len(RATES)):
         values = [table[sensor][rate] for table in tables]
@@ -426,7 +427,7 @@ def weighted(tables: list[list[list[float]]], weights: list[float], sensor: int)
 
 
 class Case:
-    """A plant and a factor: what is known before the deployment, and what each rate costs in it."""
+    """A plant and a factor: the evidence before the deployment, and the cost of each rate in it."""
 
     def __init__(self, plant: dict, factor: float):
         self.log = plant["logs"][str(LOGGED[factor])]
@@ -461,7 +462,7 @@ class Case:
 
 
 def misjudgement(chooser: str) -> float:
-    """What a chooser's factor is by the true one."""
+    """Returns the factor of a selection method divided by the true factor."""
     return {"half the factor": 0.5, "twice the factor": 2}.get(chooser.partition(", ")[2], 1)
 
 
@@ -473,7 +474,7 @@ class Cases:
         return min(range(len(RATES)), key=lambda rate: sum(case.costs[sensor][rate] for case in cases))
 
     def cost(self, chooser: str, factor: float, plant: int, sensor: int) -> float:
-        """Logarithm of the error of a choice by that of the best rate."""
+        """Returns the logarithm of the choice's error divided by that of the best rate."""
         cases = self.by_factor[factor]
         case = cases[plant]
         if chooser == "random":
@@ -485,7 +486,7 @@ class Cases:
         return case.costs[sensor][case.chosen(chooser, sensor)]
 
     def costs(self, chooser: str, factors: list[float], sensors: range) -> list[float]:
-        """By plant, the mean over factors and sensors."""
+        """Returns the mean over factors and sensors, per plant."""
         means = []
         for plant in range(len(self.by_factor[4])):
             own = [self.cost(chooser, factor, plant, sensor) for factor in factors for sensor in sensors]
@@ -493,7 +494,7 @@ class Cases:
         return means
 
     def quotients(self, one: str, other: str, factors: list[float], sensors: range) -> list[float]:
-        """By plant, the logarithm of the quotient of errors."""
+        """Returns the logarithm of the ratio of errors, per plant."""
         pairs = zip(self.costs(one, factors, sensors), self.costs(other, factors, sensors))
         return [a - b for a, b in pairs]
 

@@ -22,7 +22,7 @@ PINNED = ["polars==2.1.0", "numpy==2.4.6"]
 
 
 def python_with_polars() -> Path:
-    """An interpreter that has the pinned packages."""
+    """Returns an interpreter with the pinned packages."""
     home = Path(os.environ.get("CALIB_TOOLS", ROOT / "target" / "tools")) / "guides"
     python = home / "bin" / "python"
     if not python.exists():

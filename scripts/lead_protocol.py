@@ -43,7 +43,7 @@ RATES = [0, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2]
 LEADS = [3, 14, 33, 93]
 MONTHS = range(1, 11)
 ENDS = [datetime(2023, 3, 31), datetime(2023, 7, 31), datetime(2023, 11, 30)]
-# How long before T the training of an agent began, at the most.
+# Longest time before T at which the training of an agent begins, in days.
 LENGTHS = {"12 months": 365, "6 months": 182, "3 months": 91}
 ROWS_A_DAY = 144
 
@@ -116,7 +116,7 @@ class Plant:
         self.folder = folder
 
     def runs(self, name: str, train: str, pretrain: str, model: str, leads: list[int], origin: datetime, online: int, replay: int):
-        """The runs of one study: its agents are deployed so many days after `origin`. By deployment."""
+        """Returns the runs of one study by deployment. Its agents are deployed `leads` days after `origin`."""
         import polars
 
         path = self.folder / f"{name}.toml"
@@ -128,7 +128,7 @@ class Plant:
             start = origin + days(lead)
             text += f"\n[deployments.d{lead}]\nstart = {day(start)}\nend = {day(start + days(14))}\n"
         path.write_text(text)
-        # The plant is the same in all studies, and looking whether it is there takes seconds: the first study does.
+        # The plant is the same in all studies, and checking it takes seconds, so only the first study does it.
         protocols.run(self.calib, path, *["simulate"] * (name == "newest"), "pretrain", "sweep")
         tables = {}
         for lead in leads:
@@ -177,7 +177,7 @@ class Plant:
 
 
 def errors(table, environment: str, since: int | None = None) -> list[list[float]] | None:
-    """Mean logarithm of the error, `[sensor][rate]`; of windows that begin in row `since` or later."""
+    """Returns the mean logarithm of the error, `[sensor][rate]`, of windows that begin in row `since` or later."""
     import polars
 
     own = table.filter(polars.col("environment") == environment)
@@ -208,7 +208,7 @@ def report(plants: list[dict]) -> None:
         return smallest(table[sensor]) if table else None
 
     def over_sensors(lead: int, chooser: str, length: str = "12 months") -> list[float] | None:
-        """Of each plant, the mean over sensors of the logarithm of the choice's error by the best rate's."""
+        """Returns, per plant, the mean over sensors of ln(error of the choice / error of the best rate)."""
         values = []
         for plant in plants:
             own = []

@@ -104,9 +104,9 @@ MEASURES = [
     *(f"dtw {pattern}" for pattern in PATTERNS), *DISTANCES, "frozen", "broken", "mixing_steps", "departures", "few_rows",
     "one_step", *(f"energy_{horizon}" for horizon in HORIZONS), "spectrum", "curve", "profile", HINDSIGHT,
 ]
-# Rows of a segment of the spectra: a quarter of the shortest rollouts that agents learn in, at a power of two.
+# Rows per segment of the spectra: a quarter of the shortest training rollouts, rounded to a power of two.
 SEGMENT = 256
-# Power of a normalised sensor that counts as none, as in calib's spectral distance.
+# Power of a normalised sensor that counts as zero, as in calib's spectral distance.
 NO_POWER = 1e-12
 # Stands for the mixing time of rollouts that need more than a million steps.
 NO_MIXING = 2**21
@@ -216,9 +216,9 @@ learning_rate = {{ from = 1e-5, to = 1, per_decade = 2 }}
 
 
 def temperature(rows: int) -> float:
-    """That of softmax weights with which runs are so many rows long on average.
+    """Returns the temperature of softmax weights with which the mean length of runs is `rows` rows.
 
-    A state itself is at distance 0, four others at 1, a fifth of which the ensemble member lacks.
+    A state itself has distance 0, and four others have distance 1; the ensemble member lacks a fifth of these.
     """
     return 1 / math.log(0.8 * 4 * (rows - 1))
 
@@ -282,7 +282,7 @@ class Plant:
         return path
 
     def write_order(self) -> None:
-        """The representation of the bootstraps: a random place on a square grid for every time of the training range."""
+        """Writes the representation of the bootstraps: a random place on a square grid for each time of the training range."""
         import numpy as np
         import polars
 
@@ -294,7 +294,7 @@ class Plant:
         frame.write_parquet(self.folder / "order.parquet")
 
     def of_rollouts(self, name: str, record: "Record") -> dict[str, list[float]]:
-        """Measures of the rollouts that start at random, and of their model, by sensor."""
+        """Returns the measures of rollouts from random start states, and of their model, by sensor."""
         import polars
 
         folder = self.folder / "results/models" / name
@@ -332,7 +332,7 @@ class Plant:
         return dict(found)
 
     def of_forecasts(self, name: str, record: "Record") -> dict[str, list[float]]:
-        """Measures of the rollouts that start in listed rows, by sensor."""
+        """Returns the measures of rollouts that start in listed rows, by sensor."""
         import numpy as np
         import polars
 
@@ -350,7 +350,7 @@ class Plant:
             for start in record.starts():
                 own = table.filter((polars.col("step") == horizon) & (polars.col("wanted_row") == start))
                 for place, sensor in enumerate(SENSORS):
-                    # Of rollouts that ended because they left the finite numbers, there are fewer.
+                    # Rollouts that ended because a value was not finite have fewer rows.
                     values = own[f"{sensor}.normalised"].to_numpy()
                     truth = record.value(sensor, start + horizon)
                     whole = len(values) == FORECASTS and np.isfinite(values).all()
@@ -424,7 +424,7 @@ class Record:
         return float(self.states[place, self.columns[sensor]])
 
     def starts(self) -> list[int]:
-        """States of the last tenth from which the record goes on unbroken to the last horizon, evenly spaced among all such states."""
+        """Returns evenly spaced states of the last tenth from which the record continues without gaps to the last horizon."""
         count = len(self.segments)
         last = max(HORIZONS)
         possible = [
@@ -447,13 +447,13 @@ class Record:
 
 
 def mean_of_finite(values) -> float:
-    """Infinite where there is none."""
+    """Returns the mean of the finite values; infinite if there are none."""
     finite = [value for value in values.to_list() if value is not None and math.isfinite(value)]
     return sum(finite) / len(finite) if finite else math.inf
 
 
 def energy_score(values, truth: float) -> float:
-    """Of one number: the continuous ranked probability score, in the form that does not depend on the number of forecasts."""
+    """Returns the continuous ranked probability score of one number, in the form that does not depend on the number of forecasts."""
     import numpy as np
 
     count = len(values)
@@ -462,7 +462,7 @@ def energy_score(values, truth: float) -> float:
 
 
 def spectrum(series: list):
-    """Mean power by frequency over segments that overlap by half, as by Welch; None where all series are shorter than a segment."""
+    """Returns the mean power by frequency over segments that overlap by half (Welch); None if all series are shorter than a segment."""
     import numpy as np
 
     window = np.hanning(SEGMENT + 1)[:-1]
@@ -476,9 +476,9 @@ def spectrum(series: list):
 
 
 def capped_means(frame, column: str):
-    """Mean logarithm of the error over runs, `[rate, point]`, each at most `CAP` above the best rate's of its run and point.
+    """Returns the mean logarithm of the error over runs, `[rate, point]`, each at most `CAP` above the best rate's of its run and point.
 
-    Runs have one point, curves as many as were asked for. A point that no rate has does not count; None where there is no other.
+    Runs have one point, and curves have the requested number. A point without any rate does not count; None if there is no other.
     """
     import numpy as np
 
@@ -509,12 +509,12 @@ def centred_difference(one, other) -> float:
 
 
 def ranks(values: list[float]) -> list[float]:
-    """From 1; what ties shares the average."""
+    """Returns ranks from 1; ties share the average."""
     return [sum(other < value for other in values) + (sum(other == value for other in values) + 1) / 2 for value in values]
 
 
 def spearman(one: list[float], other: list[float]) -> float:
-    """0 where one of them is constant."""
+    """Returns Spearman's correlation; 0 if one of the lists is constant."""
     left = [rank - (len(one) + 1) / 2 for rank in ranks(one)]
     right = [rank - (len(one) + 1) / 2 for rank in ranks(other)]
     size = math.sqrt(sum(value**2 for value in left) * sum(value**2 for value in right))
@@ -522,7 +522,7 @@ def spearman(one: list[float], other: list[float]) -> float:
 
 
 class Pair:
-    """A plant and a sensor, and how its models choose."""
+    """A plant and a sensor, and the choices of its models."""
 
     def __init__(self, plant: dict, sensor: int):
         self.plant = plant["plant"]
@@ -540,13 +540,13 @@ class Pair:
                 continue
             chosen = smallest(errors)
             self.regrets[name] = truth[chosen] - min(truth)
-            # Where every rate diverged once, all are as bad.
+            # If every rate diverged once, all rates are equally bad.
             is_known = math.isfinite(not_capped[chosen])
             self.not_capped[name] = not_capped[chosen] - min(not_capped) if is_known else math.inf
             self.quality[name] = spearman(errors, truth)
 
     def measured(self, measure: str, among: list[str] = MODELS) -> dict[str, float]:
-        """By model, of those that have it."""
+        """Returns the measure by model, for the models that have it."""
         return {
             name: model["measures"][measure][self.sensor]
             for name, model in self.models.items()
@@ -554,7 +554,7 @@ class Pair:
         }
 
     def correlation(self, measure: str, badness: dict[str, float], among: list[str] = MODELS) -> float | None:
-        """None where all models are as bad, or fewer than four have the measure."""
+        """Returns the correlation; None if all models are equally bad, or fewer than four have the measure."""
         values = self.measured(measure, among)
         own = [badness[name] for name in values]
         if len(values) < 4 or len(set(own)) == 1:
@@ -562,7 +562,7 @@ class Pair:
         return spearman(list(values.values()), own)
 
     def of_smallest(self, measure: str) -> float | None:
-        """The regret of the model with the smallest measure."""
+        """Returns the regret of the model with the smallest measure."""
         values = self.measured(measure)
         if not values:
             return None
@@ -570,7 +570,7 @@ class Pair:
 
 
 def by_plant(pairs: list[Pair], value) -> dict[int, float]:
-    """The mean of `value(pair)` over the sensors for which it is not None."""
+    """Returns the mean of `value(pair)` over the sensors for which it is not None."""
     found = defaultdict(list)
     for pair in pairs:
         own = value(pair)
@@ -580,7 +580,7 @@ def by_plant(pairs: list[Pair], value) -> dict[int, float]:
 
 
 def pooled(pairs: list[Pair], measure: str) -> float:
-    """Correlation of ranks within pairs, of all pairs at once, with the regret that is not capped."""
+    """Returns the correlation, over all pairs, of ranks within pairs with the regret that is not capped."""
     products = squares = other_squares = 0.0
     for pair in pairs:
         values = pair.measured(measure)
@@ -595,7 +595,7 @@ def pooled(pairs: list[Pair], measure: str) -> float:
 
 
 def jackknife(pairs: list[Pair], measure: str) -> list[float]:
-    """Pseudo-values of `pooled`, by plant."""
+    """Returns the pseudo-values of `pooled`, by plant."""
     plants = sorted({pair.plant for pair in pairs})
     whole = pooled(pairs, measure)
     return [
@@ -605,7 +605,7 @@ def jackknife(pairs: list[Pair], measure: str) -> list[float]:
 
 
 def told(values) -> str:
-    """Mean and interval of correlations."""
+    """Formats mean and interval of correlations."""
     if not values:
         return ""
     middle, low, high = interval(list(values))

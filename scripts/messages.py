@@ -16,23 +16,23 @@ SHORTEST = 20
 
 
 def sources() -> str:
-    """All Rust sources in one text, with strings over several lines joined."""
+    """Returns all Rust sources as one text, with strings over several lines joined."""
     files = [path for folder in ("crates", "src") for path in sorted((ROOT / folder).rglob("*.rs"))]
     text = "\n".join(path.read_text(encoding="utf-8") for path in files)
     text = re.sub(r"\\\n\s*", "", text).replace('\\"', '"')
-    # What is put in is a mark, as the numbers of an example are.
+    # Placeholders become a mark, and so do the numbers of an example.
     return re.sub(r"\{[^{}\n]*\}", "\0", text)
 
 
 def is_printed(message: str, source: str) -> bool:
-    """Whether some run of its words is in the sources."""
+    """Whether some run of its words occurs in the sources."""
     words = message.split()
     least = min(SHORTEST, 0.35 * len(message))
     for first in range(len(words)):
         for last in range(first + 1, len(words) + 1):
             part = " ".join(words[first:last])
             if len(part) >= least:
-                # No longer run is there if this one is not.
+                # If this run does not occur, no longer one does.
                 if part in source:
                     return True
                 break

@@ -34,11 +34,11 @@ BIOREACTOR = [
 
 
 class Run(NamedTuple):
-    """A study in one profile, with what is changed in it."""
+    """A study in one profile, with its changes."""
 
     study: str
     profile: str
-    plant: str  # what tells it from others of the profile: a seed, or the name of a plant
+    plant: str  # distinguishes it within the profile: a seed, or the name of a plant
     overrides: list[str]
 
     @property
@@ -47,12 +47,12 @@ class Run(NamedTuple):
 
 
 def seeded(study: str, profile: str, seed: int) -> Run:
-    """The study on the plant of another seed."""
+    """Returns the study on the plant with another seed."""
     return Run(study, profile, str(seed), [f"seed={seed}", f"simulate.seed={seed}"])
 
 
 def runs() -> list[Run]:
-    """All runs, the cheap ones first."""
+    """Returns all runs, the cheap ones first."""
     years = ("twelve-months", "fine-tuning")
     listed = [seeded("one-week", "tiny", seed) for seed in SEEDS]
     listed.append(Run("one-week", "tiny", "bioreactor", BIOREACTOR))
@@ -62,13 +62,13 @@ def runs() -> list[Run]:
 
 
 def processor_secs() -> float:
-    """Processor time of all commands so far."""
+    """Returns the processor time of all commands so far."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 def fingerprint(binary: Path, run: Run) -> str:
-    """Of all that the results follow from, but for data that are not simulated."""
+    """Returns the fingerprint of all inputs of the results, except for data that are not simulated."""
     digest = hashlib.sha256(binary.read_bytes())
     digest.update((STUDIES / f"{run.study}.toml").read_bytes())
     digest.update(json.dumps(run).encode())
@@ -76,16 +76,16 @@ def fingerprint(binary: Path, run: Run) -> str:
 
 
 def recorded(output: Path) -> dict:
-    """What is known of each run: `key` of what it was made from, `done`, `processor_secs`."""
+    """Returns the record of each run: `key` (fingerprint of its inputs), `done`, `processor_secs`."""
     kept = output / "times.json"
     return json.loads(kept.read_text()) if kept.exists() else {}
 
 
 def execute(binary: Path, output: Path, run: Run) -> float:
-    """Run one study to its end; the processor time of all attempts so far."""
+    """Runs one study to its end; returns the processor time of all attempts so far."""
     log = output / "logs" / f"{run.name.replace('/', '-')}.log"
     log.parent.mkdir(parents=True, exist_ok=True)
-    studies = output / "studies" / run.plant  # plants lie beside their studies: one folder for each seed
+    studies = output / "studies" / run.plant  # plants lie beside their studies: one folder per seed
     studies.mkdir(parents=True, exist_ok=True)
     shutil.copy(STUDIES / f"{run.study}.toml", studies)
     command = [binary, "run", studies / f"{run.study}.toml", "--profile", run.profile]
@@ -103,13 +103,13 @@ def execute(binary: Path, output: Path, run: Run) -> float:
         spent += processor_secs() - begun
         now = {run.name: {"key": key, "done": code in (0, 1), "processor_secs": round(spent, 1)}}
         (output / "times.json").write_text(json.dumps(recorded(output) | now, indent=2) + "\n")
-    if code not in (0, 1):  # 1: some models prefer no value to another
+    if code not in (0, 1):  # 1: for some models no setting is better than another
         raise SystemExit(f"paper_studies.py: {run.name} ends with {code}: see {log}")
     return spent
 
 
 def bring_up_to_date(binary: Path, output: Path, run: Run) -> None:
-    """Run what is not done, or was done from something else."""
+    """Runs the study if it is not done, or was done with other inputs."""
     if run.plant == "bioreactor" and "CALIB_DATA" not in os.environ:
         print(f"{run.name}: left out, CALIB_DATA is not set", file=sys.stderr)
         return

@@ -10,12 +10,12 @@ STEADY, CHANGING = ("small", "tiny"), ("small-change", "tiny-change")
 
 
 def read(path: Path):
-    """A JSON document, or None where there is none."""
+    """Returns a JSON document, or None if it does not exist."""
     return json.loads(path.read_text()) if path.is_file() else None
 
 
 def placed(results: Path, study: str, *profiles: str) -> Iterator[tuple[str, Path, dict]]:
-    """Name, folder and summary of each run of a study that is there, profile by profile and seed by seed."""
+    """Yields name, folder and summary of each existing run of a study, by profile and seed."""
     for profile in profiles:
         for folder in sorted((results / study).glob(f"{profile}-*")):
             plant = folder.name.removeprefix(f"{profile}-")
@@ -32,12 +32,12 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def number(value: float) -> str:
-    """Three digits."""
+    """Formats a number with three digits."""
     return f"{value:#.3g}".rstrip(".").replace("-", "−").replace("e+0", "e")
 
 
 def signed(value: float) -> str:
-    """A correlation or a skill."""
+    """Formats a correlation or a skill."""
     return f"{value:.2f}".replace("-", "−")
 
 
@@ -51,30 +51,30 @@ def percent(share: float | None) -> str:
 
 
 def label(document: dict, position: int) -> str:
-    """A value of the grid, without the name of the key."""
+    """Returns a setting of the grid without the name of the key."""
     value = float(document["candidates"][position].split(" = ")[-1])
     return f"{value:g}" if value == 0 or value >= 0.01 else f"{value:.0e}".replace("e-0", "e-")
 
 
 def baseline(verdict: dict, name: str) -> float | None:
-    """Regret of one of the baselines."""
+    """Returns the regret of one of the baselines."""
     found = [entry["regret"]["value"] for entry in verdict["truth"]["baselines"] if entry["baseline"] == name and entry["regret"]]
     return found[0] if found else None
 
 
 def verdicts(document: dict) -> dict[str, dict]:
-    """The verdicts of a model by sensor, of those that were judged."""
+    """Returns the verdicts of a model by sensor, for the judged sensors."""
     return {verdict["sensor"]: verdict for verdict in document["verdicts"] if verdict.get("truth")}
 
 
 def standstill(manifest: dict, sensor: str) -> tuple[int, int]:
-    """Rollouts that stand still at the end, and of how many."""
+    """Returns the number of rollouts that are constant at the end, and the number of all rollouts."""
     found = next(entry for entry in manifest["collapse"]["sensors"] if entry["sensor"] == sensor)
     return found["collapsed"], manifest["collapse"]["rollouts"]
 
 
 def collapse(manifest: dict, sensor: str) -> str:
-    """The same in words, with the median step from which on they do, and how many left the range of the data."""
+    """Returns the same in words, with the median step from which they are constant, and the number that left the range of the data."""
     found = next(entry for entry in manifest["collapse"]["sensors"] if entry["sensor"] == sensor)
     stopped, of = standstill(manifest, sensor)
     since = f" at {found['median_step']:,.0f}" if stopped else ""
@@ -83,13 +83,13 @@ def collapse(manifest: dict, sensor: str) -> str:
 
 
 def warping(manifest: dict, sensor: str) -> dict:
-    """The normalised symmetric2 distance over start states."""
+    """Returns the normalised symmetric2 distance over start states."""
     found = next(entry for entry in manifest["comparison"]["sensors"] if entry["sensor"] == sensor)
     return next(entry["normalized_distance"] for entry in found["dtw"] if entry["step_pattern"] == "symmetric2")
 
 
 def compared(results: Path) -> tuple[list[tuple[str, Path, dict]], list[str]]:
-    """The runs of a week, and the models that any of them has."""
+    """Returns the runs of a week, and all models that occur in them."""
     weeks = list(placed(results, "one-week", *STEADY))
     return weeks, [model for model in MODELS if any(model in summary["models"] for _, _, summary in weeks)]
 
@@ -116,13 +116,13 @@ def week_rollouts(results: Path) -> str:
 
 
 def spread(values: list[float | None], form: str = ",.0f") -> str:
-    """Smallest to largest; None is more than a million steps."""
+    """Formats the smallest and the largest value; None is more than a million steps."""
     texts = [">1e6" if value is None else f"{value:{form}}" for value in sorted(values, key=lambda value: float("inf") if value is None else value)]
     return texts[0] if texts[0] == texts[-1] else f"{texts[0]} to {texts[-1]}"
 
 
 def walks(results: Path) -> str:
-    """Where walks of neighbour models end, over members."""
+    """Returns where rollouts of neighbour models end, over members."""
     rows = []
     for name, folder, _ in compared(results)[0]:
         for model in ("euclidean", "laplacian"):
@@ -174,19 +174,19 @@ def week_choices(results: Path) -> str:
 
 
 def pooled(manifests: list[dict], sensor: str) -> float:
-    """Mean over the start states of all deployments."""
+    """Returns the mean over the start states of all deployments."""
     each = [warping(manifest, sensor) for manifest in manifests]
     return sum(of["clusters"] * of["mean"] for of in each) / sum(of["clusters"] for of in each)
 
 
 def deployed(folder: Path, summary: dict, model: str) -> list[dict]:
-    """Manifests of a model's rollouts, deployment by deployment."""
+    """Returns the manifests of a model's rollouts, one per deployment."""
     names = [entry["deployment"] for entry in summary["deployments"]]
     return [read(folder / "models" / model / "deployments" / name / "rollout" / "manifest.json") for name in names]
 
 
 def difference(summary: dict, sensor: str) -> dict:
-    """Week minus year, over the start states of all deployments."""
+    """Returns week minus year, over the start states of all deployments."""
     together = next(
         pair for pair in summary["comparisons"]["rollouts"]
         if len(pair["deployments"]) == len(summary["deployments"]) and pair["models"] == ["week", "year"]
@@ -218,7 +218,7 @@ def year_rollouts(results: Path, profiles: tuple[str, ...]) -> str:
 
 
 def judged(summary: dict, models: tuple[str, str]) -> Iterator[tuple[str, str, dict, dict[str, dict]]]:
-    """Deployment, sensor, the first model's document, and the verdicts of all models."""
+    """Yields deployment, sensor, the first model's document, and the verdicts of all models."""
     for entry in summary["deployments"]:
         documents = {model: entry["models"][model] for model in models}
         by_model = {model: verdicts(document) for model, document in documents.items()}
@@ -227,7 +227,7 @@ def judged(summary: dict, models: tuple[str, str]) -> Iterator[tuple[str, str, d
 
 
 def cost(verdict: dict) -> float:
-    """Regret of the choice."""
+    """Returns the regret of the choice."""
     return verdict["truth"]["choice"]["regret"]["value"]
 
 
@@ -237,7 +237,7 @@ def mean_and_largest(values: list[float | None]) -> str:
 
 
 def costs(results: Path, study: str, profiles: tuple[str, ...], models: tuple[str, str], kept: str) -> str:
-    """What choosing costs, mean and largest over sensors and deployments."""
+    """Returns the cost of choosing: mean and largest over sensors and deployments."""
     rows = []
     for name, _, summary in placed(results, study, *profiles):
         cells = [entry[3] for entry in judged(summary, models)]
@@ -270,7 +270,7 @@ def fine_tuning(results: Path) -> str:
 
 
 def one_step(results: Path) -> str:
-    """One-step error of the temperature in deployments, by the model of the year before."""
+    """Returns the one-step error of the temperature in deployments, by the model of the year before."""
     rows = []
     for profiles in (STEADY, CHANGING):
         for name, folder, summary in placed(results, "twelve-months", *profiles):

@@ -18,17 +18,17 @@ from pathlib import Path
 TASKS = ["acrobot", "puddle_world", "cart_pole"]
 KINDS = ["neighbors", "increments", "network"]
 DRAWS = 10_000
-# calib's own default among the 54: step size 0.03, no momentum, temperature 10, weights from 0.
+# calib's default among the 54: step size 0.03, no momentum, temperature 10, weights from 0.
 DEFAULT = 21
 
 
 def ranks(returns):
-    """Competition ranks, 1 for the highest return."""
+    """Returns competition ranks, 1 for the highest return."""
     return [1 + sum(other > own for other in returns) for own in returns]
 
 
 def leads(returns):
-    """By how many standard deviations of the member each return is above its mean; infinitely below where it diverged."""
+    """Returns each return as standard deviations of the member above its mean; minus infinity if it diverged."""
     finite = [value for value in returns if value > -math.inf]
     mean = sum(finite) / max(len(finite), 1)
     std = math.sqrt(sum((value - mean) ** 2 for value in finite) / max(len(finite), 1))
@@ -86,7 +86,7 @@ def read(folder, numbers):
 
 
 def regret(returns, candidate):
-    """In % of that of a random choice."""
+    """Returns the regret in % of that of a random choice."""
     return 100 * (max(returns) - returns[candidate]) / (max(returns) - sum(returns) / len(returns))
 
 
@@ -95,7 +95,7 @@ def mean(values):
 
 
 def bootstrap(cells, draws):
-    """The mean over tasks of means over logs, and its 95 % interval when logs are drawn anew within cells."""
+    """Returns the mean over tasks of means over logs, and its 95 % interval over logs resampled within cells."""
     generator = random.Random(1)
 
     def equal(of_cells):
@@ -116,7 +116,7 @@ def by_cell(logs, values):
 
 
 def of_others(truth, task):
-    """The candidate with the best mean percentile over the other tasks."""
+    """Returns the candidate with the best mean percentile over the other tasks."""
     others = [ranks(truth[other]) for other in TASKS if other != task]
     return min(range(len(truth[task])), key=lambda c: sum(own[c] for own in others))
 
@@ -133,7 +133,7 @@ def is_ahead(log, chosen):
 
 
 def reasons(log, chosen):
-    """Why calib refuses a choice: as `calib control` has it, but for errors of displacements."""
+    """Returns why calib refuses a choice, as in `calib control`, but without the errors of displacements."""
     neighbors, steps = log["neighbors"], sum(log["actions"])
     promised = mean([member[chosen] for kind in KINDS for member in log[kind]["returns"]])
     rate = sorted(log[kind]["terminals"][chosen] for kind in KINDS)[1]
@@ -167,7 +167,7 @@ def refusals(logs, chosen, regrets):
 
 
 def ahead(logs, chosen, regrets, of_default):
-    """The choice beside the default, where it is ahead of it in the models and where it is not."""
+    """Compares the choice with the default, where it is ahead of it in the models and where it is not."""
     print("\n| the choice is | logs | its regret (95 %), worst | regret of the default |")
     print("|---|---|---|---|")
     is_it = [is_ahead(log, c) for log, c in zip(logs, chosen)]
@@ -179,11 +179,11 @@ def ahead(logs, chosen, regrets, of_default):
 
 
 def kinds_agreement(log):
-    """Spearman's correlation between the mean ranks that kinds of models give the candidates, as a mean over pairs of kinds."""
+    """Returns Spearman's correlation between the mean ranks of the candidates by kind of model, as a mean over pairs of kinds."""
     orders = []
     for kind in KINDS:
         means = [mean(column) for column in columns([ranks(member) for member in log[kind]["returns"]])]
-        # Average ranks: of candidates that are alike each has the same.
+        # Average ranks give equal candidates the same rank.
         orders.append([sum(other < own for other in means) + (sum(other == own for other in means) - 1) / 2 for own in means])
     correlations = []
     for place, one in enumerate(orders):
@@ -195,7 +195,7 @@ def kinds_agreement(log):
 
 
 def agreements(logs, regrets):
-    """The regret of the choice where kinds of models agree on the order of the candidates, and where they do not."""
+    """Returns the regret of the choice where kinds of models agree on the order of the candidates, and where they do not."""
     print("\n| Spearman between kinds | logs | regret (95 %), worst |")
     print("|---|---|---|")
     found = [kinds_agreement(log) for log in logs]

@@ -59,7 +59,7 @@ def size(folder):
 
 
 def run(program, folder, *words):
-    """Processor seconds, wall seconds, peak bytes, bytes left on the disk."""
+    """Returns processor seconds, wall seconds, peak bytes, and bytes left on disk."""
     before, begun = size(folder), time.monotonic()
     process = subprocess.Popen([program, "-q", *words], cwd=folder, stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
@@ -69,7 +69,7 @@ def run(program, folder, *words):
 
 
 def peak():
-    """Multiplications and additions a second of one large product in f32, on one thread."""
+    """Returns multiplications and additions per second of one large product in f32, on one thread."""
     a, b = (np.random.default_rng(0).standard_normal((2048, 2048), dtype=np.float32) for _ in range(2))
     best = 0.0
     for _ in range(5):
@@ -80,7 +80,7 @@ def peak():
 
 
 def update_flops(width, units=256, batch=256):
-    """Of one TD(0) update: forward of the states, forward of the next states, backward for weights, backward for the hidden layer."""
+    """Returns the operations of one TD(0) update: forward of states and of next states, backward for weights and for the hidden layer."""
     layers = [(width, units), (units, units), (units, 1)]
     forward = 2 * batch * sum(a * b for a, b in layers)
     return 2 * forward + forward + 2 * batch * sum(a * b for a, b in layers[1:])

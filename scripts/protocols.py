@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
 
-# An error this many times the best one's counts as no worse than this: a run that diverged must not decide every mean.
+# Cap: a larger ratio to the best error counts as this one. Otherwise a single diverged run would decide every mean.
 CAP = math.log(10)
 
 
 def make_and_report(description: str, name: str, plants: int, make: Callable, report: Callable) -> None:
-    """The command line of a protocol: makes its plants one by one, keeps them in FOLDER/NAME, and prints the report.
+    """Runs the command line of a protocol: makes its plants one by one, keeps them in FOLDER/NAME, and prints the report.
 
-    `make(number, folder, calib)` gives a plant's outcome as JSON, `report(outcomes)` prints the tables.
+    `make(number, folder, calib)` returns a plant's outcome as JSON, and `report(outcomes)` prints the tables.
     """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
@@ -61,7 +61,7 @@ def run(calib: str, study: Path, *steps: str) -> None:
 
 
 def errors(runs, sensors: list[str], candidates: int) -> list[list[float]]:
-    """Mean logarithm of the error over some rows of runs.parquet, `[sensor][candidate]`; infinite where a run diverged."""
+    """Returns the mean logarithm of the error over some rows of runs.parquet, `[sensor][candidate]`; infinite if a run diverged."""
     import polars
 
     found = []
@@ -79,7 +79,7 @@ def errors(runs, sensors: list[str], candidates: int) -> list[list[float]]:
 
 
 def mean_of(tables: list[list[list[float]]]) -> list[list[float]] | None:
-    """Mean of tables `[sensor][candidate]`."""
+    """Returns the mean of tables `[sensor][candidate]`."""
     if not tables:
         return None
     return [[round(sum(values) / len(values), 5) for values in zip(*rows)] for rows in zip(*tables)]
@@ -90,13 +90,13 @@ def smallest(row: list[float]) -> int:
 
 
 def regrets(truth: list[float]) -> list[float]:
-    """Logarithm of each candidate's error by the best one's, at most that of ten."""
+    """Returns ln(error / best error) of each candidate, at most ln(10)."""
     best = min(truth)
     return [min(value - best, CAP) for value in truth]
 
 
 def interval(values: list[float]) -> tuple[float, float, float]:
-    """Mean and 95 % interval by Student's t."""
+    """Returns the mean and its 95 % interval by Student's t."""
     # Two-sided 97.5 % points of Student's t for 1 to 30 degrees of freedom.
     points = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
               2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042]
@@ -109,13 +109,13 @@ def interval(values: list[float]) -> tuple[float, float, float]:
 
 
 def typical_regret(values: list[float]) -> str:
-    """In per cent with its interval, of logarithms of plants."""
+    """Formats the typical regret in per cent with its interval, from one logarithm per plant."""
     middle, low, high = (f"{(math.exp(value) - 1) * 100:.1f}" for value in interval(values))
     return f"{middle} ({low} to {high})"
 
 
 def quotient(values: list[float]) -> str:
-    """With its interval, of differences of plants' logarithms."""
+    """Formats a ratio with its interval, from differences of the plants' logarithms."""
     middle, low, high = (f"{math.exp(value):.3f}" for value in interval(values))
     return f"{middle} ({low} to {high})"
 

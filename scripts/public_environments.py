@@ -60,16 +60,16 @@ GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.
 DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
 SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
 RELIABLE = 0.8
-# What counts in place of what.
+# Environments that count in place of others.
 REPLACED = {"wastewater": "lane"}
 RUNS_OF_RANDOM = 4
-# Doubts of calib that say that the choice is not ahead of the default in the models.
+# Warnings of calib that say that the choice is not ahead of the default in the models.
 NOT_AHEAD = {"not_better_than_default", "not_told_apart", "diverged"}
 DRAWS = 10_000
 
 
 class Levels:
-    """An environment with a few levels of its actions in place of numbers, observations scaled to about -1 to 1, and a limit of steps."""
+    """An environment with a few levels per action instead of numbers, observations scaled to about -1 to 1, and a limit of steps."""
 
     def __init__(self, env, levels, low, high, limit):
         import gymnasium
@@ -93,7 +93,7 @@ class Levels:
 
 
 class Reactor:
-    """pc-gym's stirred-tank reactor or its four tanks, whose episodes end with a flag of their own after a fixed number of steps."""
+    """pc-gym's stirred-tank reactor or its four tanks, whose episodes end after a fixed number of steps with a separate flag."""
 
     def __init__(self, parameters):
         from pcgym import make_env
@@ -109,7 +109,7 @@ class Reactor:
     def step(self, action):
         seen, reward, _, _, info = self.env.step(action)
         self.taken += 1
-        # The end of the time is no terminal state.
+        # The end of the time is not a terminal state.
         return seen, reward, False, self.taken >= self.length, info
 
 
@@ -126,7 +126,7 @@ def cstr():
 
 
 def cstr_rule(seen, _):
-    # Concentration in [0.7, 1], set-point in [0.8, 0.9]: colder where there is too little.
+    # Concentration in [0.7, 1], set-point in [0.8, 0.9]: the coolant is colder if the concentration is too low.
     error = (0.8 + 0.05 * (seen[2] + 1)) - (0.7 + 0.15 * (seen[0] + 1))
     return int(np.clip(round(3 - 40 * error), 0, 6))
 
@@ -144,7 +144,7 @@ def four_tank():
 
 
 def four_tank_rule(seen, _):
-    # The second pump fills the third tank, and the first the fourth.
+    # The second pump fills the third tank, and the first pump fills the fourth.
     def wanted(error):
         return 0 if error < -0.1 else 2 if error > 0.1 else 1
 
@@ -160,7 +160,7 @@ def gymchem():
 
 
 def gymchem_rule(seen, _):
-    # Coolant warmer where the reactor is below the middle of its range.
+    # The coolant is warmer if the reactor is below the middle of its range.
     return int(np.clip(round(2 - 4 * (seen[0] + 0.2)), 0, 4))
 
 
@@ -169,7 +169,7 @@ def tanks_of(plant):
 
 
 def state_of(plant):
-    """What a plant of bsm2-python goes on from."""
+    """Returns the state from which a plant of bsm2-python continues."""
     return [tank.y0.copy() for tank in tanks_of(plant)], plant.settler.ys0.copy(), plant.ys_out.copy(), plant.y_out5_r.copy()
 
 
@@ -181,10 +181,10 @@ def restore(plant, state):
 
 
 class Wastewater:
-    """The wastewater benchmark BSM1, with the weather and loads of BSM2: an episode is one of its 600 days from a stable plant.
+    """The wastewater benchmark BSM1 with the weather and loads of BSM2. An episode is one of its 600 days, from a stable plant.
 
-    An action sets how strongly three of the tanks are aerated, every 15 minutes. The reward is what the benchmark charges for:
-    pollution of the effluent (its EQI, kg a day) and energy for aeration (kWh a day), in thousands.
+    An action sets the aeration of three tanks, every 15 minutes. The reward is minus the benchmark's costs in thousands: the pollution
+    of the effluent (its EQI, kg per day) and the energy for aeration (kWh per day).
     """
 
     def __init__(self):
@@ -204,7 +204,7 @@ class Wastewater:
         return self.seen(), {}
 
     def seen(self):
-        # Oxygen, nitrate and ammonia of the last tank, nitrate of the second, flow and ammonia of what comes in.
+        # Oxygen, nitrate and ammonia of the last tank, nitrate of the second, flow and ammonia of the influent.
         last, second, came = self.plant.y_out5, self.plant.y_out2, self.plant.y_in_all[self.at]
         return np.array([last[7], last[8], last[9], second[8], came[14], came[9]])
 
@@ -218,7 +218,7 @@ class Wastewater:
 AERATION = [np.array([both, both, last]) for both in (60.0, 150.0, 240.0) for last in (10.0, 84.0, 160.0)]
 
 
-@functools.cache  # it takes half a minute until the plant is stable
+@functools.cache  # the plant takes half a minute to become stable
 def wastewater():
     levels = [np.array([0.0, 0.0, *level]) for level in AERATION]
     return Levels(Wastewater(), levels, [0, 0, 0, 0, 5_000, 0], [3, 5, 25, 0.5, 50_000, 60], 96)
@@ -229,15 +229,15 @@ def wastewater_rule(seen, _):
 
 
 def by_ammonia_and_oxygen(ammonia, oxygen):
-    """The position in AERATION: more air where ammonia is left over, and in the last tank where there is too little oxygen."""
+    """Returns the position in AERATION: more air if ammonia is left over, and more in the last tank if its oxygen is too low."""
     return 3 * (0 if ammonia < 1 else 1 if ammonia < 4 else 2) + (2 if oxygen < 1 else 1 if oxygen < 3 else 0)
 
 
 class Lane:
-    """The wastewater benchmark at the load that it is made for: one of two lanes of BSM2, as in wastewater_logs.py.
+    """The wastewater benchmark at its design load: one of two lanes of BSM2, as in wastewater_logs.py.
 
-    Actions and rewards are those of `Wastewater`. An episode is a day of the plant that its rule ran until then. What the effluent is
-    charged for is measured too.
+    Actions and rewards are those of `Wastewater`. An episode is one day of the plant, which its rule ran until then. The costs of the
+    effluent are measured too.
     """
 
     WARM_UP = 21
@@ -260,14 +260,14 @@ class Lane:
             seen, _ = self.act(AERATION[by_ammonia_and_oxygen(seen[2], seen[0])])
 
     def act(self, air):
-        """What is seen after 15 minutes of this aeration, and the reward."""
+        """Returns the observation after 15 minutes of this aeration, and the reward."""
         cost, plant = 0.0, self.lane.plant
         for _ in range(self.STEPS_A_DECISION):
             self.lane.step(self.row, air, self.waste_flow)
             cost += (plant.eqi_all[self.row] + plant.perf_factors_all[self.row, 1]) / self.STEPS_A_DECISION
             self.row += 1
-        # Oxygen, nitrate and ammonia of the last tank, nitrate of the second, flow and ammonia of what comes in, and ammonia,
-        # nitrate and solids of what goes out.
+        # Oxygen, nitrate and ammonia of the last tank, nitrate of the second, flow and ammonia of the influent, and ammonia,
+        # nitrate and solids of the effluent.
         last, second, came, left = plant.y_out5, plant.y_out2, plant.y_in_all[self.row - 1], plant.ys_eff
         seen = np.array([last[7], last[8], last[9], second[8], came[14], came[9], left[9], left[8], left[13]])
         return seen, -cost / 1e3
@@ -284,7 +284,7 @@ class Lane:
         return seen, reward, False, False, {}
 
 
-@functools.cache  # the rule runs the plant for 600 days first
+@functools.cache  # the rule first runs the plant for 600 days
 def lane():
     return Levels(Lane(), AERATION, [0, 0, 0, 0, 0, 0, 0, 0, 0], [3, 20, 10, 10, 20_000, 60, 10, 20, 40], 96)
 
@@ -344,7 +344,7 @@ class Agent:
 
 
 class Counted:
-    """An environment that notes the return of each episode."""
+    """An environment that records the return of each episode."""
 
     def __init__(self, env, seed):
         self.env, self.seed, self.returns, self.sum = env, seed, [], 0.0
@@ -364,7 +364,7 @@ class Counted:
 
 
 def deep(env, seed=0, **setting):
-    """Stable-Baselines3's DQN, which explores and copies its network as by its defaults unless the setting says otherwise."""
+    """Stable-Baselines3's DQN, with its default exploration and network copies unless the setting changes them."""
     import stable_baselines3
     import torch
 
@@ -373,7 +373,7 @@ def deep(env, seed=0, **setting):
 
 
 def as_gymnasium(env):
-    """The same environment as Stable-Baselines3 asks for it."""
+    """Returns the same environment with the interface that Stable-Baselines3 needs."""
     import gymnasium
 
     class Environment(gymnasium.Env):
@@ -392,14 +392,14 @@ def as_gymnasium(env):
 
 @dataclasses.dataclass
 class Compared:
-    """Whose settings are compared."""
+    """An agent whose settings are compared."""
 
     make: Callable
     settings: list[dict]
     default: dict
     environments: list[str]
     logs: int
-    # Of the names of its files.
+    # Suffix of its file names.
     suffix: str = ""
 
     def in_truth(self, env, seed, setting):
@@ -418,7 +418,7 @@ AGENTS = {
 
 
 def truth_of(name, agent):
-    """Mean return an episode of each setting, learning included, in each run."""
+    """Returns the mean return per episode of each setting, including the learning phase, in each run."""
     env = ENVIRONMENTS[name][0]()
     returns = []
     for setting in agent.settings:
@@ -433,7 +433,7 @@ def truth_of(name, agent):
 
 
 def log_of(name, number):
-    """A frame of what the rule of the plant did, a quarter of its actions at random."""
+    """Returns a frame of the actions of the plant's rule; a quarter of the actions is random."""
     import datetime
 
     import polars as pl
@@ -463,12 +463,12 @@ def log_of(name, number):
 
 
 def recorded(env, seen):
-    """An observation as the environment gave it."""
+    """Returns an observation as the environment gave it."""
     return (seen + 1.0) / 2.0 * (env.high - env.low) + env.low
 
 
 def model_of(name, number, folder):
-    """The model of a log, and the columns of its states."""
+    """Returns the model of a log, and the columns of its states."""
     import calib_rl
 
     frame, columns = log_of(name, number)
@@ -483,7 +483,7 @@ def model_of(name, number, folder):
 
 
 def choice_of(name, number, folder, agent):
-    """What `calib_rl.tune` says of a log."""
+    """Returns the result of `calib_rl.tune` for a log."""
     import calib_rl
 
     model, columns = model_of(name, number, folder)
@@ -505,7 +505,7 @@ def choice_of(name, number, folder, agent):
 
 
 def beside_random_actions(log, folder):
-    """A row: what four runs of random actions get in each member of each kind of model, and what the stored choice got there."""
+    """Returns a row: the returns of four runs of random actions in each member of each kind of model, and those of the stored choice."""
     from calib_rl.gym import make_vec
 
     name, number = log.rsplit("-", 1)
@@ -522,18 +522,18 @@ def beside_random_actions(log, folder):
         rewards, episodes, lengths, over = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count, bool)
         for _ in range(STEPS):
             _, reward, terminated, truncated, _ = walks.step(rng.integers(len(model.actions), size=count))
-            # The step after the end of an episode begins the next one, and is none of it.
+            # The step after the end of an episode starts the next one, and does not belong to it.
             rewards += np.where(over, 0.0, reward)
             lengths = np.where(over, 0, lengths + 1)
             over = terminated | truncated
             episodes += over
         returns = rewards / np.maximum(episodes + np.where(over, 0, lengths) / limit, 1)
-        # Rollouts are dealt to members in turn.
+        # Rollouts alternate between members.
         of_random += returns.reshape(RUNS_OF_RANDOM, 5).mean(0) / len(kinds)
         for _, member, setting, value in (one for one in stored["returns"] if one[0] == kind):
             of_choice[member] += value / len(kinds) if setting == stored["chosen"] else 0.0
     less = of_choice - of_random
-    # The jackknife over blocks, of which each member lacks one; Student's t with four degrees of freedom.
+    # The jackknife over blocks, one of which each member lacks; Student's t with four degrees of freedom.
     half = 2.776 * np.sqrt(4 / 5 * ((less - less.mean()) ** 2).sum())
     said = "nothing" if stored["advice"].startswith("Deploy nothing") else stored["advice"].split()[0].rstrip(":").lower()
     now = "refused" if less.mean() <= half else "as before"
@@ -544,7 +544,7 @@ def beside_random_actions(log, folder):
 
 
 def fitted_q(name, number):
-    """The value of each setting's policy in the states in which episodes begin, from the log alone."""
+    """Estimates the value of each setting's policy in the first states of episodes, from the log alone."""
     frame, columns = log_of(name, number)
     env = ENVIRONMENTS[name][0]()
     limit = env.limit
@@ -569,7 +569,7 @@ def fitted_q(name, number):
 
 
 class Spaces:
-    """The sizes of an environment that is not there."""
+    """The spaces of an environment that is not installed."""
 
     def __init__(self, columns, actions):
         self.observation_space = type("Box", (), {"shape": (columns,)})
@@ -577,7 +577,7 @@ class Spaces:
 
 
 def policy_value(agent, before, after, actions, rewards, goes_on, begins, limit):
-    """What the agent's policy gets from `begins` on, in the mean: passes of least squares, whose targets are what an episode can get."""
+    """Estimates the mean return of the agent's policy from `begins`: repeated least squares, with targets limited to possible returns."""
     count, width = agent.weights.shape
     if not np.isfinite(agent.weights).all():
         return -np.inf
@@ -644,7 +644,7 @@ def spearman(left, right):
 
 
 def interval(of_logs, digits=1):
-    """Mean over environments of means over logs, and a bootstrap over logs."""
+    """Returns the mean over environments of means over logs, and a bootstrap interval over logs."""
     rng = random.Random(1)
     names = sorted(of_logs)
     mean = statistics.fmean(statistics.fmean(of_logs[name]) for name in names)
@@ -653,7 +653,7 @@ def interval(of_logs, digits=1):
 
 
 def reliability(truth):
-    """The share of the variance between settings that is not noise; runs with the same seed are compared with each other."""
+    """Returns the share of the variance between settings that is not noise; runs with the same seed are compared."""
     runs = np.asarray(truth, float)
     settings = runs.mean(1)
     rest = runs - runs.mean(0) - (settings - settings.mean())[:, None]
@@ -662,7 +662,7 @@ def reliability(truth):
 
 
 def kinds_agreement(log):
-    """Spearman's correlation between the mean ranks that the kinds of models give the settings, as a mean over pairs of kinds."""
+    """Returns Spearman's correlation between the mean ranks of the settings by kind of model, as a mean over pairs of kinds."""
     members = {}
     for kind, member, place, value in log["returns"]:
         members.setdefault(kind, {}).setdefault(member, {})[place] = value
@@ -709,7 +709,7 @@ def report(folder, agent):
         rows["best of the other environments"][name] = [regret(name, fixed)] * len(found)
         is_ahead = [not NOT_AHEAD & set(one["reasons"]) for one in found]
         logs = [path.stem for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
-        # They are made after the choices, and one log at a time.
+        # They are made after the choices, one log at a time.
         if values and all(log in values for log in logs):
             by_values = [values[log] for log in logs]
             rows["by fitted Q"][name] = [regret(name, own.index(max(own))) for own in by_values]

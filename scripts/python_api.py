@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "python" / "calib_rl"
 PAGES = ROOT / "docs" / "python"
 
-# A page: its title, what it is about, the module that users import from, and the names in their order.
+# Pages: title, subject, the module that users import from, and the names in their order.
 CONTENTS = {
     "study": (
         "Studies and verdicts",
@@ -58,26 +58,26 @@ CONTENTS = {
         ["knn_join", "dtw", "Warping", "simulate", "set_threads"],
     ),
 }
-# Names that the reference leaves to others: the version, and types of arguments.
+# Names that the reference leaves out: the version, and types of arguments.
 BESIDE = {"__version__", "Factory", "Values"}
 SECTIONS = ("Args", "Returns", "Raises", "Warns", "Examples", "Attributes")
 Definition = ast.FunctionDef | ast.ClassDef
 
 
 def definitions() -> dict[str, tuple[Path, Definition]]:
-    """Public functions and classes of the package by name, the last of overloaded ones."""
+    """Returns the public functions and classes of the package by name; of overloaded ones, the last."""
     found: dict[str, tuple[Path, Definition]] = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
-                # Names that modules use among themselves may come twice: what is public has its documentation.
+                # Names used between modules may occur twice: the public one has a docstring.
                 if node.name not in found or ast.get_docstring(node):
                     found[node.name] = (path, node)
     return found
 
 
 def exported(module: Path) -> set[str]:
-    """Names in ``__all__``; of a module without it, its public functions and classes."""
+    """Returns the names in ``__all__``; of a module without it, its public functions and classes."""
     tree = ast.parse(module.read_text(encoding="utf-8"))
     for node in tree.body:
         if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
@@ -87,7 +87,7 @@ def exported(module: Path) -> set[str]:
 
 
 def divided(text: str) -> dict[str, str]:
-    """A docstring: its beginning under the empty name, then its sections."""
+    """Splits a docstring: its beginning under the empty name, then its sections."""
     parts, name = {"": []}, ""
     for line in text.splitlines():
         if (heading := line.rstrip(":")) in SECTIONS and line.endswith(":"):
@@ -99,13 +99,13 @@ def divided(text: str) -> dict[str, str]:
 
 
 def marked(text: str) -> str:
-    """Markdown of reStructuredText as docstrings have it."""
+    """Converts the reStructuredText of docstrings to Markdown."""
     text = re.sub(r"``(.+?)``", r"`\1`", text)
     return text.replace("<", "&lt;").replace("|", "\\|") if "`" not in text else text
 
 
 def listed(text: str) -> list[tuple[str, str]]:
-    """Names with what is said of them."""
+    """Returns names with their descriptions."""
     entries: list[tuple[str, str]] = []
     for line in text.splitlines():
         if (begins := re.match(r"([\w*]+): (.*)", line)) and not line.startswith(" "):
@@ -116,7 +116,7 @@ def listed(text: str) -> list[tuple[str, str]]:
 
 
 def wrapped(text: str, indent: str, lead: int) -> str:
-    """Lines of at most 100 characters, the first of which is put behind ``lead`` others."""
+    """Wraps to lines of at most 100 characters; the first line follows ``lead`` other characters."""
     lines = textwrap.wrap(
         text, 100, initial_indent=" " * lead, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     )
@@ -124,7 +124,7 @@ def wrapped(text: str, indent: str, lead: int) -> str:
 
 
 def paragraphs(text: str, indent: str = "", lead: int = 0) -> str:
-    """Paragraphs and lists, wrapped; ``indent`` is that of all but the first line."""
+    """Returns wrapped paragraphs and lists; ``indent`` is that of all lines except the first."""
     out = []
     for block in re.split(r"\n\s*\n", textwrap.dedent(text)):
         for item in re.split(r"\n(?=\s*- )", block):
@@ -137,7 +137,7 @@ def paragraphs(text: str, indent: str = "", lead: int = 0) -> str:
 
 
 def signature(node: ast.FunctionDef, name: str) -> str:
-    """How it is called, one argument a line where one line is too long."""
+    """Returns the signature, with one argument per line if one line is too long."""
     arguments = ast.parse(ast.unparse(node)).body[0].args  # type: ignore[attr-defined]
     for group in (arguments.posonlyargs, arguments.args):
         group[:] = [argument for argument in group if argument.arg not in ("self", "cls")]
@@ -157,7 +157,7 @@ def signature(node: ast.FunctionDef, name: str) -> str:
 
 
 def described(documented: dict[str, str]) -> str:
-    """What a docstring says, as Markdown."""
+    """Returns the content of a docstring as Markdown."""
     out = [paragraphs(documented[""])]
     for section, title in (("Args", "Arguments"), ("Attributes", "Attributes"), ("Raises", "Raises"), ("Warns", "Warns")):
         if entries := listed(documented.get(section, "")):
@@ -179,7 +179,7 @@ def is_property(node: ast.FunctionDef) -> bool:
 
 
 class Reference:
-    """Writes pages, and remembers what is not complete."""
+    """Writes pages, and collects names with incomplete documentation."""
 
     def __init__(self) -> None:
         self.found = definitions()
@@ -227,7 +227,7 @@ class Reference:
         return "\n\n".join(out)
 
     def fields(self, node: ast.ClassDef, name: str) -> list[str]:
-        """Those of a named tuple or of a data class, with the text below each."""
+        """Returns the fields of a named tuple or of a data class, with the text below each."""
         fields = []
         for at, of in enumerate(node.body):
             if isinstance(of, ast.AnnAssign) and isinstance(of.target, ast.Name) and "ClassVar" not in ast.unparse(of.annotation):

@@ -31,7 +31,7 @@ def main() -> None:
     root = next(of for of, package in packages.items() if package["name"] == "calib-rl")
 
     def linked(of: str) -> list[str]:
-        """What a package is linked from: neither its tests' nor its build's dependencies."""
+        """Returns the packages that a package is linked from, without its test and build dependencies."""
         normal = lambda dependency: any(kind["kind"] is None for kind in dependency["dep_kinds"])
         return sorted({dependency["pkg"] for dependency in nodes[of]["deps"] if normal(dependency)})
 
@@ -54,7 +54,7 @@ def main() -> None:
             "purl": address(of),
         }
         if package["license"]:
-            # Crates of old write "MIT/Apache-2.0".
+            # Old crates write "MIT/Apache-2.0".
             told["licenses"] = [{"expression": package["license"].replace("/", " OR ")}]
         if checksum := known.get((package["name"], package["version"])):
             told["hashes"] = [{"alg": "SHA-256", "content": checksum}]

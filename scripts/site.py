@@ -104,7 +104,7 @@ CONTENTS = [
 
 
 def pages(contents: list) -> list[str]:
-    """The files of the contents, in order."""
+    """Returns the files of the contents, in order."""
     found = []
     for entry in contents:
         for what in entry.values():
@@ -113,8 +113,8 @@ def pages(contents: list) -> list[str]:
 
 
 def interpreter() -> Path:
-    """A Python that has MkDocs."""
-    # Not resolved: an environment may be a link.
+    """Returns a Python that has MkDocs."""
+    # The path is not resolved: an environment may be a link.
     home = Path(os.path.abspath(os.environ.get("CALIB_TOOLS", ROOT / "target" / "tools"))) / "site"
     python = home / "bin" / "python"
     if not (home / PINNED).exists():
@@ -125,12 +125,12 @@ def interpreter() -> Path:
 
 
 def address(heading: str, separator: str = "-") -> str:
-    """Of a heading, as GitHub has it."""
+    """Returns the anchor of a heading, as GitHub builds it."""
     return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", separator)
 
 
 def gather(copy: Path) -> None:
-    """Copy the pages, and the files that they link to, to where they are in the repository."""
+    """Copies the pages, and the files that they link to, to the same paths as in the repository."""
     known = pages(CONTENTS)
     there = {str(page.relative_to(ROOT)) for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]}
     if there != set(known):
@@ -154,7 +154,7 @@ def build(copy: Path, out: Path) -> None:
     from mkdocs.config.base import load_config
 
     class Counter(logging.Handler):
-        """Remembers that there were warnings: all of them are shown before it ends."""
+        """Records that there were warnings; all of them are shown before the end."""
 
         warned = False
 

@@ -25,21 +25,21 @@ COLUMNS = 100
 
 @dataclass(frozen=True)
 class Limits:
-    """What a page may have."""
+    """Limits of a page."""
 
-    mean: float  # words a sentence
-    longest: int  # words of any sentence
-    semicolons: float  # in 100 sentences; one is always allowed
+    mean: float  # words per sentence
+    longest: int  # words in any sentence
+    semicolons: float  # per 100 sentences; one is always allowed
     wrapped: bool = True  # whether its prose ends at column 100
 
 
 TIGHT = Limits(mean=17, longest=35, semicolons=3)
 LOOSE = Limits(mean=20, longest=45, semicolons=8)
 
-# Lists of names need some; more than this are facts in a row.
+# Lists of names need some semicolons; more of them join unrelated facts.
 CELL_SEMICOLONS = 3
 
-# In the order of the table. A page belongs to the first group with a pattern that fits.
+# In the order of the table. A page belongs to the first group with a matching pattern.
 GROUPS = [
     ("README", TIGHT, ["README.md", "python/README.md"]),
     ("guides", TIGHT, ["docs/guides/*.md"]),
@@ -57,7 +57,7 @@ GROUPS = [
     ("project", LOOSE, ["STYLE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "crates/*/README.md"]),
 ]
 
-# What is not written, and what is written in its place. STYLE.md lists the same.
+# Banned phrasings, each with its replacement. STYLE.md lists the same.
 BANNED = [
     (r"\blikewise\b", "name it again, or: also"),
     (r"(?<!there )\b(?:is|are) none\b", "is not one, or: there is no …"),
@@ -90,7 +90,7 @@ ABBREVIATIONS = ("e.g.", "i.e.", "cf.", "vs.", "etc.", "App.", "Fig.", "Eq.", "S
 
 @dataclass(frozen=True)
 class Breach:
-    """Where a rule is broken."""
+    """Place where a rule is broken."""
 
     line: int
     what: str
@@ -113,7 +113,7 @@ class Block:
         return self.kind in ("paragraph", "item")
 
     def text(self) -> str:
-        """The words of prose, in one line."""
+        """Returns the words of prose as one line."""
         lines = [line.strip().removeprefix("> ") for line in self.lines]
         if self.kind == "item":
             lines[0] = ITEM.sub("", lines[0])
@@ -127,7 +127,7 @@ def is_numbered_later(line: str) -> bool:
 
 
 def blocks(page: str) -> list[Block]:
-    """A page cut into what its lines are."""
+    """Splits a page into its blocks."""
     found: list[Block] = []
     fence = None
     in_list = False
@@ -176,7 +176,7 @@ def blocks(page: str) -> list[Block]:
 
 
 def plain(text: str) -> str:
-    """Prose as it is read: code is one word, links are what they show."""
+    """Returns prose as it is read: code is one word, and links are their text."""
     text = re.sub(r"(`+)(?!`).+?(?<!`)\1(?!`)", "CODE", text)
     text = re.sub(r"!\[[^\]]*\]\([^)]*\)", "", text)
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
@@ -185,7 +185,7 @@ def plain(text: str) -> str:
 
 
 def sentences(text: str) -> list[str]:
-    """The sentences of a line of plain prose."""
+    """Returns the sentences of a line of plain prose."""
     found, begin = [], 0
     for end in re.finditer(r"[.!?][\"')\]]*(?=\s+[\"'(\[]*(?:[A-Z0-9γψ…]|calib\b))", text):
         so_far = text[begin : end.end()]
@@ -198,7 +198,7 @@ def sentences(text: str) -> list[str]:
 
 
 def words(sentence: str) -> int:
-    """How many words it has."""
+    """Counts the words."""
     return sum(1 for word in sentence.split() if re.search(r"\w", word))
 
 
@@ -207,7 +207,7 @@ def words(sentence: str) -> int:
 
 @dataclass
 class Measure:
-    """What a page or a group has."""
+    """Measurements of a page or a group."""
 
     lengths: list[int] = field(default_factory=list)
     semicolons: int = 0
@@ -252,7 +252,7 @@ class Sentence:
 
 @dataclass
 class Page:
-    """What is measured of a page, and where it breaks a rule."""
+    """Measurements of a page, and the places where it breaks a rule."""
 
     measure: Measure
     sentences: list[Sentence]  # the longest first
@@ -260,7 +260,7 @@ class Page:
 
 
 def line_of(block: Block, sentence: str) -> int:
-    """The line of a block in which a sentence begins, as far as its first words tell."""
+    """Returns the line of a block in which a sentence begins, as found by its first words."""
     first = " ".join(sentence.split()[:2])
     for place, line in enumerate(block.lines):
         if first in plain(line):
@@ -269,22 +269,22 @@ def line_of(block: Block, sentence: str) -> int:
 
 
 def banned_in(text: str) -> list[str]:
-    """Banned phrasings of a text, each with what to write."""
+    """Returns the banned phrasings of a text, each with its replacement."""
     found = []
     for pattern, cure in BANNED:
-        # What begins a sentence has a capital letter.
+        # A phrasing at the beginning of a sentence has a capital letter.
         flags = 0 if pattern.startswith("(?:^") else re.IGNORECASE
         found += [f"“{hit.group(0).strip()}”: {cure}" for hit in re.finditer(pattern, text, flags)]
     return found
 
 
 def is_list_of_phrasings(block: Block) -> bool:
-    """Whether this is the table of STYLE.md that names what is not written."""
+    """Whether this is the table of banned phrasings in STYLE.md."""
     return block.kind == "table" and block.lines[0] == "| not | but |"
 
 
 def long_cell(cell: str, limits: Limits) -> list[str]:
-    """What is too long in a cell of a table: its sentences have the limit of the page, its semicolons that of a sentence."""
+    """Returns what is too long in a table cell. Sentences have the limit of the page, and semicolons that of a cell."""
     found = [
         f"{words(sentence)} words in a sentence of a cell, at most {limits.longest}: {sentence[:60]}…"
         for sentence in sentences(cell)
@@ -296,12 +296,12 @@ def long_cell(cell: str, limits: Limits) -> list[str]:
 
 
 def is_long(line: str) -> bool:
-    """Whether a line of prose could end sooner."""
+    """Whether a line of prose could end earlier."""
     return len(line) > COLUMNS and len(tokens(line.strip())) > 1 + bool(ITEM.match(line))
 
 
 def measured(text: str, limits: Limits) -> Page:
-    """A page by its limits."""
+    """Measures a page against its limits."""
     measure = Measure()
     found: list[Sentence] = []
     breaches: list[Breach] = []
@@ -356,7 +356,7 @@ def measured(text: str, limits: Limits) -> Page:
 
 
 def messages(source: str) -> list[tuple[int, str]]:
-    """String literals of Rust code that people may read, with their lines: those of more than two words outside of tests."""
+    """Returns the string literals of Rust code that users may read, with their lines: those of more than two words outside tests."""
     code = source.split("#[cfg(test)]", 1)[0]
     found = []
     pattern = re.compile(
@@ -375,7 +375,7 @@ def messages(source: str) -> list[tuple[int, str]]:
 
 
 def helps(source: str) -> list[tuple[int, str]]:
-    """Documentation of what can be typed: clap prints it."""
+    """Returns the documentation of the command line's grammar, which clap prints."""
     return [
         (number, line.strip().removeprefix("///").strip())
         for number, line in enumerate(source.splitlines(), start=1)
@@ -384,7 +384,7 @@ def helps(source: str) -> list[tuple[int, str]]:
 
 
 def message_breaches() -> list[Breach]:
-    """Banned phrasings in what the program says."""
+    """Returns banned phrasings in the messages of the program."""
     found: list[Breach] = []
     for path in sorted([*ROOT.glob("crates/*/src/**/*.rs"), *ROOT.glob("src/**/*.rs")]):
         name = path.relative_to(ROOT).as_posix()
@@ -409,16 +409,16 @@ TOKEN = re.compile(r"(?:(`+)(?!`).+?(?<!`)\1(?!`)|\[[^\]]*\]\([^)]*\)|\]\([^)]*\
 
 
 def tokens(text: str) -> list[str]:
-    """What a line may be cut between: words, with code and links whole."""
+    """Splits a line where it may be wrapped: into words, with code and links kept whole."""
     return [found.group(0) for found in TOKEN.finditer(text)]
 
 
-# What would be something else at the beginning of a line.
+# Tokens that would have another meaning at the beginning of a line.
 BEGINS_A_BLOCK = re.compile(r"^(?:[-+*]$|[>|<]|=+$|-+$|~~~|#{1,6}$|\d+[.)]$|!\[|\[\^|```)")
 
 
 def wrap(page: str) -> str:
-    """The page with its prose wrapped."""
+    """Returns the page with its prose wrapped."""
     out = []
     for block in blocks(page):
         if not block.is_prose or any(line.endswith(("  ", "\\")) for line in block.lines):
@@ -447,7 +447,7 @@ def wrap(page: str) -> str:
 
 
 def grouped() -> list[tuple[str, Limits, list[str]]]:
-    """The pages of each group."""
+    """Returns the pages of each group."""
     taken: set[str] = set()
     found = []
     for name, limits, patterns in GROUPS:
@@ -460,7 +460,7 @@ def grouped() -> list[tuple[str, Limits, list[str]]]:
 
 
 def self_test() -> None:
-    """Tests of what the measures rest on."""
+    """Tests the functions that the measurements use."""
     cases = {
         "One. Two": ["One.", "Two"],
         "It costs 3.5 % more. calib says why.": ["It costs 3.5 % more.", "calib says why."],

@@ -40,25 +40,25 @@ from pathlib import Path
 import numpy as np
 
 PLANTS = 20
-# From one log's first day to the next one's.
+# Days from one log's first day to that of the next one.
 SPACING_DAYS = 27
 WARM_UP_DAYS = 21
 LOG_DAYS = 74
 ROWS_A_DAY = 288
 FIRST_DAY = datetime(2022, 11, 1, tzinfo=timezone.utc)
-# The share of BSM2 that this lane is.
+# Share of BSM2 that this lane has.
 LANE = 0.5
-# Waste sludge in m3 a day: half of BSM2's in winter.
+# Waste sludge in m3 per day: half of BSM2's in winter.
 WASTE_FLOW = 150.0
 MOST_AIR = 240.0
-# Places of what is measured among the 21 numbers of a stream.
+# Positions of the measured quantities among the 21 numbers of a stream.
 OXYGEN, NITRATE, AMMONIA, SOLIDS, FLOW, TEMPERATURE = 7, 8, 9, 13, 14, 15
 COD = slice(0, 7)
 
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
-    """Of a sensor: standard deviations of noise and of drift as shares of the value, of noise in its unit, and digits of the log."""
+    """Errors of a sensor: standard deviations of noise and drift as shares of the value, of noise in its unit, and digits of the log."""
 
     share: float
     own: float
@@ -86,7 +86,7 @@ DRIFT_DAYS = 2.0
 
 
 def influent(first_day: int, days: int) -> np.ndarray:
-    """BSM2's influent behind its primary clarifier, a row every five minutes: the time in days, and the 21 numbers of the stream."""
+    """Returns BSM2's influent after its primary clarifier: one row per 5 min with the time in days and the stream's 21 numbers."""
     import bsm2_python
     from bsm2_python.bsm2.init import asm1init_bsm2, primclarinit_bsm2
     from bsm2_python.bsm2.primclar_bsm2 import PrimaryClarifier
@@ -103,12 +103,13 @@ def influent(first_day: int, days: int) -> np.ndarray:
     settled[:, FLOW] *= LANE
     # The benchmark stops two rows before the end of its influent.
     coarse, fine = np.arange(len(raw)) / 96, np.arange(ROWS_A_DAY * days + 2) / ROWS_A_DAY
-    # It takes the last row whose time is not after its own, which rounding must not make the one before.
+    # It takes the last row whose time is not after its own. The offset
+    # keeps rounding from selecting the row before.
     return np.column_stack([fine - 1e-9, *(np.interp(fine, coarse, column) for column in settled.T)])
 
 
 class Plant:
-    """The benchmark as one lane of BSM2. With `charged` it computes what its effluent is charged for, which takes an eighth of the time."""
+    """The benchmark as one lane of BSM2. With `charged` it also computes the costs of its effluent, which takes an eighth of the time."""
 
     def __init__(self, stream: np.ndarray, charged: bool = False):
         from bsm2_python import BSM1OL
@@ -122,17 +123,17 @@ class Plant:
         plant.performance.iqi = lambda *_: [0.0]
         if not charged:
             plant.performance.eqi = plant.performance.iqi
-        # The package shares this among all plants.
+        # The package shares this array among all plants.
         plant.settler.ys0 = plant.settler.ys0.copy()
         plant.settler.dim = plant.settler.dim * [LANE, 1.0]
         plant.settler.q_r = LANE * asm1init_bsm2.QR
         plant.qintr = LANE * asm1init_bsm2.QINTR
-        # Until the first step, what comes back is what is in the last tank.
+        # Until the first step, the returned streams equal the content of the last tank.
         plant.ys_out, plant.y_out5_r = tanks[4].y0.copy(), tanks[4].y0.copy()
         plant.ys_out[FLOW], plant.y_out5_r[FLOW] = plant.settler.q_r, plant.qintr
 
     def step(self, row: int, air: np.ndarray, waste_flow: float) -> np.ndarray:
-        """Go on for five minutes, and return the true values of what NOISE lists."""
+        """Advances five minutes, and returns the true values of the quantities in NOISE."""
         plant = self.plant
         plant.settler.q_w = waste_flow
         plant.step(row, np.array([0.0, 0.0, *air]))
@@ -145,7 +146,7 @@ class Plant:
 
 
 class Sensors:
-    """What the log has of true values."""
+    """Recorded values of the sensors, made from the true values."""
 
     def __init__(self, rng: np.random.Generator):
         self.rng = rng
@@ -163,7 +164,7 @@ class Sensors:
         return np.array([round(max(value, 0.0), digits) for value, digits in zip(seen, self.digits)])
 
     def missing(self, rows: int) -> np.ndarray:
-        """Which values the log lacks, `[row, sensor]`."""
+        """Returns which values the log lacks, `[row, sensor]`."""
         lacks = self.rng.random((rows, len(NOISE))) < 0.001
         for sensor in range(len(NOISE)):
             for start in np.flatnonzero(self.rng.random(rows) < 1.0 / (7 * ROWS_A_DAY)):
@@ -172,7 +173,7 @@ class Sensors:
 
 
 class Operator:
-    """Who sets the aeration of tanks 3 to 5 and the flow of waste sludge."""
+    """Rule that sets the aeration of tanks 3 to 5 and the flow of waste sludge."""
 
     def __init__(self, number: int, rng: np.random.Generator):
         self.rng, self.rule = rng, RULES[number % len(RULES)]
@@ -184,7 +185,7 @@ class Operator:
         self.rows_by_hand, self.factor = 0, 1.0
 
     def decide(self, row: int, seen: dict[str, float]) -> np.ndarray:
-        """Aeration until the next row, by what the sensors show."""
+        """Returns the aeration until the next row, from the sensor values."""
         hour = 24.0 * (row % ROWS_A_DAY) / ROWS_A_DAY
         if hour == 8.0:
             wasted = WASTE_FLOW * (seen["tank_5_solids_mg_l"] / self.solids) ** 2
@@ -197,29 +198,29 @@ class Operator:
 
 
 def keep_oxygen(operator: Operator, hour: float, seen: dict[str, float]) -> np.ndarray:
-    """More air in the last two tanks while their oxygen is below the set-point."""
+    """Increases the air in the last two tanks while their oxygen is below the set-point."""
     lacks = [0.0, operator.oxygen - seen["tank_4_oxygen_mg_l"], operator.oxygen - seen["tank_5_oxygen_mg_l"]]
     return operator.air + 4.0 * np.array(lacks)
 
 
 def follow_ammonia(operator: Operator, hour: float, seen: dict[str, float]) -> np.ndarray:
-    """More air the more ammonia is left, a part of the way in each row."""
+    """Increases the air with the ammonia that is left, partially in each row."""
     wanted = operator.level * min(0.4 + 0.5 * seen["tank_5_ammonia_mg_l"] / operator.ammonia, 1.6)
     return operator.air + 0.15 * (wanted * operator.split - operator.air)
 
 
 def follow_clock(operator: Operator, hour: float, seen: dict[str, float]) -> np.ndarray:
-    """Little air at night, most around noon."""
+    """Sets little air at night, and most around noon."""
     share = 0.6 if hour < 6 else 1.0 if hour < 10 else 1.3 if hour < 16 else 1.0
     return operator.level * share * operator.split
 
 
 def choose_level(operator: Operator, hour: float, seen: dict[str, float]) -> np.ndarray:
-    """A level for the shift, by ammonia and oxygen at its beginning."""
+    """Sets a level for the shift, by ammonia and oxygen at its beginning."""
     if hour not in (6.0, 14.0, 22.0):
         return operator.air
     place = 2 if seen["tank_5_ammonia_mg_l"] > operator.ammonia else 1 if seen["tank_5_oxygen_mg_l"] < operator.oxygen else 0
-    # Not everybody on a shift thinks alike.
+    # Operators on a shift choose differently.
     share = [0.7, 1.0, 1.3][place] * operator.rng.uniform(0.8, 1.2)
     return operator.level * share * operator.split
 
@@ -228,7 +229,7 @@ RULES: list[Callable] = [keep_oxygen, follow_ammonia, follow_clock, choose_level
 
 
 def log_of(number: int):
-    """The log of a plant, as a data frame."""
+    """Returns the log of a plant as a data frame."""
     import polars
 
     operator = Operator(number, np.random.default_rng([number, 0]))
@@ -247,7 +248,7 @@ def log_of(number: int):
         raise ArithmeticError(f"plant {number} does not stay finite")
     recorded[:, : len(NOISE)][sensors.missing(len(recorded))] = np.nan
     start = FIRST_DAY + timedelta(days=first_day + WARM_UP_DAYS)
-    # What was set for the five minutes that end in a row stands in that row, beside what was measured at their end.
+    # The settings of the five minutes that end in a row stand in that row, beside the measurements at their end.
     times = [start + timedelta(minutes=1440 / ROWS_A_DAY * (row + 1)) for row in range(len(recorded))]
     names = [*NOISE, *(f"tank_{tank}_aeration_per_d" for tank in (3, 4, 5)), "waste_flow_m3_d"]
     columns = {name: polars.Series(column, nan_to_null=True) for name, column in zip(names, recorded.T)}
@@ -255,7 +256,7 @@ def log_of(number: int):
 
 
 def solve_to_five_digits() -> None:
-    """The benchmark's solver computes eight digits in each step. Sensors show three, and five take a fraction of the time."""
+    """Makes the solver compute five digits per step instead of eight, which is much faster. Sensors show three."""
     import scipy.integrate
     from bsm2_python.bsm2 import asm1_bsm2, primclar_bsm2, settler1d_bsm2
 

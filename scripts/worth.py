@@ -24,7 +24,7 @@ import subprocess
 import sys
 import tempfile
 
-# Name, files below CALIB_DATA, and what `calib init` asks a user to add.
+# Name, files below CALIB_DATA, and the options that `calib init` asks a user to add.
 LOGS = [
     ("mbr-mines", "mbr-mines", []),
     ("3w-field-2017-08", "3w-field-2017-08", []),
@@ -33,7 +33,7 @@ LOGS = [
     ("petrobras-historian", "petrobras-historian/2017-12-24_2018-01-04.parquet", []),
     ("solarmed-med", "solarmed-med", []),
 ]
-# The options are those that `calib init` asks for when it is first tried.
+# The options are those that `calib init` asks for at its first call.
 PUBLIC = [
     ("ett", "ett", []),
     ("skab", "skab", []),
@@ -46,13 +46,13 @@ STUDENT = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228
 
 
 def best_simple(verdict):
-    """The simple predictor with the least error on the held-out windows, or None where none was scored."""
+    """Returns the simple predictor with the least error on the held-out windows, or None if none was scored."""
     simple = [row for row in verdict.get("simple", []) if row.get("ratio")]
     return max(simple, key=lambda row: row["ratio"]["value"], default=None)
 
 
 def against_best(predictor, best, sensor, part, scores):
-    """The error of one simple predictor by that of another: the geometric mean over held-out windows, with its interval."""
+    """Returns the error of one simple predictor divided by that of another: geometric mean over held-out windows, with its interval."""
     errors = {}
     for row in scores:
         if row["sensor"] == sensor and row["environment"] == "online" and row["predictor"] in (predictor, best):
@@ -77,17 +77,17 @@ def percent(count, total):
 
 
 def deployed(choice, verdict):
-    """The simple predictor to deploy, the place of an agent's setting in the grid, or what to do instead."""
+    """Returns the simple predictor to deploy, the place of an agent's setting in the grid, or the advice instead."""
     if choice["recommendation"] == "deploy":
         return verdict["chosen"]
     return choice.get("simple_predictor", {}).get("predictor", choice["recommendation"])
 
 
 def by_parts(calib, study, summary):
-    """What is deployed for each sensor, by each part of the runs."""
+    """Returns the deployment choice for each sensor, by each part of the runs."""
     parts = []
     for scored in ("after_first_quarter", "final_quarter", "whole_run"):
-        # Every run is scored over all parts, so that nothing is trained.
+        # Every run is already scored over all parts, so nothing is trained.
         done = subprocess.run([calib, "run", "-q", str(study), "--set", f"sweep.scored={scored}"], stdout=subprocess.DEVNULL)
         if done.returncode not in (0, 1):
             sys.exit(f"{study}: calib run stopped")
@@ -97,7 +97,7 @@ def by_parts(calib, study, summary):
 
 
 def is_alike(parts):
-    """The same predictor, or neighbouring settings of an agent."""
+    """Whether the choices are the same predictor, or neighbouring settings of an agent."""
     if any(isinstance(part, str) for part in parts):
         return len(set(parts)) == 1
     return max(parts) - min(parts) <= 1

@@ -30,7 +30,7 @@ PINNED = ["playwright==1.65.2"]
 
 
 def in_own_environment() -> None:
-    """Run again inside a virtual environment that has the pinned packages."""
+    """Starts this script again in a virtual environment with the pinned packages."""
     home = Path(os.environ.get("CALIB_TOOLS", Path(__file__).parents[2] / "target" / "tools")) / "browser"
     python = home / "bin" / "python"
     if Path(sys.prefix) == home:
@@ -41,7 +41,7 @@ def in_own_environment() -> None:
     os.execv(python, [python, *sys.argv])
 
 
-# The smallest contrast of the texts of the page against what is behind them, and the text itself (WCAG 2.1).
+# Smallest contrast between the texts of the page and their background, with the text (WCAG 2.1).
 CONTRAST = """() => {
   const rgba = (text) => {
     const numbers = (text.match(/[\\d.]+/g) || [0, 0, 0, 0]).map(Number);
@@ -72,8 +72,8 @@ CONTRAST = """() => {
 }"""
 
 
-# Text of the page that is cut: of pictures what leaves them, of other elements what their box hides; and lines of the choice that are
-# outside of what is seen of their chart. What scrolls sideways, such as tables, hides nothing for good.
+# Cut text of the page: text that leaves its picture, text that the box of another element hides, and lines of the choice outside the
+# visible part of their chart. Elements that scroll sideways, such as tables, do not count.
 CUT = """() => {
   const wrong = [];
   const leaves = (inner, outer) => inner.left < outer.left - 1 || inner.right > outer.right + 1 || inner.top < outer.top - 1 || inner.bottom > outer.bottom + 1;
@@ -105,14 +105,14 @@ def check(truth: bool, what: str) -> None:
 
 
 def use_chart(page, figure) -> None:
-    """Read, hide, zoom and walk over one chart."""
+    """Reads, hides, zooms and walks over one chart."""
     name = figure.get_attribute("id")
     figure.scroll_into_view_if_needed()
     plot = figure.locator(".plot")
     plot.scroll_into_view_if_needed()
 
     def at(x: float, y: float) -> tuple[float, float]:
-        """A place in the plot, which may have moved: what was clicked last can be far above it."""
+        """Returns a point in the plot. The plot may have moved, because the last click can be far above it."""
         plot.scroll_into_view_if_needed()
         box = plot.bounding_box()
         return box["x"] + x * box["width"], box["y"] + y * box["height"]
@@ -129,7 +129,7 @@ def use_chart(page, figure) -> None:
     for i in range(min(keys.count(), 3)):
         key = keys.nth(i)
         curve = figure.locator(f".wide svg .series[data-series='{key.get_attribute('data-series')}']")
-        # A level line has no height, which Playwright takes for invisible.
+        # A horizontal line has no height, so Playwright considers it invisible.
         is_shown = lambda: curve.evaluate("e => getComputedStyle(e).display !== 'none' && getComputedStyle(e).visibility !== 'hidden'")
         before = is_shown()
         key.click()
@@ -174,7 +174,7 @@ def use_chart(page, figure) -> None:
 
 
 def check_detail(page, figure) -> None:
-    """A rollout that is zoomed far in shows every step: what it draws has as many points as the view has steps."""
+    """Checks that a rollout at high zoom shows every step: as many points are drawn as the view has steps."""
     name = figure.get_attribute("id")
     figure.locator(".plot").focus()
     for _ in range(5):
@@ -187,7 +187,7 @@ def check_detail(page, figure) -> None:
 
 
 def check_narrow(page) -> None:
-    """A chart of a narrow screen answers to its buttons as the wide one does."""
+    """Checks that the buttons of a chart work on a narrow screen as on a wide one."""
     figure = page.locator("figure.chart").first
     axis = figure.locator(".narrow svg .axis.x")
     whole = axis.inner_html()
@@ -198,7 +198,7 @@ def check_narrow(page) -> None:
 
 
 def save_chart(page, figure, folder: Path) -> None:
-    """Whatever can be saved is a file of its kind."""
+    """Checks that every format can be saved, and is a file of its kind."""
     name = figure.get_attribute("id")
     buttons = figure.locator("button.save")
     for i in range(buttons.count()):
@@ -219,7 +219,7 @@ def save_chart(page, figure, folder: Path) -> None:
 
 
 def check_print(page, pictures: Path | None) -> None:
-    """Paper has the reasons and the tables, and nothing to press."""
+    """Checks that the printed page has the reasons and the tables, and no buttons."""
     page.emulate_media(media="print", color_scheme="dark")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     for control in ["nav", ".theme", ".tools", ".copy"]:
@@ -236,10 +236,10 @@ def check_print(page, pictures: Path | None) -> None:
         (pictures / "printed.pdf").write_bytes(printed)
 
 
-# Width and height of the picture of the guides.
+# Width and height of the picture in the guides, in pixels.
 TOP = {"width": 1280, "height": 870}
 
-# What can be read in the picture, whatever the fonts: texts of the title, the contents and the cards.
+# Readable texts of the picture, whatever the fonts: those of the title, the contents and the cards.
 WORDS = """() => {
   const lines = [];
   for (const element of document.querySelectorAll("h1, nav a, h2 + p, article.card *")) {
@@ -253,18 +253,18 @@ WORDS = """() => {
 
 
 def masked(text: str) -> str:
-    """Without numbers."""
+    """Replaces the numbers of a text."""
     return re.sub(r"<?[0-9][0-9.,e+-]*", "#", text)
 
 
 def texts_of(drawing: Path) -> list[str]:
-    """The texts of an SVG, without numbers."""
+    """Returns the texts of an SVG, without numbers."""
     elements = xml.etree.ElementTree.parse(drawing).iter()
     return [masked(element.text.strip()) for element in elements if element.text and element.text.strip()]
 
 
 def guides_pictures(playwright, chromium: str, report: Path, folder: Path, is_check: bool) -> None:
-    """Write the pictures of the guides, or compare what can be read in them."""
+    """Writes the pictures of the guides, or compares their readable texts."""
     browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
     page = browser.new_context(viewport=TOP, color_scheme="light").new_page()
     page.goto(report.as_uri())
@@ -336,7 +336,7 @@ def main() -> None:
             page.emulate_media(color_scheme=theme)
             ratio, text = page.evaluate(CONTRAST)
             check(ratio >= 4.5, f"in the {theme} theme the contrast of '{text}' is {ratio:.1f}, expected 4.5")
-            # Some of each kind, as charts of a kind differ in their data only.
+            # A few charts of each kind are enough, because charts of a kind differ only in their data.
             for section in ["#sensitivity", "#rollouts", "#learning"]:
                 for figure in page.locator(f"{section} figure.chart").all()[: 3 if theme == "light" else 1]:
                     use_chart(page, figure)

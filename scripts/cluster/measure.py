@@ -42,7 +42,7 @@ curve_points = 10
 learning_rate = [1e-4, 1e-3, 1e-2]
 """
 SMALL = dict(days=3, channels=12, period=60, function="linear", units=32, batch=16, steps=60, online=250, members=900)
-# Nine tenths of what the paper's agents are, in a plant of fewer channels.
+# Agents with nine tenths of the size of the paper's, in a plant with fewer channels.
 AGENTS = dict(days=3, channels=64, period=60, function="mlp", units=256, batch=256, steps=700, online=4, members=2)
 
 
@@ -56,7 +56,7 @@ class Calib:
         self("build-model", "study.toml")
 
     def __call__(self, *words):
-        """Run it; processor seconds, wall seconds, and what it printed."""
+        """Runs the command; returns processor seconds, wall seconds, and its output."""
         before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
         done = subprocess.run([self.program, "-q", *words], cwd=self.folder, capture_output=True, text=True)
         if done.returncode not in (0, 1):

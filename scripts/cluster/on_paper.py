@@ -8,40 +8,41 @@ Rates are those of docs/performance.md; a pass is divided by sensor where cores 
 
 from math import ceil
 
-# Core seconds for a thousand steps of a value of 142 columns, two layers of 256 units, batches of 256 (docs/performance.md, the paper's sweep).
+# Core seconds per thousand steps of one setting: 142 columns, two layers of 256 units, batches of 256 (docs/performance.md, the paper's sweep).
 PER_THOUSAND = 0.97
-# The same of two layers of 512, by their parameters.
+# Factor for two layers of 512 units, by the number of parameters.
 WIDE = (142 * 512 + 512 * 512 + 512) / (142 * 256 + 256 * 256 + 256)
-# Updates of a representation a second (docs/performance.md), one core.
+# Updates of a representation per second on one core (docs/performance.md).
 LAPLACIAN = 352
-# A thousand epochs over nine tenths of half a year at 10 s, an update for each mini-batch of 256.
+# A thousand epochs over nine tenths of half a year at 10 s, with one update per mini-batch of 256.
 PRETRAINING = 1000 * 0.9 * 1_600_000 / 256 * PER_THOUSAND / 1000 * WIDE
-# A shard opens its inputs, and a batch system starts it (docs/guides/cluster.md).
+# Seconds in which a shard opens its inputs and a batch system starts it (docs/guides/cluster.md).
 START = 2 + 1
-# Reading the log, neighbour tables of a week at 1 Hz; of a year at 10 s. Core seconds, and how many of them side by side.
+# Core seconds to read the log and to compute the neighbour tables, of a week at 1 Hz and of a year at 10 s; these run side by side.
 WEEK, YEAR = 15, 60
 # Rollouts and their comparison, merge, verdict and report.
 AFTER = 60
 
 
 def study(name, before, streams, sensors, values, steps, units, limit):
-    """Core seconds of a pass with all sensors, and what cannot be divided."""
+    """Returns the core seconds of a pass with all sensors, and of the work that cannot be divided."""
     secs = PER_THOUSAND * (WIDE if units == 512 else 1) * steps / 1000 * values
     return name, before, streams, sensors, secs, limit
 
 
 STUDIES = [
-    # 30 Online and 10 of the log, shared; two models of neighbours with 5 x 10 runs, two networks with 10, whose training is not counted.
+    # Shared: 30 runs on held-out data and 10 on the log. Two models of neighbours have 5
+    # x 10 runs, two networks 10 each (training not counted).
     study("one week, four models", WEEK + 100_000 / LAPLACIAN, 40 + 2 * 50 + 2 * 10, 3, 9, 30_000, 256, "training the representation"),
-    # Three deployments of 5 Online; 5 of the log; two models with 5 members x 2 runs in each of three deployments.
+    # Three deployments of 5 held-out runs; 5 of the log; two models with 5 members x 2 runs in each of three deployments.
     study("twelve months", YEAR + 200_000 / LAPLACIAN + 100_000 / LAPLACIAN, 3 * 5 + 5 + 2 * 3 * 10, 3, 7, 3_000, 512, "training two representations"),
-    # Three deployments of 30 Online; one model from random rows, 5 x 10, and one from the month, 5 x 10 a deployment.
+    # Three deployments of 30 held-out runs; one model from random rows, 5 x 10, and one from the month, 5 x 10 per deployment.
     study("fine-tuning", YEAR + 200_000 / LAPLACIAN + PRETRAINING, 3 * 30 + 50 + 3 * 50, 1, 8, 30_000, 512, "pre-training"),
 ]
 
 
 def on(cores, before, streams, sensors, secs):
-    """Wall seconds of the sweep: passes of equal length, dealt to the cores."""
+    """Returns the wall seconds of the sweep: passes of equal length, distributed over the cores."""
     groups = min(sensors, max(1, ceil(cores / streams)))
     passes = streams * groups
     a_pass = secs * sensors / groups

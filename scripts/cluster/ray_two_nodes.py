@@ -26,7 +26,7 @@ def main():
     read = json.loads((plan / "plan.json").read_text())
     memory = 2 << 30
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "memory": memory, "include_dashboard": False})
-    # The driver is connected to the head: another node is there to be lost.
+    # The driver is connected to the head, so the other node can be lost.
     ray.init(address=cluster.address, logging_level="ERROR")
     lost = cluster.add_node(num_cpus=1, memory=memory)
     cluster.wait_for_nodes()
@@ -42,7 +42,7 @@ def main():
     options = Namespace(plan=plan, calib=calib, ship=True, threads=1, attempts=10)
     failed = calib_ray.run_plan(ray, options, read)
     loser.join()
-    # The cluster's head hears of a loss after some seconds; by then all may be done.
+    # The head of the cluster notices a lost node after some seconds, when all work may be finished.
     until = time.monotonic() + 60
     while (nodes := sum(node["Alive"] for node in ray.nodes())) != 1 and time.monotonic() < until:
         time.sleep(0.2)

@@ -16,7 +16,7 @@ rng = np.random.default_rng(20261)
 
 
 def errors(units):
-    """Log errors: a candidate's own, a part of the unit, a part of the run; one run in a few diverges for the last candidate."""
+    """Returns log errors: a part of the candidate, of the unit and of the run. A few runs diverge for the last candidate."""
     logs = 0.3 * np.abs(np.arange(CANDIDATES) - 1.7) + 0.2 * rng.normal(size=(units, 1, CANDIDATES))
     logs = logs + rng.normal(size=(units, RUNS, 1)) + 0.05 * rng.normal(size=(units, RUNS, CANDIDATES))
     found = np.exp(logs)
@@ -48,7 +48,7 @@ def around_default(streams, default, streams_per_independent):
 
 
 def over_windows(logs):
-    """Mean and t-interval of logarithms over windows; no interval where one is infinite."""
+    """Returns mean and t-interval of logarithms over windows; no interval if a value is infinite."""
     mean = logs.mean()
     if np.isinf(logs).any():
         return mean, None
@@ -57,7 +57,7 @@ def over_windows(logs):
 
 
 def upper_bound(losses):
-    """95 % upper bound of the mean of losses that are taken to be gamma distributed, with a shape of at most a half."""
+    """Returns the 95 % upper bound of the mean of losses, assumed to be gamma distributed with a shape of at most a half."""
     n, mean, std = len(losses), losses.mean(), losses.std(ddof=1)
     if np.isinf(losses).any() or n < 4 or np.count_nonzero(losses) < 2 or std == 0:
         return None
@@ -66,14 +66,14 @@ def upper_bound(losses):
 
 
 def regret(windows, choice):
-    """windows: mean errors, `[window][candidate]`."""
+    """Returns the regret; `windows` are mean errors, `[window][candidate]`."""
     losses = np.log(windows[:, choice] / windows.min(axis=1))
     upper = upper_bound(losses)
     return np.expm1(losses.mean()), upper and float(np.expm1(upper))
 
 
 def drawn(units, draws):
-    """Units with replacement, and in each its runs with replacement; what was drawn is appended to draws."""
+    """Resamples units with replacement, and the runs of each with replacement; appends the resamples to draws."""
     found = []
     for _ in range(len(units)):
         unit = int(rng.integers(len(units)))

@@ -20,7 +20,7 @@ rng = np.random.default_rng(6)
 
 
 def walk(rows, columns, memory):
-    """An autoregressive walk."""
+    """Returns an autoregressive random walk."""
     states, state = [], np.zeros(columns)
     for _ in range(rows):
         state = memory * state + np.sqrt(1 - memory**2) * rng.normal(size=columns)
@@ -29,7 +29,7 @@ def walk(rows, columns, memory):
 
 
 def loops(rows, period, noise, still):
-    """Rounds of a plant that repeats itself, of which a part stands still."""
+    """Returns cycles of a plant that repeats itself and is constant for a part of each cycle."""
     phase = np.arange(rows) * 2 * np.pi / period
     slow = walk(rows, 2, 0.98)
     states = np.stack([np.cos(phase), np.sin(phase)], axis=1) * (1 + noise * slow[:, :1]) + noise * slow
@@ -51,7 +51,7 @@ CASES = [
 
 
 class Member:
-    """One member: its transitions are those of which both rows lie outside the rows of its block."""
+    """One ensemble member: the transitions whose rows both lie outside its block."""
 
     def __init__(self, case, member):
         self.case, self.states = case, case["states"].astype(np.float64)
@@ -65,7 +65,7 @@ class Member:
         self.count = count
 
     def table(self, left_out):
-        """Neighbours and distances (f32, as they are stored) of the member's transitions."""
+        """Returns neighbours and distances (f32, as stored) of the member's transitions."""
         candidates = self.inside[~np.isin(self.inside, left_out)]
         k, window = self.case["neighbors"], self.case["theiler"]
         neighbors, distances = [], []
@@ -83,7 +83,7 @@ class Member:
         return np.array(neighbors), np.array(distances)
 
     def steps(self, neighbors, distances):
-        """Probabilities of a step between transitions, by position in the member."""
+        """Returns the probabilities of steps between transitions, by position in the member."""
         weights = np.ones(distances.shape)
         if self.case["weights"] == "linear":
             far = distances.astype(np.float64)
@@ -97,7 +97,7 @@ class Member:
         return steps
 
     def closed(self, steps):
-        """Closed classes as positions, the largest first."""
+        """Returns the closed classes as positions, the largest first."""
         count, of = connected_components(steps, directed=True, connection="strong")
         edges = steps.tocoo()
         open_ = np.unique(of[edges.row[of[edges.row] != of[edges.col]]])
@@ -135,7 +135,7 @@ class Member:
         return goes_on and (self.states[row] == self.states[row + 1]).all()
 
     def walks(self, steps, classes):
-        """Of walks from a transition drawn uniformly: where they are in the end, and the steps until they are in a closed class."""
+        """Returns where rollouts from a uniformly drawn transition end, and the steps until they enter a closed class."""
         dense = steps.toarray()
         ends = np.isin(np.arange(len(dense)), np.concatenate(classes))
         inner = dense[~ends][:, ~ends]
@@ -143,7 +143,8 @@ class Member:
         expected = np.linalg.solve(left, np.ones(len(inner)))
         squared = np.linalg.solve(left, 1 + 2 * inner @ expected)
         mean = expected.sum() / len(dense)
-        # The mean of very many steps from anywhere, periodic or not: half steps have the same stationary distribution.
+        # Mean of very many steps from anywhere, for periodic chains too: half
+        # steps have the same stationary distribution.
         lazy = np.linalg.matrix_power((dense + np.eye(len(dense))) / 2, 1 << 24)
         stationary = lazy.mean(axis=0)
         deviation = np.sqrt(squared.sum() / len(dense) - mean**2)

@@ -51,7 +51,7 @@ checked = 0
 
 
 def close(got, expected, what):
-    """Both missing, or equal but for rounding."""
+    """Whether both are missing, or equal except for rounding."""
     global checked
     checked += 1
     if (got is None) != (expected is None):
@@ -61,7 +61,7 @@ def close(got, expected, what):
 
 
 def t_interval(means):
-    """SciPy's t-interval of the mean; none for fewer than two."""
+    """Returns SciPy's t-interval of the mean; None for fewer than two values."""
     if len(means) < 2:
         return None
     error = stats.sem(means)
@@ -71,7 +71,7 @@ def t_interval(means):
 
 
 def means_of(starts, values):
-    """The mean of each start state's values."""
+    """Returns the mean of each start state's values."""
     return np.array([values[starts == start].mean() for start in np.unique(starts)])
 
 
@@ -83,7 +83,7 @@ def check_interval(written, expected, what):
 
 
 def check_summary(written, starts, values, what):
-    """Mean over start states of the means over rollouts from each."""
+    """Checks the mean over start states of the means over their rollouts."""
     means = means_of(starts, values)
     assert (written["runs"], written["clusters"]) == (len(values), len(means)), what
     close(written["mean"], means.mean(), what)
@@ -93,7 +93,7 @@ def check_summary(written, starts, values, what):
 
 
 def paired(one, other, members):
-    """One difference a start state: of the same members, or of the means over members."""
+    """Returns one difference per start state: between equal members, or between means over members."""
     differences = []
     for start in sorted(set(one["start"]) & set(other["start"])):
         own, others = (of.filter(pl.col("start") == start) for of in (one, other))
@@ -115,7 +115,7 @@ def check_difference(written, one, other, members, what):
 
 
 def ratio_of(x, y):
-    """RMSE of x / RMSE of y, with the interval of its logarithm over stretches of time."""
+    """Returns RMSE of x / RMSE of y, with the interval of its logarithm over stretches of time."""
     ratio = np.sqrt(x.sum() / y.sum())
     cuts = [number * len(x) // BLOCKS for number in range(BLOCKS + 1)]
     z = np.array([0.5 * BLOCKS * (x[a:b].sum() / x.sum() - y[a:b].sum() / y.sum()) for a, b in zip(cuts, cuts[1:])])
@@ -132,7 +132,7 @@ def check_ratio(written, x, y, what):
 
 
 def distances(results, model, deployments, sensor):
-    """One table a kind of distance, with its name in summaries: start, member, rollout, value. Missing values are left out."""
+    """Returns one table per kind of distance, with its name in summaries: start, member, rollout, value. Missing values are left out."""
     found = {}
     for deployment in deployments:
         directory = results / "models" / model / "deployments" / deployment / "rollout"
@@ -147,7 +147,7 @@ def distances(results, model, deployments, sensor):
 
 
 def written_of(sensor):
-    """Everything that a sensor's entry says, by the same names."""
+    """Returns all numbers of a sensor's entry, by the same names."""
     of = {(entry["step_pattern"], kind): entry[kind] for entry in sensor["dtw"] for kind in ("distance", "normalized_distance")}
     return of | {(entry["measure"], "value"): entry["value"] for entry in sensor["measures"]}
 
@@ -225,13 +225,14 @@ def main(calib):
         for model in MODELS:
             for deployment in DEPLOYMENTS:
                 check_model(results, model, deployment, golden)
-        # Three pairs of models in each deployment and in both; one-step errors in each.
+        # Three pairs of models in each deployment and in both together;
+        # one-step errors in each deployment.
         assert len(summary["comparisons"]["rollouts"]) == 9 and len(summary["comparisons"]["one_step"]) == 6
         for entry in summary["comparisons"]["rollouts"]:
             check_pair(results, entry, golden)
         for entry in summary["comparisons"]["one_step"]:
             check_errors(results, entry, golden)
-    # Samples that share no start state, as SciPy's test with unequal variances has it.
+    # Samples without common start states, by SciPy's test with unequal variances.
     summaries = golden["summaries"]
     for x, y in zip(summaries, summaries[2:]):
         means = [means_of(np.array(of["clusters"]), np.array(of["runs"])) for of in (x, y)]

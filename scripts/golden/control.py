@@ -48,7 +48,7 @@ def rolled(name, actions, steps, spread):
 
 
 def distance(p, a, b):
-    """From point p to the segment a-b."""
+    """Returns the distance from point p to the segment a-b."""
     p, a, b = map(np.array, (p, a, b))
     along = b - a
     share = min(1.0, max(0.0, float(np.dot(p - a, along) / np.dot(along, along))))

@@ -15,7 +15,7 @@ import pathlib
 import re
 import sys
 
-sys.path.pop(0)  # this file has the package's name
+sys.path.pop(0)  # this file has the name of the package
 import dtw  # noqa: E402
 import numpy as np  # noqa: E402
 
@@ -53,7 +53,7 @@ def number(value):
 
 
 def write(name, golden):
-    """One case a paragraph, one result a line."""
+    """Writes one case per paragraph and one result per line."""
     text = json.dumps(golden, separators=(",", ":"))
     text = text.replace('{"query"', '\n{"query"').replace(',"reference"', ',\n"reference"')
     text = text.replace(',"results":[', ',\n"results":[\n').replace('],["', '],\n["')
@@ -97,7 +97,8 @@ def paths():
         query, reference = (np.round(rng.normal(size=n).cumsum(), 4).tolist() for n in lengths)
         results = []
         for question in questions():
-            # The longest pair is there for borders between blocks of rows, not for every pattern.
+            # The longest pair tests the borders between blocks of rows,
+            # and is not needed for every pattern.
             if lengths[0] > 100 and not re.match(r"symmetric2|asymmetricP05|symmetricP1|rabinerJuang:[67]c$", question[0]):
                 continue
             answer = align(query, reference, *question)

@@ -34,7 +34,7 @@ class Gru(torch.nn.Module):
 
 
 def learn(model, predict, states, targets):
-    """Predictions, loss and gradients at the start; then Adam."""
+    """Returns predictions, loss and gradients at the start, then trains with Adam."""
     adam = torch.optim.Adam(model.parameters(), **RULE)
     first = None
     for _ in range(STEPS):

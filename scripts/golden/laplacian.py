@@ -77,7 +77,7 @@ def main():
 
     sizes, count, batch, steps = [6, 12, 12, 4], 60, 16, 50
     rule = {"lr": 3e-3, "betas": (0.9, 0.999), "eps": 1e-8}
-    # A slow walk, so that u and v a few rows apart are alike.
+    # A slow signal, so that u and v a few rows apart are similar.
     phases = np.arange(count)[:, None] * 0.1 * (1 + np.arange(sizes[0])) / 2
     states = np.round((0.5 + 0.4 * np.sin(phases) + rng.uniform(-0.1, 0.1, (count, sizes[0]))) * 4096) / 4096
     start = pytorch.parameters(rng, sizes)

@@ -24,7 +24,7 @@ BAD = -9999.0
 
 
 def log() -> pd.DataFrame:
-    """The first channel always has a value, so that no instant is without one."""
+    """Returns a log whose first channel always has a value, so that every instant has one."""
     times = [START + pd.Timedelta(minutes=row) for row in range(ROWS)]
     return pd.DataFrame(
         {
@@ -41,7 +41,7 @@ def long(wide: pd.DataFrame) -> pd.DataFrame:
 
 
 def long_with_bad(wide: pd.DataFrame, good, bad) -> pd.DataFrame:
-    """What is missing is there, with a value that must not count."""
+    """Returns a long table in which a missing value is present, with a quality that must not count."""
     table = wide.melt("timestamp", var_name="tag", value_name="value")
     table["quality"] = table["value"].isna().map({True: bad, False: good})
     table["value"] = table["value"].fillna(BAD)
@@ -76,7 +76,7 @@ def wide_text(wide: pd.DataFrame, out: Path) -> None:
 
 
 def historian_table(samples: pd.DataFrame, out: Path) -> None:
-    """The columns of Ignition's tables `sqlt_data_*`, with a tag whose values are dates."""
+    """Writes the columns of Ignition's tables `sqlt_data_*`, with a tag whose values are dates."""
     started = samples[samples["tagpath"] == "FIT100"].iloc[::20].assign(tagpath="P100/started", floatvalue=None)
     table = pd.concat([samples, started]).sort_values("t_stamp", kind="stable")
     table = table.drop(columns="datestring").assign(intvalue=pd.array([None] * len(table), dtype="Int64"), stringvalue=None)
@@ -133,7 +133,7 @@ def samples(wide: pd.DataFrame, out: Path) -> None:
 
 
 def influx(wide: pd.DataFrame, out: Path) -> None:
-    """After https://docs.influxdata.com/influxdb/v2/reference/syntax/annotated-csv/."""
+    """Writes the format of https://docs.influxdata.com/influxdb/v2/reference/syntax/annotated-csv/."""
     lines = []
     for number, name in enumerate(CHANNELS):
         lines += [

@@ -15,18 +15,18 @@ PRECISIONS = {"double": torch.float64, "single": torch.float32}
 
 
 def uniform(rng, bound, *shape):
-    """Multiples of 2^-12 in +-bound: exact in single precision, short in a file."""
+    """Returns multiples of 2^-12 in +-bound: exact in single precision, short in a file."""
     return np.round(rng.uniform(-bound, bound, shape) * 4096) / 4096
 
 
 def parameters(rng, sizes):
-    """Uniform in +-1/sqrt(inputs), weights and biases of each layer."""
+    """Returns uniform values in +-1/sqrt(inputs): weights and biases of each layer."""
     layers = zip(sizes, sizes[1:])
     return np.concatenate([uniform(rng, inputs**-0.5, (inputs + 1) * outputs) for inputs, outputs in layers])
 
 
 def network(sizes, flat, dtype):
-    """Linear layers with ReLU between them."""
+    """Returns linear layers with ReLU between them."""
     layers, at = [], 0
     for inputs, outputs in zip(sizes, sizes[1:]):
         layer = torch.nn.Linear(inputs, outputs, dtype=dtype)
@@ -40,14 +40,14 @@ def network(sizes, flat, dtype):
 
 
 def flat_of(layers, gradient=False):
-    """Parameters or their gradients, in the order of `parameters`."""
+    """Returns the parameters or their gradients, in the order of `parameters`."""
     of = (lambda tensor: tensor.grad) if gradient else (lambda tensor: tensor.detach())
     linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
     return torch.cat([part.reshape(-1) for layer in linear for part in (of(layer.weight).T, of(layer.bias))]).numpy()
 
 
 def numbers(values, digits=9):
-    """Nested lists of a tensor or an array; nine digits are more than single precision has."""
+    """Returns the nested lists of a tensor or an array. Nine digits are more than single precision has."""
     values = np.asarray(values.detach() if isinstance(values, torch.Tensor) else values)
     if values.ndim:
         return [numbers(value, digits) for value in values]
@@ -55,12 +55,12 @@ def numbers(values, digits=9):
 
 
 def deviation(double, single):
-    """Greatest difference between the same numbers in both precisions."""
+    """Returns the greatest difference between the same numbers in both precisions."""
     return float(f"{np.max(np.abs(np.asarray(double, dtype=float) - np.asarray(single, dtype=float))):.2g}")
 
 
 def write(path, golden):
-    """One key of the outermost two levels a line, so that changes can be read."""
+    """Writes one line per key of the outermost two levels, so that changes are readable."""
     text = json.dumps(golden)
     lines = []
     for key, value in golden.items():

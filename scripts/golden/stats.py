@@ -33,7 +33,7 @@ for n, ties, infinities in [(5, False, 0), (8, True, 0), (12, True, 2), (20, Fal
     if ties:
         x, y = np.round(x), np.round(y)
     y[:infinities] = np.inf
-    # Ranks stand in for the values, so that infinities are ordered and tie with each other.
+    # Ranks replace the values, so that infinities have an order and tie with each other.
     rx, ry = stats.rankdata(x), stats.rankdata(y)
     correlations.append(
         {

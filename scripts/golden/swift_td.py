@@ -56,7 +56,7 @@ def main():
     state = [0.0] * (WIDTH - 1)
     for _ in range(STEPS):
         state = [round(0.8 * value + draw.uniform(-0.5, 0.5), 6) for value in state]
-        # The last one is the constant 1 that every linear agent of calib sees.
+        # The last feature is the constant 1 of every linear agent of calib.
         features.append([*state, 1.0])
         rewards.append(round(0.5 + state[0] - 0.3 * state[1], 6))
     numbers = [len(CASES), STEPS, WIDTH, GAMMA]

@@ -46,7 +46,7 @@ def optimiser(case, parameters):
 
 
 def train(case, start, states, batches, dtype):
-    """Predictions before each update, parameters after the last."""
+    """Returns the predictions before each update, and the parameters after the last."""
     sizes = SIZES[case["value_function"]]
     network, states = pytorch.network(sizes, start, dtype), torch.tensor(states, dtype=dtype)
     period = case.get("target_network_period", 0)
@@ -69,7 +69,7 @@ def train(case, start, states, batches, dtype):
 
 def main():
     rng = np.random.default_rng(20262)
-    # Slow waves with noise, in about 0 to 1.
+    # Slow waves with noise, approximately between 0 and 1.
     phases = np.arange(STEPS)[:, None] * 0.05 * (1 + np.arange(SIZES["mlp"][0]))
     states = np.round((0.5 + 0.4 * np.sin(phases) + rng.uniform(-0.1, 0.1, phases.shape)) * 4096) / 4096
     starts = {name: pytorch.parameters(rng, sizes) for name, sizes in SIZES.items()}

@@ -25,7 +25,7 @@ RULES = ["worst_rank", "mean_rank", "mean_error", "mean_log_error", "pooled", "o
 
 
 def losses(online):
-    """Mean over windows of ln(error / best error of the window), [values]; `online` is {window: [runs, values]}."""
+    """Returns the mean over windows of ln(error / best error of the window), [values]; `online` is {window: [runs, values]}."""
     return np.mean(each_loss(online), axis=0)
 
 
@@ -39,12 +39,12 @@ def each_loss(online):
 
 
 def first_of_least(*keys):
-    """Position of the smallest key; further keys, then the order, settle ties."""
+    """Returns the position of the smallest key; further keys, then the order, break ties."""
     return min(range(len(keys[0])), key=lambda v: (*[key[v] for key in keys], v))
 
 
 def choice(rule, members, log, default):
-    """What a rule chooses; `members` is a list of [runs, values], `log` is [windows, values]."""
+    """Returns the choice of a rule; `members` is a list of [runs, values], `log` is [windows, values]."""
     errors = np.array([runs.mean(axis=0) for runs in members])
     ranks = np.array([stats.rankdata(row, method="min") for row in errors])
     worst, mean_rank, mean_error = ranks.max(axis=0), ranks.mean(axis=0), errors.mean(axis=0)
@@ -68,7 +68,7 @@ def choice(rule, members, log, default):
 
 
 def pairs_of(folder, part, chosen_rule):
-    """Every pair of every plant of the folder, by the errors over `part` of the runs."""
+    """Returns every pair of every plant in the folder, by the errors over `part` of the runs."""
     pairs = []
     for results in sorted(Path(folder, "studies").glob("*-results")):
         plant = results.name.removesuffix("-results")
@@ -126,7 +126,7 @@ def best_default(pairs):
 
 
 def methods(pairs):
-    """{method: [pairs] of (value or None, regret or None)}."""
+    """Returns {method: [pairs] of (value or None, regret or None)}."""
     def by_value(value):
         chosen = [value(pair) for pair in pairs]
         return [(v, None if v is None else pair["regrets"][v]) for v, pair in zip(chosen, pairs)]
@@ -164,7 +164,7 @@ def methods(pairs):
 
 
 def jackknife(pairs, values):
-    """Mean of `values` (None where there is none) and its standard error, plants left out one by one; no error of few plants."""
+    """Returns the mean of `values` (None if missing) and its standard error, by leaving out plants; no error for few plants."""
     known = [(pair["plant"], value) for pair, value in zip(pairs, values) if value is not None]
     plants = sorted({plant for plant, _ in known})
     mean = np.mean([value for _, value in known])
@@ -176,7 +176,7 @@ def jackknife(pairs, values):
 
 
 def bounds(pairs, of):
-    """Upper bound of the mean regret, and interval of the typical one."""
+    """Returns the upper bound of the mean regret, and the interval of the typical one."""
     regrets = [None if regret is None else min(regret, CAP) for _, regret in of]
     mean, error, plants = jackknife(pairs, regrets)
     log_mean, log_error, _ = jackknife(pairs, [None if regret is None else np.log1p(regret) for regret in regrets])
@@ -202,7 +202,7 @@ def summary(of):
 
 
 def quotients(pairs, own, other):
-    """{plant: [ln of the quotient of errors]} where both have a choice."""
+    """Returns {plant: [ln of the ratio of errors]} where both have a choice."""
     by_plant = {}
     for pair, (_, a), (_, b) in zip(pairs, own, other):
         if a is not None and b is not None:
@@ -257,7 +257,7 @@ def needed(std, difference):
     return enough
 
 
-# Golden pairs, and comparisons with what calib wrote
+# Golden pairs, and comparisons with calib's results
 
 
 def plain(value):
@@ -329,13 +329,13 @@ def check(folder):
         part = score["part"]
         own = stored[stored.scored == part]
         rows = {(r.plant, r.sensor, r.method): r for r in own.itertuples()}
-        # The rule of the studies is the one whose choices are those of the models.
+        # The rule of the studies is the one with the same choices as the models.
         chosen_rule = rule_of(score)
         pairs = [
             pair for pair in pairs_of(folder, part, chosen_rule)
             if any(key[:2] == (pair["plant"], pair["sensor"]) for key in rows)
         ]
-        # In the order of calib's pairs, which settles nothing but sums of rounding.
+        # In the order of calib's pairs, which only affects rounding of sums.
         found = methods(pairs)
         seen = set()
         for name, of in found.items():

@@ -22,7 +22,7 @@ RESAMPLES = 40_000
 
 
 def scores():
-    """Errors of an agent that predicts column 0 from both columns and a bias, from given weights."""
+    """Returns the errors of an agent that predicts column 0 from both columns and a bias, from given weights."""
     rng = np.random.default_rng(5)
     rows, gamma, rate, steps = 260, 0.7, 0.2, 240
     phase = np.arange(rows) * 0.13
@@ -65,12 +65,12 @@ def ranks(errors):
 
 
 def lexicographic(*keys):
-    """The first index with the smallest keys."""
+    """Returns the first index with the smallest keys."""
     return min(range(len(keys[0])), key=lambda i: (*[k[i] for k in keys], i))
 
 
 def choose(rule, members, log, default):
-    """members: [member][run][value]; log: [window][value]."""
+    """Returns the choice of a rule; members: [member][run][value]; log: [window][value]."""
     means = np.array([np.mean(runs, axis=0) for runs in members])
     of_members = np.array([ranks(row) for row in means])
     worst, mean_rank, mean_error = of_members.max(0), of_members.mean(0), means.mean(0)
@@ -93,7 +93,7 @@ def choose(rule, members, log, default):
 
 
 def losses(windows):
-    """Mean over windows of ln(error / best error of the window), one a value."""
+    """Returns the mean over windows of ln(error / best error of the window), one per value."""
     each = np.array([np.mean(runs, axis=0) for runs in windows])
     return np.log(each / each.min(1, keepdims=True))
 
@@ -148,16 +148,17 @@ def verdict():
 
 
 def race():
-    """Successive halving over six runs of each of four members and six windows of the log: which values each of the 30 streams trains."""
+    """Successive halving over six runs of each of four members and six windows of the log: the values that each of 30 runs trains."""
     rng = np.random.default_rng(23)
     level, runs, members = np.array([0.5, 0.3, 0.36, 0.28, 0.9]), 6, 4
     streams = [
         [(level * np.exp(0.15 * rng.standard_normal(5))).round(4).tolist() for _ in range(members + 1)]
         for _ in range(runs)
     ]
-    # The best value diverges in the first stream.
+    # The best value diverges in the first run.
     streams[0][0][3] = None
-    # Each kind in proportion, members first; windows far apart: the bits of their numbers reversed.
+    # Kinds alternate in proportion, members first. Windows are spread:
+    # the bits of their numbers are reversed.
     windows = sorted(range(runs), key=lambda window: f"{window:03b}"[::-1])
     places = [(k / (runs * members), (k // members, k % members)) for k in range(runs * members)]
     places += [(k / runs, (window, members)) for k, window in enumerate(windows)]

@@ -27,7 +27,7 @@ import calib_rl.gym
 
 
 def log(rows):
-    """Cart-pole under random actions."""
+    """Returns a log of cart-pole under random actions."""
     env = gymnasium.make("CartPole-v1")
     rng = np.random.default_rng(0)
     told = {name: [] for name in ("position", "velocity", "angle", "spin", "action", "reward", "over")}
@@ -47,7 +47,7 @@ def log(rows):
 
 
 class InNumpy:
-    """The same model with tables as arrays, all walks at once: what one would write without calib."""
+    """The same model with tables as arrays and all rollouts at once: what a user would write without calib."""
 
     def __init__(self, model, member, envs, timeout):
         self.neighbors, self.distances = np.array(model.neighbors(member)), np.array(model.distances(member))
@@ -76,7 +76,7 @@ class InNumpy:
 
 
 class OneInNumpy(gymnasium.Env):
-    """One walk through the same tables, step by step: what `SyncVectorEnv` steps one after the other."""
+    """One rollout through the same tables, step by step: `SyncVectorEnv` steps several of them one after the other."""
 
     def __init__(self, model):
         self.of = InNumpy(model, 0, 1, 500)

@@ -18,21 +18,21 @@ def target():
 
 
 def threads(count):
-    """The environment of a process that may use `count` threads, whatever it computes with."""
+    """Returns the environment of a process that may use `count` threads, whatever library it computes with."""
     return {**os.environ, **{name: str(count) for name in THREAD_VARIABLES}}
 
 
 def build(package, example):
-    """An example program, built in release."""
+    """Builds an example program in release mode."""
     command = ["cargo", "build", "--release", "--locked", "--quiet", "-p", package, "--example", example]
     subprocess.run(command, check=True, cwd=ROOT)
     return str(target() / "release" / "examples" / example)
 
 
 def environment(name, pinned, first_index=None):
-    """Python of the virtual environment `name`, and those of the pinned packages that could be installed.
+    """Returns the Python of the virtual environment `name`, and the pinned packages that could be installed.
 
-    `first_index` is asked before the usual one: smaller builds of the same version may be there.
+    `first_index` is asked before the usual index, because it may have smaller builds of the same version.
     """
     folder = target() / "peers" / name
     python = folder / "bin" / "python"
@@ -60,7 +60,7 @@ def environment(name, pinned, first_index=None):
 
 
 def machine():
-    """The processor, and how many of it."""
+    """Returns the name of the processor and the number of cores."""
     try:
         lines = pathlib.Path("/proc/cpuinfo").read_text().splitlines()
         name = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
@@ -70,13 +70,13 @@ def machine():
 
 
 def commit():
-    """The commit that is measured, and whether the tree differs from it."""
+    """Returns the measured commit, and whether the working tree differs from it."""
     git = lambda *arguments: subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True).stdout.strip()
     return git("rev-parse", "--short", "HEAD") + (" with changes" if git("status", "--porcelain", "-uno") else "")
 
 
 def peak_kib():
-    """The most memory that this process has had."""
+    """Returns the peak memory of this process."""
     for line in open("/proc/self/status"):
         if line.startswith("VmHWM:"):
             return int(line.split()[1])
@@ -84,9 +84,9 @@ def peak_kib():
 
 
 def together(commands):
-    """The JSON lines of processes that run side by side, one thread each.
+    """Runs processes side by side, one thread each, and returns their JSON lines.
 
-    Workers among them (`--worker`) first warm up, say "ready", and wait for a line.
+    Workers among them (`--worker`) first warm up, print "ready", and wait for a line.
     """
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     commands = [[str(part) for part in command] for command in commands]

@@ -40,7 +40,7 @@ def generate(path: Path, size: float) -> None:
 
 
 def timed(command: list[str]) -> tuple[float, float, float]:
-    """Seconds, processor seconds and MiB at most of a command that succeeds."""
+    """Returns wall seconds, processor seconds and peak MiB of a successful command."""
     begun = time.monotonic()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
@@ -57,7 +57,8 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "log.csv"
     if not log.exists():
-        # In a process of its own: what a process takes at most begins with what its parent holds.
+        # A separate process is needed, because the peak memory of a process begins with the memory
+        # of its parent.
         maker = multiprocessing.get_context("spawn").Process(target=generate, args=(log, size))
         maker.start()
         maker.join()

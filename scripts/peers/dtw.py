@@ -28,7 +28,7 @@ PINNED = {
     "aeon": "1.6.0",
 }
 PATTERNS = ("symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c")
-# The classic recursion (symmetric1 on squared differences) is what all packages have.
+# All packages have the classic recursion (symmetric1 on squared differences).
 CLASSIC = {
     "dtaidistance": "2 rows",
     "aeon": "N x M",
@@ -36,11 +36,11 @@ CLASSIC = {
 }
 
 
-# ---- a peer, in a process of its own -----------------------------------------------------------
+# ---- a peer, in its own process ----------------------------------------------------------------
 
 
 def peer_function(peer, pattern):
-    """A function of two arrays that returns the raw distance."""
+    """Returns a function of two arrays that computes the raw distance."""
     if peer == "dtw-python":
         import dtw
 
@@ -62,7 +62,7 @@ def peer_function(peer, pattern):
 
 
 def worker(peer, patterns, query, reference, length):
-    """Runs once for every line read, after one short warm-up that compiles what wants compiling."""
+    """Runs once for every line read, after one short warm-up for just-in-time compilation."""
     sys.path.pop(0)  # this file has the name of a package
     import numpy as np
 
@@ -89,7 +89,7 @@ class Peer:
         self.wait_for("ready")
 
     def wait_for(self, word=None):
-        """The next line that is ours: packages greet on standard output."""
+        """Returns the next line of our protocol: packages print greetings on standard output."""
         for line in self.process.stdout:
             if word is None and line.startswith("{"):
                 return json.loads(line)
@@ -108,7 +108,7 @@ class Peer:
 
 
 class Ours:
-    """calib-dtw; several repeats a round, because one is over before the clock is warm."""
+    """calib-dtw, with several repeats per round: one is too short for an accurate time."""
 
     def __init__(self, binary, mode, patterns, files, length, repeats):
         self.name = "calib-dtw"
@@ -127,7 +127,7 @@ class Ours:
 
 
 def write_series(python, folder, pairs, length):
-    """Slow waves with correlated noise, from a fixed seed, as little-endian f64."""
+    """Writes slow waves with correlated noise, from a fixed seed, as little-endian f64."""
     names = [str(folder / f"{role}-{pairs}x{length}.f64") for role in ("query", "reference")]
     program = (
         "import sys, numpy as np\n"
@@ -146,7 +146,7 @@ def write_series(python, folder, pairs, length):
 
 
 def compare(title, contenders, cells, rounds):
-    """Rounds of one measurement each; prints one line a contender."""
+    """Runs rounds of one measurement each, and prints one line per contender."""
     results = {contender.name: [] for contender in contenders}
     for _ in range(rounds):
         for contender in contenders:

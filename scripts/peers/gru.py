@@ -27,7 +27,7 @@ PEERS = {"torch": True, "torch unfused": False}
 
 
 def worker(fused, units, batch, updates):
-    """Trains, and prints its updates a second."""
+    """Trains, and prints its updates per second."""
     import torch
 
     torch.manual_seed(1)

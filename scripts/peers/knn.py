@@ -70,7 +70,7 @@ DATA = ("plant-400000", "plant-3200000", "wells", "wells-traces", "gaussian", "q
 
 
 def run(contender, python, program, path, rows, queries, truth, options):
-    """One contender's result, or a text that says why there is none."""
+    """Returns one contender's result, or a text with the reason why there is none."""
     out = pathlib.Path(options.cache) / f"found-{contender}.npy"
     own = {"calib": "calib", "calib-graph": "graph", "kiddo": "kiddo"}.get(contender)
     if own:
@@ -90,7 +90,7 @@ def run(contender, python, program, path, rows, queries, truth, options):
     result = json.loads(next(line for line in done.stdout.splitlines() if line.startswith("{")))
     result["recall"] = float(step(python, "recall", path, rows, queries, truth, out)[0])
     out.unlink()
-    whole = rows - 1 - ((rows - 1) // 5 + 1)  # transitions of member 0 of five
+    whole = rows - 1 - ((rows - 1) // 5 + 1)  # transitions of ensemble member 0 of five
     result["sampled"] = result["answered"] < whole
     result["whole"] = result["query"] * whole / min(result["answered"], whole)
     result["total"] = result["build"] + result["whole"]
@@ -98,7 +98,7 @@ def run(contender, python, program, path, rows, queries, truth, options):
 
 
 def table(name, shape, results):
-    """One line a contender, medians over the rounds."""
+    """Prints one line per contender, with medians over the rounds."""
     print(f"\n{name}: {shape[0]:,} x {shape[1]}")
     print(f"  {'':16}{'build s':>9}{'query s':>11}{'total s':>11}{'recall@3':>10}{'peak MB':>9}{'x calib':>9}  what")
     ours = [result["total"] for result in results.get("calib", []) if not isinstance(result, str)]
@@ -123,14 +123,14 @@ def table(name, shape, results):
 
 
 class Kept:
-    """What was measured, by data set, contender and round, in a file if one is given."""
+    """Measurements by data set, contender and round, in a file if one is given."""
 
     def __init__(self, path, within):
         self.path, self.end = path and pathlib.Path(path), time.monotonic() + within
         self.rows = json.loads(self.path.read_text()) if self.path and self.path.exists() else {}
 
     def get(self, key, measure):
-        """The result of this key; None if it is not known and no time is left."""
+        """Returns the result of this key; None if it is unknown and no time is left."""
         if key not in self.rows:
             if time.monotonic() > self.end:
                 return None
@@ -168,7 +168,7 @@ def main():
     print(f"{common.machine()}, {options.threads} threads a contender, {options.rounds} rounds, commit {common.commit()}")
     print(", ".join(f"{name} {PINNED[name]}" for name in installed) + f", Python {platform.python_version()}, kiddo as in Cargo.lock")
     print("calib: tables of all five members; peers: those of one. ~: extrapolated from a sample of the queries")
-    # Plants from the longest on: shorter ones are its beginning.
+    # The longest plant comes first, because shorter ones are its beginning.
     plants = sorted((name for name in options.data if name.startswith("plant-")), key=lambda name: -int(name.split("-")[1]))
     for name in plants:
         data.get(name, options.rows)

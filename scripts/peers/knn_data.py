@@ -36,7 +36,7 @@ class Data:
         return path
 
     def plant(self, rows):
-        """The first rows of one simulation, so that a longer log is more of the same."""
+        """Returns the first rows of one simulation, so that a longer log continues a shorter one."""
         larger = [path for path in self.cache.glob("plant-*.npy") if int(path.stem.split("-")[1]) >= rows]
         if larger:
             return min(larger, key=lambda path: int(path.stem.split("-")[1]))
@@ -63,7 +63,7 @@ class Data:
         return self.once(name, make)
 
     def get(self, name, rows):
-        """A file and how many of its rows."""
+        """Returns a file and the number of its rows to use."""
         kind = name.split("-")[0]
         if kind == "plant":
             rows = min(rows or sys.maxsize, int(name.split("-")[1]))

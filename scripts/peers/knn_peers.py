@@ -15,7 +15,7 @@ from knn_truth import K, RECALL, member_sources, recall
 
 class Flat:
     settings = (None,)
-    batch = 2048  # a product of few queries is no fast product
+    batch = 2048  # a product of few queries is slow
 
     def build(self, sources, threads):
         import faiss
@@ -103,7 +103,7 @@ class Tree:
 
 
 class Descent:
-    """Its graph of all rows is the answer: nothing is left to search."""
+    """Its graph of all rows is the answer, so no search is left."""
 
     settings = (15, 30, 60)
 
@@ -143,7 +143,7 @@ def answer(peer, states, base, queries, budget):
 
 
 def tune(peer, states, base, sample, truth, budget):
-    """The cheapest setting with the recall that is asked for, or the one from which on recall hardly grows."""
+    """Returns the cheapest setting with the required recall, or the one beyond which recall hardly grows."""
     best, kept = -1.0, None
     for setting in peer.settings:
         peer.tune(setting)
@@ -168,7 +168,7 @@ def worker(name, file, rows, queries, out, budget, threads, truth):
     if name == "pynndescent":
         peer = Descent()
         table = np.ascontiguousarray(states[lo : hi + 1])
-        peer.graph(table[:20_000], 15, threads)  # compiles; small tables take another way
+        peer.graph(table[:20_000], 15, threads)  # compiles; small tables use another algorithm
         for setting in peer.settings:
             clock = time.perf_counter()
             graph = peer.graph(table, setting, threads)

@@ -7,7 +7,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#6
 
 
 def plot(path, curves):
-    """Time against rows, both logarithmic, as SVG. `curves`: contender -> [(rows, seconds)]."""
+    """Plots time against rows, both logarithmic, as SVG. `curves`: contender -> [(rows, seconds)]."""
     points = [point for curve in curves.values() for point in curve]
     if not points:
         raise SystemExit("nothing to plot: --plot wants plant data")

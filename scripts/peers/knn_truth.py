@@ -12,12 +12,12 @@ RECALL = 0.99
 
 
 def member_sources(rows):
-    """Member 0 of five: its sources; each one's next row is a query."""
+    """Returns the sources of ensemble member 0 of five; the row after each source is a query."""
     return (rows - 1) // 5 + 1, rows - 1
 
 
 def recall(states, queries, found, true_squared):
-    """Share of true neighbours among K found rows a query; a row counts once, and never as its own."""
+    """Returns the share of true neighbours among the K found rows per query. A row counts once, and never as its own neighbour."""
     hits = 0
     for query, rows, worst in zip(queries, found, true_squared):
         rows = {int(row) for row in rows[:K] if row >= 0 and row != query}
@@ -38,7 +38,7 @@ def prepare(step, arguments):
         out, rows = arguments
         rows, rng, columns = int(rows), np.random.default_rng(6), []
         for channel in range(142):
-            if channel < 40:  # on or off, for ten minutes to a day at a row in ten seconds
+            if channel < 40:  # on or off, for ten minutes to a day at one row per ten seconds
                 holds = rng.exponential(rng.choice([60, 600, 8640]), rows // 20 + 20).astype(np.int64) + 1
                 columns.append(np.repeat(np.arange(len(holds)) % 2, holds)[:rows] if holds.sum() >= rows else np.resize(np.repeat([0, 1], 300), rows))
                 continue
@@ -56,7 +56,7 @@ def prepare(step, arguments):
         states = np.round(states * 64) / np.float32(64)
         copies = np.flatnonzero(rng.random(len(states)) < 0.3)
         copies = copies[copies > 0]
-        for row in copies:  # of one of the hour before, as in a stuck period
+        for row in copies:  # a copy of a row of the hour before, as in a stuck period
             states[row] = states[row - rng.integers(1, min(row, 360) + 1)]
         np.save(out, states)
     elif step == "embedding":

@@ -30,7 +30,7 @@ PEERS = {
 
 
 def worker(options, updates, device):
-    """Warms up, says so, trains when told, prints its updates a second."""
+    """Warms up, prints "ready", trains when told, and prints its updates per second."""
     import torch
 
     torch.manual_seed(1)
@@ -44,7 +44,7 @@ def worker(options, updates, device):
     def loss_of(rows):
         u, v, x = network(rows).split(BATCH)
         squared, norms = (x @ x.T) ** 2, (x**2).sum(1)
-        # Means over i != j: all pairs less the diagonal.
+        # Means over i != j: all pairs without the diagonal.
         orthogonality = (squared.sum() - (norms**2).sum()) / (BATCH * (BATCH - 1))
         return ((u - v) ** 2).sum(1).mean() + BETA * (orthogonality - 2 * ZETA * norms.mean())
 

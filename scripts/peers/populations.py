@@ -31,7 +31,7 @@ PEERS = ["torch stacked", "torch vmap", "products"]
 
 
 def worker(peer, device, runs, learners, steps):
-    """Trains, and prints its updates a second."""
+    """Trains, and prints its updates per second."""
     import torch
 
     torch.manual_seed(1)
@@ -119,7 +119,7 @@ def worker(peer, device, runs, learners, steps):
 
 
 def result(command):
-    """The line of JSON that a program prints."""
+    """Returns the JSON line that a program prints."""
     ran = subprocess.run([str(part) for part in command], env=common.threads(1), capture_output=True, text=True)
     lines = [line for line in ran.stdout.splitlines() if line.startswith("{")]
     if ran.returncode or not lines:
@@ -128,7 +128,7 @@ def result(command):
 
 
 def built():
-    """The example, built with libtorch."""
+    """Builds the example with libtorch."""
     command = ["bash", "scripts/libtorch.sh", "cargo", "build", "--release", "--locked", "--quiet", "-p", "calib-torch"]
     subprocess.run([*command, "--features", "libtorch", "--example", "populations_speed"], check=True, cwd=common.ROOT)
     return common.target() / "release" / "examples" / "populations_speed"

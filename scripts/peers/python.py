@@ -29,14 +29,14 @@ K = 3
 
 
 def measured(work):
-    """Processor seconds of a call, and its result."""
+    """Returns the processor seconds of a call, and its result."""
     begun = time.process_time()
     result = work()
     return time.process_time() - begun, result
 
 
 def rounds(count, contenders, show):
-    """Medians of interleaved rounds; a contender that cannot be imported is skipped."""
+    """Returns medians of interleaved rounds; a contender that cannot be imported is skipped."""
     times, results = {}, {}
     for _ in range(count):
         for name, work in list(contenders.items()):
@@ -53,7 +53,7 @@ def rounds(count, contenders, show):
 
 
 def joins(points, count):
-    """Neighbour tables of the same array."""
+    """Compares neighbour tables of the same array."""
 
     def of_calib():
         return calib_rl.knn_join(points, K, exclude_self=True)[0]
@@ -82,7 +82,7 @@ def joins(points, count):
         return f"{seconds:.2f} s, recall@{K} {np.mean(shares):.3f}"
 
     try:
-        of_pynndescent()  # compiled once, outside of what is measured
+        of_pynndescent()  # compiled once, outside the measurement
     except ImportError:
         pass
     contenders = {"calib_rl.knn_join": of_calib, "faiss IndexFlatL2": of_faiss}
@@ -90,7 +90,7 @@ def joins(points, count):
 
 
 def walks(model, count):
-    """Steps of one rollout."""
+    """Compares the steps of one rollout."""
     steps = 1_000_000
     neighbors, distances = model.neighbors(0), model.distances(0)
     start = int(model.transitions(0)[0])
@@ -143,7 +143,7 @@ def walks(model, count):
 
 
 def environments(model, count):
-    """Steps of environments, in batches of 256 and alone."""
+    """Compares the steps of environments, in batches of 256 and alone."""
     batches, batch = 2000, 256
     actions = np.zeros(batch, np.int64)
     many = calib_rl.gym.make_vec(model, batch, members=range(model.members))
@@ -196,7 +196,7 @@ except calib_rl.CalibError:
 
 
 def copies():
-    """Peak memory of handing an array over: the build is refused for its number of neighbours once it has the states."""
+    """Measures the peak memory of passing an array: the build is refused for its number of neighbours once it has the states."""
     for kind, layout in [("float32", ""), ("float32", ".T.copy().T"), ("float64", "[:, ::2].astype(np.float64)")]:
         done = subprocess.run([sys.executable, "-c", COPY.format(kind=kind, layout=layout)], capture_output=True, text=True)
         print(f"  {layout or 'contiguous'}: {done.stdout.strip() or done.stderr.strip()[-200:]}")

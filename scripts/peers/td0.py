@@ -38,7 +38,7 @@ PEERS = {
 
 
 def torch_networks(sizes, fused, compiled, rounded):
-    """A function of (step, batch of steps): one update of each agent."""
+    """Returns a function of (step, batch of steps) that updates each agent once."""
     import torch
 
     precision = lambda: torch.autocast("cpu", torch.bfloat16, enabled=rounded)
@@ -51,7 +51,8 @@ def torch_networks(sizes, fused, compiled, rounded):
         agents.append((network, torch.optim.Adam(network.parameters(), lr=rate, fused=fused)))
 
     def loss_of(network, now, after):
-        # One context each: weights that were rounded without gradients would be used again.
+        # Each has its own context: otherwise weights that were rounded
+        # without gradients would be used again.
         with torch.no_grad(), precision():
             ahead = network(after)
         with precision():
@@ -149,7 +150,7 @@ def numpy_linear(stacked):
 
 
 def worker(kind, peer, updates):
-    """Warms up, says so, trains when told, prints its updates a second."""
+    """Warms up, prints "ready", trains when told, and prints its updates per second."""
     import numpy as np
 
     if peer.startswith("numpy"):
