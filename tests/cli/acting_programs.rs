@@ -47,10 +47,13 @@ fn agents_of_a_program_act_and_are_judged() {
     assert_eq!(json["verdict"]["default"], 1);
     // A program that never changes its action has exactly the result of that constant action.
     assert_eq!(json["verdict"]["constant"]["action"], 0);
-    assert_eq!(
-        json["verdict"]["constant"]["mean_return"],
-        json["verdict"]["selection"]["mean_errors"][0]
-    );
+    // The constant action is averaged over more runs, so the last digits may differ.
+    let [constant, chosen] = [
+        &json["verdict"]["constant"]["mean_return"],
+        &json["verdict"]["selection"]["mean_errors"][0],
+    ]
+    .map(|value| value.as_f64().expect("a return"));
+    assert!((constant - chosen).abs() <= 1e-9 * chosen.abs(), "{constant} and {chosen}");
     assert_eq!(json["verdict"]["selection"]["mean_errors"].as_array().map(Vec::len), Some(2));
     place.calib(&["check", "study-results"]).succeeds();
     // Another program needs another verdict.

@@ -152,12 +152,12 @@ fn an_inspected_log_counts_one_of_a_thing_as_one() {
 #[test]
 fn actions_are_numbers_that_somebody_set() {
     let place = pump(|row| {
-        let word = if row % 2 == 0 { "high" } else { "low" };
+        let word = if row % 2 == 0 { "fast" } else { "slow" };
         format!("2024-03-01 00:{row:02}:00,{},{word}\n", row % 7)
     });
     // One column of words and one of numbers could be a long table.
     let wide = ["control", "study.toml", "--set", "data.shape=wide"];
-    place.calib(&wide).fails_with(2, &["pump is of type text, such as \"high\""]);
+    place.calib(&wide).fails_with(2, &["pump is of type text, such as \"fast\""]);
     let mean = ["--set", "data.resample=mean", "--set", "data.period_secs=300"];
     place.calib(&[&wide[..], &mean].concat()).fails_with(2, &["data.resample = \"last\""]);
 }

@@ -253,7 +253,7 @@ fn a_window_that_is_too_short_to_score_is_known_before_anything_is_trained() {
     let swept = place.calib(&["sweep", "study.toml"]);
     assert_eq!(swept.code(), 1, "{}", swept.stderr());
     let judged = place.calib(&["evaluate", "study.toml"]);
-    assert!(judged.stderr().contains("deployment near"), "{}{}", judged.stdout(), judged.stderr());
+    assert!(judged.stdout().contains("deployment near"), "{}{}", judged.stdout(), judged.stderr());
     assert!(judged.stdout().contains("note: deployment far is left out"), "{}", judged.stdout());
     assert_eq!(judged.code(), 1, "as of the sweep");
     let quiet = place.calib(&["sweep", "study.toml", "--quiet"]);

@@ -204,7 +204,7 @@ fn plant(minutes: usize) -> Place {
     );
     for row in 0..400_usize {
         let pump = if row % 150 == 10 { 2 } else { row / 3 % 2 };
-        let mode = if row % 2 == 0 { "high" } else { "low" };
+        let mode = if row % 2 == 0 { "fast" } else { "slow" };
         let stopped = usize::from(row % 100 == 99);
         let passed = row * minutes;
         let (day, hour, minute) = (13 + passed / 1440, passed / 60 % 24, passed % 60);
@@ -242,7 +242,7 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
         (vec!["--action=pump", "--reward=gian"], "--reward gian: the log has no column"),
         (
             vec!["--action=mode", "--reward=gain"],
-            "--action mode: the column holds no number, but text, such as \"high\"; write its values",
+            "--action mode: the column holds no number, but text, such as \"fast\"; write its values",
         ),
         (vec!["--action=fixed", "--reward=gain"], "--action fixed: it is 3 in every row"),
         (vec!["--action=pump", "--reward=fixed"], "3 in every step, and no episode ends"),

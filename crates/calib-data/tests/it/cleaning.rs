@@ -299,15 +299,19 @@ fn a_held_out_period_without_a_row_is_told_with_the_channel_to_blame() {
     assert_eq!(folder.inspect().nothing_to_score(), None);
 }
 
+/// 2024-01-01 in seconds. A log that begins in 1970 is doubted.
+const START: i64 = 1_704_067_200;
+
 #[test]
 fn files_of_two_periods_are_told_to_go_on_one_clock() {
     let folder = Folder::new();
     let slow: Vec<f64> = (0..60).map(|row| f64::from(row % 7)).collect();
     let fast: Vec<f64> = (0..600).map(|row| f64::from(row % 11)).collect();
-    folder.write("a.parquet", &log(0, &[("level", &fast)]));
-    folder.write("b.parquet", &log_at((0..60).map(|row| 10 * row), &[("flow", &slow)]));
+    folder.write("a.parquet", &log(START, &[("level", &fast), ("power", &fast)]));
+    let times = (0..60).map(|row| START + 10 * row);
+    folder.write("b.parquet", &log_at(times, &[("flow", &slow)]));
     let found = folder.inspect();
-    assert_eq!(kept(&found), ["level"]);
+    assert_eq!(kept(&found), ["level", "power"]);
     let told = found.clock_doubts().join("\n");
     assert!(
         told.contains("flow has no value in most rows") && told.contains("data.resample"),
@@ -316,12 +320,12 @@ fn files_of_two_periods_are_told_to_go_on_one_clock() {
     // One file may have a sensor that was rarely on.
     let mut gappy = fast.clone();
     gappy[100..].fill(f64::NAN);
-    let one = Folder::of("a.parquet", &log(0, &[("level", &fast), ("flow", &gappy)]));
+    let one = Folder::of("a.parquet", &log(START, &[("level", &fast), ("flow", &gappy)]));
     assert_eq!(one.inspect().clock_doubts(), Vec::<String>::new());
     // Files of one logger follow each other, and a sensor was installed late.
-    let days = Folder::of("a.parquet", &log(0, &[("level", &fast)]));
-    days.write("b.parquet", &log(600, &[("level", &fast), ("flow", &fast)]));
-    days.write("c.parquet", &log(1_200, &[("level", &fast)]));
+    let days = Folder::of("a.parquet", &log(START, &[("level", &fast)]));
+    days.write("b.parquet", &log(START + 600, &[("level", &fast), ("flow", &fast)]));
+    days.write("c.parquet", &log(START + 1_200, &[("level", &fast)]));
     assert_eq!(days.inspect().clock_doubts(), Vec::<String>::new());
     let seldom = |folder: &Folder| sketch(&folder.data(), &Silent).expect("a log").seldom_doubt();
     assert_eq!(seldom(&days), None);
@@ -357,8 +361,8 @@ fn changes_of_european_clocks_are_named() {
 #[test]
 fn names_that_differ_in_capital_letters_are_told() {
     let values: Vec<f64> = (0..20).map(f64::from).collect();
-    let folder = Folder::of("a.parquet", &log(0, &[("FT101", &values)]));
-    folder.write("b.parquet", &log(20, &[("ft101", &values)]));
+    let folder = Folder::of("a.parquet", &log(START, &[("FT101", &values)]));
+    folder.write("b.parquet", &log(START + 20, &[("ft101", &values)]));
     let told = folder.inspect().clock_doubts().join("\n");
     assert!(told.contains("differ only in capital letters: \"FT101\" and \"ft101\"."), "{told}");
     let one = DataConfig { exclude: vec!["ft101".to_owned()], ..folder.data() };
@@ -370,6 +374,6 @@ fn names_that_differ_in_capital_letters_are_told() {
     let samples: String = (0..20).map(row).collect();
     let long = Folder::of_text("a.csv", &format!("time,tag,value\n{samples}"));
     assert_eq!(long.inspect().clock_doubts(), Vec::<String>::new());
-    let both = Folder::of("a.parquet", &log(0, &[("FT101", &values), ("ft101", &values)]));
+    let both = Folder::of("a.parquet", &log(START, &[("FT101", &values), ("ft101", &values)]));
     assert_eq!(both.inspect().clock_doubts(), Vec::<String>::new());
 }

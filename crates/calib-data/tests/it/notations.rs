@@ -296,9 +296,8 @@ fn the_order_of_day_and_month_is_that_of_all_files() {
     folder.write_file("a.csv", &half_days(6, month_first));
     assert_eq!((folder.load().train.rows(), folder.inspect().gaps.count), (20, 1));
     // Samples of a laboratory on the fifth of each month.
-    let samples: String =
-        (1..=6).map(|month| format!("{month:02}/05/2024 12:00,{month}\n")).collect();
-    folder.write_file("b.csv", &format!("time,b\n{samples}"));
+    let samples = (1..=6).map(|month| format!("{month:02}/05/2024 12:00,{month}\n"));
+    folder.write_file("b.csv", &format!("time,b\n{}", samples.collect::<Vec<_>>().concat()));
     folder.write_file("a.csv", &half_days(16, month_first));
     assert_eq!(profile(&folder.data()).start, Timestamp::from_micros(1_704_456_000_000_000));
 }

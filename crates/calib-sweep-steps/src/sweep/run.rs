@@ -60,7 +60,7 @@ pub struct Swept {
     pub(crate) ran: usize,
     /// Number of new runs.
     pub(crate) ran_runs: usize,
-    /// Whether the tables were written again.
+    /// Whether the tables were written, because they were not whole.
     pub(crate) rewrote: bool,
     pub(crate) took: Duration,
 }
@@ -218,6 +218,7 @@ fn sweep(
         note_arithmetic(&mut manifest, class);
     }
     manifest.files = kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default();
+    let rewrote = kept.is_none();
     let is_the_same = match kept {
         Some(kept) => serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?,
         None => false,
@@ -235,7 +236,6 @@ fn sweep(
         manifest = claim.finish(manifest.facts, tables(study))?;
     }
     let took = clock.elapsed();
-    let rewrote = !is_the_same;
     Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, rewrote, took }))
 }
 
