@@ -7,24 +7,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Problem, require};
 
-/// The `[pretrain]` section: agents that learned from the log before they are deployed.
+/// The `[pretrain]` section: agents that learn from the log before deployment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PretrainConfig {
-    /// The most passes over the training transitions (default 0: no pre-training).
+    /// Maximum number of passes over the training transitions (default 0: no pre-training).
     pub epochs: usize,
-    /// Step size of pre-training (default 1e-5, as in the paper); fine-tuning has `agent.learning_rate`.
+    /// Step size of pre-training (default 1e-5, as in the paper). Fine-tuning uses `agent.learning_rate`.
     pub learning_rate: f64,
-    /// Share of the transitions, the last in time, that is held back for validation (default 0.1, as in the paper).
+    /// Fraction of the transitions, the last in time, that is held back for validation (default 0.1, as in the
+    /// paper).
     pub validation_fraction: f64,
-    /// Stop after this many epochs without a better validation error and keep the best (default 0: never).
+    /// Stop after this many epochs without a better validation error and keep the best epoch (default 0: never
+    /// stop).
     pub patience: usize,
-    /// What fine-tuning does with the optimiser's moments.
+    /// How fine-tuning treats the moments of the optimiser.
     pub moments: MomentsRule,
-    /// The first part of the training range's time span, for pre-training; the calibration model has the
-    /// rest (default 0.5, as in the paper).
+    /// The first part of the training range's time span, for pre-training; the calibration model uses the rest
+    /// (default 0.5, as in the paper).
     pub fraction: f64,
-    /// Instead of `fraction`: the period for pre-training; what the model has otherwise is `model.period`.
+    /// Alternative to `fraction`: the period for pre-training. `model.period` is then the period of the model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period: Option<TimeRange>,
     /// Take the agents from this `pretrain` directory of another study instead of pre-training them.
@@ -32,14 +34,14 @@ pub struct PretrainConfig {
     pub checkpoint: Option<PathBuf>,
 }
 
-/// What fine-tuning does with Adam's moments.
+/// How fine-tuning treats Adam's moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MomentsRule {
-    /// They begin at zero, as with a new optimiser.
+    /// They start at zero, as with a new optimiser.
     #[default]
     Reset,
-    /// They go on from where pre-training left them.
+    /// They continue from the end of pre-training.
     Keep,
 }
 

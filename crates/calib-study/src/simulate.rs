@@ -9,13 +9,14 @@ use crate::{
     error::{Problem, require},
 };
 
-/// The `[simulate]` section: the plant whose log the study is of, and what `calib simulate` may be told.
+/// The `[simulate]` section: the plant that the log of the study is simulated from, and the options of
+/// `calib simulate`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulateConfig {
-    /// Days to simulate; the last may be a part of one (default 7).
+    /// Number of days to simulate; the last may be a fraction of a day (default 7).
     pub days: f64,
-    /// Sensor channels (default 480, as in the paper).
+    /// Number of sensor channels (default 480, as in the paper).
     pub channels: usize,
     /// Seconds between samples (default 1).
     pub period_secs: f64,
@@ -29,7 +30,7 @@ pub struct SimulateConfig {
     pub noise: f64,
     /// Mean rate of turbidity bursts (default 6).
     pub storms_per_day: f64,
-    /// Expected share of missing values of a healthy channel (default 0.001).
+    /// Expected fraction of missing values of a healthy channel (default 0.001).
     pub missing_fraction: f64,
     /// Mean rate of outages of the whole historian (default 0.5).
     pub gaps_per_day: f64,
@@ -37,22 +38,22 @@ pub struct SimulateConfig {
     pub stuck_per_day: f64,
     /// Mean rate of rows written twice (default 0).
     pub duplicates_per_day: f64,
-    /// Factor on the size of what changes from year to year (default 0: nothing does).
+    /// Factor on the size of changes from year to year (default 0: no change).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub change: Option<f64>,
-    /// Mean rate of new membranes (default 1).
+    /// Mean rate of membrane replacements (default 1).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub membranes_per_year: Option<f64>,
-    /// Mean rate of changes to another feed (default 2).
+    /// Mean rate of changes of the feed (default 2).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub feeds_per_year: Option<f64>,
-    /// Mean rate, per sensor, of being moved, exchanged or calibrated again (default 0.5).
+    /// Mean rate, per sensor, of moves, replacements or recalibrations (default 0.5).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensors_per_year: Option<f64>,
-    /// Mean rate of changed control settings (default 2).
+    /// Mean rate of changes of the control settings (default 2).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settings_per_year: Option<f64>,
-    /// Mean rate of pumps replaced (default 1).
+    /// Mean rate of pump replacements (default 1).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pumps_per_year: Option<f64>,
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{ModelSection, PretrainConfig, SimulateConfig, schema};
 
-/// A study file. Every key has a default but `[data] path` and `[sweep] sensors`.
+/// A study file. Every key except `[data] path` and `[sweep] sensors` has a default.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Study {
@@ -21,48 +21,49 @@ pub struct Study {
     /// Where results go, relative to the study file (default: the file's name without `.toml`,
     /// followed by `-results`).
     pub output: Option<PathBuf>,
-    /// The plant that the log is simulated from, if it is; unused where `--set` names other data.
+    /// The plant that the log is simulated from, if it is; unused if `--set` names other data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulate: Option<SimulateConfig>,
     /// Where the log is, and which part of it is training and which is held out.
     pub data: DataConfig,
-    /// The same study at other sizes, by name: what replaces the rest of it; empty once one was chosen, or none.
+    /// Variants of the study at other sizes, by name: each replaces some of its keys. Empty after one was chosen.
     #[serde(skip_serializing)]
     #[schemars(schema_with = "schema::profiles")]
     pub profiles: BTreeMap<String, toml::Table>,
-    /// Which of the models are compared (default: all).
+    /// Names of the models to compare (default: all).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compare: Option<Vec<String>>,
-    /// How models that are to be compared differ from the rest of the study, by name; empty where one was chosen.
+    /// Models to compare, by name: each replaces some keys of the study. Empty after one was chosen.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(schema_with = "schema::models")]
     pub models: BTreeMap<String, toml::Table>,
-    /// Named times of deployment, each with a held-out period; empty where one was chosen, which is then `data.held_out`.
+    /// Named times of deployment, each with a held-out period. Empty after one was chosen, which is then `data.held_out`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub deployments: BTreeMap<String, TimeRange>,
-    /// What people call sensors, and what they are measured in, by name. Default: what the header of the log says.
+    /// Labels and units of sensors, by name. Default: those in the header of the log.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub sensors: BTreeMap<String, Description>,
-    /// From log to states.
+    /// Preprocessing: from the log to states.
     pub preprocess: PreprocessConfig,
-    /// What neighbours are searched in.
+    /// The space in which neighbours are searched.
     pub representation: RepresentationConfig,
     /// The calibration model.
     pub model: ModelSection,
-    /// Networks, where the model is one.
+    /// Networks, for models of this kind.
     pub dynamics: DynamicsConfig,
     /// Rollouts of the model, and the start states of sweeps.
     pub rollout: RolloutConfig,
-    /// The agent, and so the default that a sweep compares with.
+    /// The agent. It is also the default that a sweep compares with.
     pub agent: AgentConfig,
-    /// Agents that learned from the log before they are deployed.
+    /// Agents that learn from the log before deployment.
     pub pretrain: PretrainConfig,
-    /// An agent that acts, tuned on a log with actions: for `calib control` and `calib run`; `calib init` writes it.
+    /// An agent that acts, tuned on a log with actions. It is used by `calib control` and `calib run`, and `calib init` writes
+    /// it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<ControlConfig>,
-    /// What to sweep.
+    /// The hyperparameters to sweep.
     pub sweep: SweepConfig,
-    /// How to judge.
+    /// How a setting is chosen and judged.
     pub evaluate: EvaluateConfig,
 }
 
@@ -182,13 +183,13 @@ impl Study {
 pub struct EvaluateConfig {
     /// How a setting is chosen from the evidence (default: `pooled`; `log_replay` without a model).
     pub rule: Rule,
-    /// Resamples of intervals (default 2000; 0 gives none).
+    /// Number of bootstrap resamples for intervals (default 2000; 0 for no intervals).
     pub resamples: usize,
     /// The choice counts as a hit if it is among the best `top_k` settings on held-out data (default 3).
     pub top_k: usize,
     /// Title of the report (default: the study file's name).
     pub title: Option<String>,
-    /// A list of tags with their units and descriptions: a CSV file, relative to the study file (default: none).
+    /// A CSV file with the tags, their units and descriptions, relative to the study file (default: none).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tags: Option<PathBuf>,
 }
