@@ -14,7 +14,7 @@ pub struct Change {
     pub kind: ChangeKind,
 }
 
-/// What was changed, and what it is from then on. Factors and offsets are from the plant as it was at first.
+/// A change of the plant, and the state from then on. Factors and offsets are relative to the initial plant.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum ChangeKind {
@@ -22,11 +22,11 @@ pub enum ChangeKind {
     Membranes(Membranes),
     /// Another feed.
     Feed(Feed),
-    /// A sensor that was moved, exchanged or calibrated again.
+    /// A sensor that was moved, replaced or recalibrated.
     Sensor {
-        /// Its tag.
+        /// Tag of the sensor.
         tag: String,
-        /// What it shows from then on.
+        /// Its readings from then on.
         #[serde(flatten)]
         sensor: Sensor,
     },
@@ -36,39 +36,39 @@ pub enum ChangeKind {
     Pump(Pump),
 }
 
-/// Membranes as they are when new.
+/// Properties of the membranes when new.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Membranes {
-    /// Factor on the resistance of the clean membrane: the inverse of that on its permeability.
+    /// Factor on the resistance of the clean membrane, the inverse of the factor on its permeability.
     pub resistance: f64,
     /// Factor on the rates at which cake and pores build up.
     pub fouling: f64,
 }
 
-/// What flows to the plant.
+/// Properties of the feed water.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Feed {
     /// Days over which it is blended in.
     pub blending_days: f64,
     /// Offset of the temperature, °C.
     pub temperature_offset: f64,
-    /// Factor on the size of the temperature's season.
+    /// Factor on the seasonal amplitude of the temperature.
     pub season: f64,
-    /// Days by which the season comes later.
+    /// Days by which the season is delayed.
     pub season_delay_days: f64,
-    /// Factor on the turbidity in calm: the mean.
+    /// Factor on the mean turbidity in calm periods.
     pub turbidity: f64,
-    /// Factor on the turbidity of storms: the spread.
+    /// Factor on the spread of the turbidity in storms.
     pub storms: f64,
     /// Offset of the conductivity, µS/cm.
     pub conductivity_offset: f64,
     /// Offset of the pH.
     pub acidity_offset: f64,
-    /// Factor on organic matter (TOC), and so on fouling and on the dose of hypochlorite.
+    /// Factor on organic matter (TOC), which also affects fouling and the dose of hypochlorite.
     pub organics: f64,
 }
 
-/// What a sensor makes of the true value x: it follows `gain · x + offset` with a time constant.
+/// Response of a sensor to the true value x: it follows `gain · x + offset` with a time constant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Sensor {
     /// Offset, in the unit of the sensor.
@@ -84,13 +84,13 @@ pub struct Sensor {
 /// Control settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Settings {
-    /// Factor on the target of production.
+    /// Factor on the production target.
     pub production: f64,
-    /// Factor on the time of production up to a back-pulse.
+    /// Factor on the production time between back-pulses.
     pub back_pulse_interval: f64,
 }
 
-/// What a pump is for.
+/// Duty of a pump.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PumpDuty {
@@ -103,13 +103,13 @@ pub enum PumpDuty {
 /// A pump.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Pump {
-    /// What it is for.
+    /// The duty of the pump.
     pub duty: PumpDuty,
-    /// Factor on the speed for the same flow.
+    /// Factor on the speed that the same flow requires.
     pub speed: f64,
     /// Factor on the pulsation: of the membrane pressure, or of the feed flow.
     pub pulsation: f64,
-    /// Factor on the time in which it answers to its set point.
+    /// Factor on the response time to its set-point.
     pub response: f64,
 }
 
