@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Which of the two published ways to write the loss is meant.
+/// The form of the loss: two published forms exist.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub enum LossForm {
     /// β weighs the whole repulsion: β · mean [(ψᵢ·ψⱼ)² − ζ‖ψᵢ‖² − ζ‖ψⱼ‖²].
@@ -21,7 +21,7 @@ pub struct LossConfig {
     pub attraction: f64,
     /// Weight β of the repulsion, > 0. Default 5 (paper).
     pub beta: f64,
-    /// Size ζ that the repulsion drives second moments to, > 0. Default 0.05 (paper).
+    /// Target ζ of the second moments, which the repulsion drives them to, > 0. Default 0.05 (paper).
     pub zeta: f64,
 }
 
@@ -61,7 +61,8 @@ pub struct LaplacianConfig {
     pub loss: LossConfig,
     /// Decay κ of the time between the states of a pair, in (0, 1]. Default 0.95 (paper).
     pub kappa: f64,
-    /// States of a sub-trajectory T: pairs are 1 to T − 1 steps apart; at least 2. Default 20 (paper).
+    /// Number of states T of a sub-trajectory: pairs are 1 to T − 1 steps apart; at least 2. Default
+    /// 20 (paper).
     pub trajectory: usize,
     /// Dimensions d of ψ. Default 64 (paper).
     pub dimension: usize,
@@ -73,7 +74,7 @@ pub struct LaplacianConfig {
     pub learning_rate: f64,
     /// Pairs of a mini-batch, and states that repel each other; at least 2. Default 256 (paper).
     pub batch_size: usize,
-    /// Updates. Default 100,000 (paper, one week of data).
+    /// Number of updates. Default 100,000 (paper, one week of data).
     pub steps: usize,
 }
 

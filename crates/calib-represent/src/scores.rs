@@ -16,18 +16,18 @@ const MOST_DISTINCT: usize = 20_000;
 /// A dimension is live if its second moment is at least this fraction of the largest one.
 const ALIVE: f64 = 0.01;
 
-/// How good a representation is, by the states that it was not trained on.
+/// Scores of a representation on states that it was not trained on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Scores {
     /// `(d_rand − d_succ)/d_rand`, at least 0: how much nearer successive states are than random ones.
     pub dynamics_awareness: f64,
-    /// Distinct ψ / distinct states, at most 1: whether different states stay different.
+    /// Distinct ψ / distinct states, at most 1: whether different states remain different.
     pub uniqueness: f64,
-    /// Eigenvalues of the second moment `E[ψψᵀ]` that are at least 1 % of the greatest.
+    /// Number of eigenvalues of the second moment `E[ψψᵀ]` that are at least 1 % of the largest.
     pub live_dimensions: usize,
     /// `d_succ`: mean ‖ψ(s) − ψ(s')‖ of successive states.
     pub successive_distance: f64,
-    /// `d_rand`: mean ‖ψ(s) − ψ(s')‖ of as many random pairs.
+    /// `d_rand`: mean ‖ψ(s) − ψ(s')‖ of an equal number of random pairs.
     pub random_distance: f64,
 }
 

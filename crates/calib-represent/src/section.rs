@@ -3,20 +3,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::{LaplacianConfig, LossConfig, LossForm, OneOrMore, RepresentConfigError};
 
-/// Where neighbours are searched.
+/// The space in which neighbours are searched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RepresentationKind {
-    /// Among the normalised states themselves.
+    /// The normalised states.
     #[default]
     None,
-    /// In a representation that calib trains.
+    /// A representation that calib trains.
     Laplacian,
-    /// In a representation that comes from elsewhere.
+    /// A representation from a file.
     Import,
 }
 
-/// The `[representation]` section of a study. A list of values is tried one by one; several lists make every
+/// The `[representation]` section of a study. Each value of a list is tried; several lists make every
 /// combination.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -29,13 +29,13 @@ pub struct RepresentationConfig {
     pub attraction: f64,
     /// Weight β of the repulsion.
     pub beta: OneOrMore<f64>,
-    /// Size ζ that the repulsion drives second moments to.
+    /// Target ζ of the second moments, which the repulsion drives them to.
     pub zeta: OneOrMore<f64>,
     /// Decay κ of the time between the states of a pair.
     pub kappa: OneOrMore<f64>,
-    /// States of a sub-trajectory T.
+    /// Number of states T of a sub-trajectory.
     pub trajectory: usize,
-    /// Dimensions of ψ.
+    /// Number of dimensions of ψ.
     pub dimension: OneOrMore<usize>,
     /// Hidden layers of the encoder.
     pub hidden_layers: usize,
@@ -43,11 +43,12 @@ pub struct RepresentationConfig {
     pub hidden_units: OneOrMore<usize>,
     /// Step size of Adam.
     pub learning_rate: OneOrMore<f64>,
-    /// Pairs of a mini-batch.
+    /// Number of pairs in a mini-batch.
     pub batch_size: usize,
-    /// Updates.
+    /// Number of updates.
     pub steps: usize,
-    /// Only for `"import"`: `.npy`, `.safetensors` or Parquet file, from the study file's folder.
+    /// Only for `"import"`: a `.npy`, `.safetensors` or Parquet file, relative to the folder of the study
+    /// file.
     pub path: Option<String>,
     /// Only for safetensors: the name of the tensor (default: the only one).
     pub tensor: Option<String>,

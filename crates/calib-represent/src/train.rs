@@ -27,26 +27,26 @@ const EXPLOSION: f64 = 1e4;
 /// A point of the learning curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Point {
-    /// Updates so far.
+    /// Number of updates so far.
     pub step: usize,
-    /// Mean loss of the updates since the point before.
+    /// Mean loss of the updates since the previous point.
     pub loss: f64,
     /// Scores on evenly spaced validation states.
     pub scores: Scores,
 }
 
-/// Why a training was stopped before its time.
+/// Why a training stopped early.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "reason")]
 pub enum Divergence {
     /// The loss, or ψ of a validation state, was NaN or infinite.
     NotFinite {
-        /// The update, from 1.
+        /// Number of the update, from 1.
         step: usize,
     },
-    /// The loss grew beyond all bounds of a training that converges.
+    /// The loss grew far beyond the values of a training that converges.
     Exploded {
-        /// The update, from 1.
+        /// Number of the update, from 1.
         step: usize,
         /// The loss.
         loss: f64,
