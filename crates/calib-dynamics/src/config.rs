@@ -7,20 +7,20 @@ use crate::{DynamicsError, Noise};
 
 /// The `[dynamics]` section of a study: parametric models, of any kind but `"knn"`.
 ///
-/// Defaults are the paper's (its tables of NN and GRU hyperparameters); what it leaves open is our choice.
+/// Defaults are those of the paper (its tables of NN and GRU hyperparameters). Where the paper gives none, they are our choice.
 ///
 /// | key | default | meaning |
 /// |---|---|---|
 /// | `hidden_layers` | 2 | hidden layers of the network, or layers of the GRU |
-/// | `hidden_units` | 512 | units of each |
-/// | `learning_rate` | 1e-3 | of Adam |
-/// | `batch_size` | 256 | transitions, or sequences, of an update |
+/// | `hidden_units` | 512 | units of each layer |
+/// | `learning_rate` | 1e-3 | step size of Adam |
+/// | `batch_size` | 256 | transitions, or sequences, per update |
 /// | `epochs` | 100 | passes over the training part |
-/// | `sequence_length` | 20 | transitions of a sequence, for the GRU |
-/// | `sequence_stride` | 1 | transitions from one sequence's start to the next one's (our choice: every window) |
-/// | `validation_fraction` | 0.1 | last part of the training range that networks do not learn from (our choice) |
-/// | `keep` | `"best"` | weights of the epoch with the lowest validation loss, or of the last (our choice) |
-/// | `noise` | `"none"` | what rollouts add to predictions: nothing (the paper), or recorded residuals |
+/// | `sequence_length` | 20 | transitions per sequence, for the GRU |
+/// | `sequence_stride` | 1 | transitions between the starts of successive sequences (our choice: every window) |
+/// | `validation_fraction` | 0.1 | fraction of the training range, at its end, that is used only for validation (our choice) |
+/// | `keep` | `"best"` | the epoch whose weights are kept: the one with the lowest validation loss, or the last (our choice) |
+/// | `noise` | `"none"` | noise that rollouts add to predictions: none (the paper), or recorded residuals |
 /// | `path` | none | a `TorchScript` file, for `"torchscript"` |
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -31,19 +31,19 @@ pub struct DynamicsConfig {
     pub hidden_units: usize,
     /// Step size of Adam.
     pub learning_rate: f64,
-    /// Transitions, or sequences, of an update.
+    /// Transitions, or sequences, per update.
     pub batch_size: usize,
     /// Passes over the training part.
     pub epochs: usize,
-    /// Transitions of a sequence.
+    /// Transitions per sequence.
     pub sequence_length: usize,
-    /// Transitions from one sequence's start to the next one's.
+    /// Transitions between the starts of successive sequences.
     pub sequence_stride: usize,
-    /// Last part of the training range that networks do not learn from.
+    /// Fraction of the training range, at its end, that is used only for validation.
     pub validation_fraction: f64,
-    /// Which epoch's weights are kept.
+    /// The epoch whose weights are kept.
     pub keep: Keep,
-    /// The noise that rollouts add to predictions: `"none"` (the paper), `"residual"` or `"block"`. Left out where it is the default.
+    /// The noise that rollouts add to predictions: `"none"` (the paper), `"residual"` or `"block"`. Omitted where it is the default.
     #[serde(skip_serializing_if = "DynamicsConfig::is_without_noise")]
     #[schemars(extend("default" = "none"))]
     pub noise: Noise,
@@ -51,14 +51,14 @@ pub struct DynamicsConfig {
     pub path: Option<PathBuf>,
 }
 
-/// Which epoch's weights are kept.
+/// The epoch whose weights are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Keep {
-    /// The one with the lowest validation loss; of equal ones the first.
+    /// The epoch with the lowest validation loss; the first of equal ones.
     #[default]
     Best,
-    /// The last.
+    /// The last epoch.
     Last,
 }
 

@@ -19,10 +19,10 @@ const BLOCK: f64 = 36.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Noise {
-    /// Nothing (the paper): rollouts of conditional means.
+    /// No noise (the paper): rollouts of conditional means.
     #[default]
     None,
-    /// At each step the residual of a random validation transition, all columns together.
+    /// At each step, the residual of a random validation transition, with all columns together.
     Residual,
     /// Residuals in the order in which they were recorded, in blocks of 36 steps on average.
     Block,
