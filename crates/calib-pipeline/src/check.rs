@@ -21,27 +21,27 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
-/// What was found in a folder of results.
+/// Result of checking a folder of results.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub struct CheckedResults {
-    /// Files that were compared with what was written.
+    /// Number of files that were compared with their fingerprints.
     pub files: usize,
-    /// Folders without a manifest: what makes them was interrupted, or is at work.
+    /// Folders without a manifest: the command that writes them was interrupted or is still running.
     pub unfinished: Vec<PathBuf>,
-    /// Files that are not what was written, or are missing.
+    /// Files that are missing or differ from what was written.
     pub damages: Vec<Damage>,
     /// Logs that were read again, with `--read-data`.
     pub logs: Vec<String>,
 }
 
-/// A file that is not what was written.
+/// A file that is missing or differs from what was written.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Damage {
-    /// Where it is; of a log, what the study calls it.
+    /// Path of the file; for a log, its path in the study.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The damage.
     pub reason: String,
-    /// The command that makes it again.
+    /// The command that makes the file again.
     pub made_by: String,
 }
 

@@ -8,16 +8,16 @@ use serde::Serialize;
 
 use crate::control::{self, InspectedActions};
 
-/// What was found in a log.
+/// Result of inspecting a log.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Inspection {
-    /// Its rows, channels, gaps and oddities, and the states that it gives.
+    /// Rows, channels, gaps and problems of the log, and the resulting states.
     #[serde(flatten)]
     pub profile: Profile,
-    /// What a log of decisions did and got; of a study with `[control]`.
+    /// Actions and rewards of the log, if the study has `[control]`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<InspectedActions>,
-    /// What becomes of rows that contradict each other.
+    /// How rows that contradict each other are treated.
     #[serde(skip)]
     contradictions: Contradictions,
 }

@@ -26,7 +26,7 @@ pub(crate) struct Plan {
     steps: Vec<PlannedStep>,
 }
 
-/// A step of one model and deployment.
+/// A step for one model and deployment.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct PlannedStep {
     #[schemars(with = "String")]
@@ -36,7 +36,7 @@ pub(crate) struct PlannedStep {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) deployment: Option<String>,
     pub(crate) state: State,
-    /// What it will take, where that is known.
+    /// Expected cost of the step, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     expected: Option<Expected>,
 }

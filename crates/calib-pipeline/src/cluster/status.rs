@@ -18,18 +18,18 @@ use crate::cluster::{
     results::Extent,
 };
 
-/// What a plan takes.
+/// Size and predicted cost of a plan.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Summary {
     pub(crate) shards: usize,
     pub(crate) stages: usize,
     pub(crate) units: usize,
-    /// Predicted seconds on one thread, of all shards and of the longest.
+    /// Predicted seconds on one thread, for all shards; the next field is for the longest shard.
     pub(crate) secs: f64,
     pub(crate) longest_secs: f64,
-    /// Predicted seconds where every shard has a machine.
+    /// Predicted seconds if every shard has its own machine.
     pub(crate) together_secs: f64,
-    /// Bytes of memory that a shard takes at most.
+    /// Largest memory of a shard, in bytes.
     pub(crate) memory: u64,
 }
 
@@ -51,15 +51,15 @@ pub(crate) fn summary(plan: &PlanFile) -> Summary {
     }
 }
 
-/// How a shard stands.
+/// State of a shard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum State {
     Done,
-    /// Some of its units are there.
+    /// Some of its units are done.
     Begun,
     Missing,
-    /// Its file is not what it should be.
+    /// Its file is damaged.
     Faulty,
 }
 
@@ -72,20 +72,20 @@ pub(crate) struct ShardStatus {
     #[serde(rename = "of")]
     pub(crate) all_units: usize,
     pub(crate) attempts: usize,
-    /// Whether an attempt is at work, as far as that can be seen from this machine.
+    /// Whether an attempt is running, as far as this machine can see.
     pub(crate) is_running: bool,
     pub(crate) predicted_secs: f64,
-    /// What its passes took, in all attempts.
+    /// Seconds that its passes took, over all attempts.
     pub(crate) secs: f64,
-    /// What is to be known of it.
+    /// A note on the shard.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) note: Option<String>,
-    /// What the queue says, where there is one.
+    /// The state that the queue reports, if there is a queue.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) queue: Option<String>,
 }
 
-/// The answer for machines.
+/// Status of a plan for `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Status {
     pub(crate) plan: Summary,

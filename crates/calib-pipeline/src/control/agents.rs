@@ -28,11 +28,12 @@ use super::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum ActingAgent {
-    /// One of calib's.
+    /// An agent of calib.
     Own(AgentConfig),
-    /// One of a program.
+    /// An agent of a program.
     Program {
-        /// What the program was told: `[agent.parameters]`, with the values of the grid.
+        /// The parameters that the program was given: `[agent.parameters]`, with the values of the
+        /// grid.
         parameters: BTreeMap<String, Value>,
     },
 }
@@ -55,12 +56,12 @@ impl ActingAgent {
     }
 }
 
-/// A setting with which the program failed in some run.
+/// A setting with which the program failed in at least one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(super) struct SettingFailure {
-    /// Which setting.
+    /// Index of the setting.
     pub(super) candidate: usize,
-    /// What distinguishes it.
+    /// Description of the setting, by its swept parameters.
     pub(super) setting: String,
 }
 

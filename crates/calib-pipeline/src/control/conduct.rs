@@ -14,18 +14,19 @@ const TOLD: usize = 200;
 /// Number of state columns that are stored.
 const COLUMNS: usize = 4;
 
-/// What the chosen agent did at the end of its first run in the neighbours of the first ensemble member.
+/// Behaviour of the chosen agent at the end of its first run, in the neighbour model of the first ensemble
+/// member.
 #[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(super) struct AgentConduct {
-    /// Steps that `taken` counts: the last quarter of the run.
+    /// Number of steps that `taken` counts: the last quarter of the run.
     pub(super) steps: usize,
-    /// What each column of the actions was set to, in the last steps.
+    /// Values that each action column was set to in the last steps.
     pub(super) set: Vec<SetValues>,
-    /// Columns of the states: first those of the reward.
+    /// Columns of the states, those of the reward first.
     pub(super) columns: Vec<ColumnConduct>,
     /// Rewards of the last steps.
     pub(super) rewards: Vec<f64>,
-    /// Of the last steps, those with which an episode begins.
+    /// Indices of the last steps at which an episode begins.
     pub(super) begins: Vec<usize>,
 }
 
@@ -40,13 +41,14 @@ pub(super) struct SetValues {
 #[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(super) struct ColumnConduct {
     pub(super) column: String,
-    /// In the last steps.
+    /// Values in the last steps.
     pub(super) values: Vec<f64>,
     /// Upper bounds of the parts of the recorded range.
     pub(super) upper: Vec<f64>,
-    /// Steps of the agent in each part.
+    /// Number of the agent's steps in each part.
     pub(super) steps: Vec<usize>,
-    /// Share of these steps in which the action was taken, `[actions][parts]`; 0 where the agent never was.
+    /// Share of these steps in which the action was taken, `[actions][parts]`; 0 in parts that the agent
+    /// never visited.
     pub(super) taken: Vec<Vec<f64>>,
 }
 

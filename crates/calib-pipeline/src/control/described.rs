@@ -11,12 +11,12 @@ use super::log::Names;
 /// Number of parts of a column in the map of coverage.
 const PARTS: usize = 5;
 
-/// A log of decisions, as told.
+/// Summary of a log with actions.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(super) struct ActionLogSummary {
-    /// What the actions are called, and how the log has them.
+    /// Names and statistics of the actions.
     pub(super) actions: Vec<ActionTold>,
-    /// What was set, where actions are continuous; the actions are then levels of it, each with the transitions that are nearest to it.
+    /// Recorded values of continuous action columns. The actions are then levels of these, each with its nearest transitions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) settings: Vec<SettingTold>,
     /// Columns of the states.
@@ -24,41 +24,41 @@ pub(super) struct ActionLogSummary {
     pub(super) transitions: usize,
     pub(super) episodes: usize,
     pub(super) terminals: usize,
-    /// What neighbours were near in.
+    /// The space in which distances between states were measured.
     pub(super) distance: Distance,
     /// Distance up to which a recorded transition covers a state.
     pub(super) radius: f32,
-    /// Where along each column the log says what each action does.
+    /// Where along each column the log covers each action.
     pub(super) map: Vec<ColumnMap>,
 }
 
-/// A continuous action as the log has it.
+/// A continuous action column in the log.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(super) struct SettingTold {
     pub(super) column: String,
-    /// What was set: the least, the 5 %, 50 % and 95 % quantiles, and the largest.
+    /// Quantiles of the recorded values: minimum, 5 %, 50 %, 95 % and maximum.
     pub(super) quantiles: [f64; 5],
 }
 
-/// An action as the log has it.
+/// An action in the log.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(super) struct ActionTold {
     pub(super) name: String,
-    /// Transitions with it.
+    /// Number of transitions with the action.
     pub(super) transitions: usize,
-    /// Share of the recorded states near which it was taken.
+    /// Share of the recorded states near which the action was taken.
     pub(super) covered: f64,
-    /// In which states it was taken: the 5 %, 50 % and 95 % quantiles of each column, in its unit; none if it never was.
+    /// States in which the action was taken: the 5 %, 50 % and 95 % quantiles of each column, in its unit; empty if it was never taken.
     pub(super) states: Vec<Spread>,
 }
 
-/// Where along a column the log says what each action does.
+/// Coverage of each action along one column.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(super) struct ColumnMap {
     pub(super) column: String,
     /// Upper bound of each part, in the unit of the column.
     pub(super) upper: Vec<f64>,
-    /// Recorded states in each part, over all members.
+    /// Number of recorded states in each part, over all ensemble members.
     pub(super) states: Vec<usize>,
     /// Share of the states of each part near which the action was taken, `[actions][parts]`.
     pub(super) covered: Vec<Vec<f64>>,

@@ -53,40 +53,40 @@ impl Manifest for ControlManifest {
     }
 }
 
-/// `verdict.json`: what the log holds, what was compared, and what to deploy.
+/// `verdict.json`: a summary of the log, the compared settings, and the verdict on deployment.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct ControlEvaluation {
-    /// What the log holds.
+    /// Summary of the log.
     #[serde(flatten)]
     pub(super) log: ActionLogSummary,
-    /// What an episode ends with where the log does not cover a step.
+    /// Return that an episode ends with where the log does not cover a step.
     pub(super) worst_return: f64,
-    /// What was compared.
+    /// The agents that were compared, one for each setting.
     pub(super) candidates: Vec<ActingAgent>,
-    /// What distinguishes each: field and value.
+    /// The swept fields of each setting, with their values.
     pub(super) fields: Vec<Vec<(String, String)>>,
     pub(super) verdict: ReturnVerdict,
-    /// How each candidate learnt: the mean return an episode in each tenth of its episodes, over members and runs with at least ten
-    /// (`[candidates][tenths]`; empty without any).
+    /// Learning curve of each setting: the mean return per episode in each tenth of its episodes, over ensemble members and runs with at
+    /// least ten episodes (`[candidates][tenths]`; empty if there are none).
     #[serde(with = "calib_stats::diverged::rows")]
     #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub(super) learning: Vec<Vec<f64>>,
-    /// Value of each candidate by fitted Q evaluation, which needs no model: for comparison (`"-inf"` if it diverged). Agents of a program
-    /// have none.
+    /// Value of each setting by fitted Q evaluation, which needs no model: for comparison only (`"-inf"` if it diverged). Empty for agents
+    /// of a program.
     #[serde(default, skip_serializing_if = "Vec::is_empty", with = "calib_stats::diverged::each")]
     #[schemars(with = "Vec<calib_stats::diverged::Stored>")]
     pub(super) fitted_q_evaluation: Vec<f64>,
-    /// The same by weighted importance sampling, where the log has the probabilities of its actions: for comparison.
+    /// Value of each setting by weighted importance sampling, if the log has the probabilities of its actions: for comparison only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) importance_sampling: Option<Vec<Importance>>,
-    /// The same by the weighted doubly robust estimator, which corrects the values of fitted Q evaluation on the episodes of importance
-    /// sampling. A candidate has none where fitted Q evaluation diverged or importance sampling has no value.
+    /// Value of each setting by the weighted doubly robust estimator, which corrects the values of fitted Q evaluation on the episodes of
+    /// importance sampling. None for a setting if fitted Q evaluation diverged or importance sampling has no value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) doubly_robust: Option<Vec<Option<f64>>>,
-    /// What the chosen agent did at the end of its first run; none if it diverged there.
+    /// Behaviour of the chosen agent at the end of its first run; none if it diverged in this run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) conduct: Option<AgentConduct>,
-    /// Settings of a program that failed: they are last in every ranking.
+    /// Settings with which a program failed. They rank last.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) failures: Vec<SettingFailure>,
 }
@@ -173,16 +173,17 @@ impl ControlEvaluation {
     }
 }
 
-/// The same for machines, with the choice before it.
+/// The evaluation for `--json`, with the choice first.
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct ControlSummary<'a> {
-    /// What to deploy, if the log supports it: the chosen candidate.
+    /// The agent of the chosen setting. Deploy it only if the log supports it.
     choice: &'a ActingAgent,
-    /// What to do, in words.
+    /// The decision in words.
     decision: Decision,
-    /// Whether the choice is ahead of the default in the models, whatever speaks against deploying it.
+    /// Whether the chosen setting is ahead of the default in the models, even if there are reasons against deployment.
     is_ahead_of_default: bool,
-    /// How far the kinds of models agree on the order of the candidates (Spearman's correlation); none of one kind or few candidates.
+    /// Agreement of the kinds of models on the order of the settings (Spearman's correlation); none if there is one kind or too few
+    /// settings.
     kinds_agreement: Option<f64>,
     #[serde(flatten)]
     evaluation: &'a ControlEvaluation,

@@ -14,28 +14,28 @@ use super::{
     log, rare, show,
 };
 
-/// A log of decisions before anything learns from it.
+/// A log with actions, as inspected before any training.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct InspectedActions {
-    /// What was done, and where the log says what an action does.
+    /// The recorded actions, and where the log covers each of them.
     #[serde(flatten)]
     log: ActionLogSummary,
-    /// What came of it.
+    /// Statistics of the rewards.
     reward: RewardSummary,
 }
 
-/// Rewards of a log of decisions, in their unit.
+/// Statistics of the rewards of a log with actions, in their unit.
 #[derive(Debug, Serialize, JsonSchema)]
 struct RewardSummary {
-    /// Mean of a step.
+    /// Mean reward per step.
     mean: f64,
-    /// The least of a step.
+    /// Smallest reward of a step.
     least: f64,
-    /// The largest of a step.
+    /// Largest reward of a step.
     largest: f64,
     /// Mean return of recorded episodes, cut after `control.timeout` steps.
     mean_return: f64,
-    /// Why that mean is beyond every whole episode, where it is.
+    /// Why that mean lies outside the range of all whole episodes, if it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     beyond_whole_episodes: Option<&'static str>,
 }

@@ -29,58 +29,60 @@ const COLUMN_BYTES: usize = 50;
 /// Size of a disk block. Files take whole blocks on most disks.
 const BLOCK_BYTES: usize = 4_096;
 
-/// What `calib control` would do: the result of a dry run.
+/// The plan of `calib control`: the result of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ControlPlan {
-    /// Runs in all, each one setting in one ensemble member; of a share, its own.
+    /// Number of runs, each one setting in one ensemble member; under `--share`, the runs of this share.
     runs: usize,
-    /// Runs that are not made yet.
+    /// Runs that are still to make.
     left: usize,
-    /// Threads that share the work.
+    /// Number of threads.
     threads: usize,
-    /// What it takes.
+    /// Memory that the command needs.
     memory: ControlMemory,
-    /// Bytes of the representation and the model, if they are not there, and of the runs that are left.
+    /// Bytes on disk for the representation and the model, if they are missing, and for the runs still to make.
     disk: u64,
-    /// How long it will take, if that is known.
+    /// Expected time, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     expected: Option<ControlTime>,
-    /// Why it is not known how long it will take.
+    /// Why the expected time is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     unknown: Option<String>,
 }
 
-/// Bytes that it takes at most, beside calib itself.
+/// Largest memory use in bytes, without calib itself.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 struct ControlMemory {
     /// The decisions of the log.
     log: u64,
     /// Tables of neighbours of all ensemble members.
     tables: u64,
-    /// Training the representation, if it is not there.
+    /// Training the representation, if it is missing.
     representation: u64,
-    /// What other kinds of models need beside the tables.
+    /// Memory of other kinds of models, in addition to the tables.
     other_models: u64,
-    /// An agent, or its evaluation by the log alone, on each thread. What a program of agents takes is not in it.
+    /// An agent, or its evaluation by the log alone, on each thread. It does not include the memory of a program of
+    /// agents.
     thread: u64,
-    /// All of it.
+    /// Sum of all these.
     total: u64,
-    /// What the system has, where it says so.
+    /// Memory that the system has, if it reports it.
     available: Option<u64>,
 }
 
-/// How long it takes, in seconds until the last thread ends, if nothing else runs.
+/// Expected time in seconds until the last thread ends, if nothing else runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 struct ControlTime {
-    /// Training and scoring the representation, if it is not there.
+    /// Training and scoring the representation, if it is missing.
     representation_secs: f64,
-    /// Making models, training networks among them.
+    /// Building models, including the training of networks.
     models_secs: f64,
-    /// The runs that are left, and keeping each in its file.
+    /// The runs still to make, and writing their files.
     runs_secs: f64,
-    /// Constant and random actions, evaluations by the log alone, and the chosen agent once more; nothing of a share.
+    /// Constant and random actions, evaluations by the log alone, and one more run of the chosen agent; 0 under
+    /// `--share`.
     other_secs: f64,
-    /// All of it.
+    /// Sum of all these.
     secs: f64,
 }
 

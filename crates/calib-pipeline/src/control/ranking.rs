@@ -17,29 +17,29 @@ use super::{
     units::{self, StoredRuns},
 };
 
-/// How the settings of agents that act stand. It is provisional as long as runs are missing, and no verdict: nothing is said of what
-/// speaks against deploying them.
+/// Current ranking of the settings of agents that act. It is provisional while runs are missing. It is not a verdict: it does not
+/// check for reasons against deployment.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct ControlRanking {
-    /// Runs that are there, and runs in all.
+    /// Number of finished runs, and of all runs.
     pub(crate) runs: [usize; 2],
-    /// Runs that are kept beside these and are of other values of the study's keys, or on another log.
+    /// Stored runs that belong to other values of the study's keys, or to another log.
     pub(crate) other_runs: usize,
-    /// Ensemble members, of all kinds of models, in which every setting has a run. The ranking is by these.
+    /// Number of ensemble members, of all kinds of models, in which every setting has a run. The ranking uses only these.
     pub(crate) members: usize,
-    /// The best first; none while no member has a run of every setting.
+    /// The settings, best first; empty while no ensemble member has a run of every setting.
     pub(crate) settings: Vec<ControlRanked>,
 }
 
-/// A setting.
+/// A setting in the ranking.
 #[derive(Debug, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct ControlRanked {
     pub(crate) setting: String,
     pub(crate) is_default: bool,
-    /// Whether the program failed with it.
+    /// Whether the program failed with the setting.
     pub(crate) has_failed: bool,
     pub(crate) mean_rank: f64,
-    /// Mean return an episode in the models; none if it diverged in one, or failed.
+    /// Mean return per episode in the models; none if the setting diverged in one, or failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) mean_return: Option<f64>,
 }

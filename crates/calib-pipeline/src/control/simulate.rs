@@ -33,20 +33,20 @@ pub struct SimulateTask {
     pub existing: calib_base::options::ExistingFile,
 }
 
-/// A log of a task whose truth is known.
+/// A simulated log of a task whose true returns are known.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SimulatedTask {
-    /// The log.
+    /// Path of the log.
     pub log: PathBuf,
-    /// A study of it.
+    /// Path of a study of the log.
     pub study: PathBuf,
-    /// Transitions in it.
+    /// Number of transitions in the log.
     pub transitions: usize,
-    /// Episodes in it.
+    /// Number of episodes in the log.
     pub episodes: usize,
-    /// Of these, those that end in a terminal.
+    /// Number of episodes that end in a terminal.
     pub terminals: usize,
-    /// Mean return of the policy where the task begins, over 100 episodes.
+    /// Mean return of the recorded policy from the start states of the task, over 100 episodes.
     pub behaviour: f64,
 }
 

@@ -46,23 +46,23 @@ use self::{
 /// Share of the requested time for comparing agents. The rest is for the study. Our choice.
 const COMPARED: f64 = 0.5;
 
-/// What was chosen, for `--json`.
+/// The proposed study, for `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Chosen {
-    /// The file that was written.
+    /// The study file that was written.
     study: PathBuf,
-    /// Channels that are used.
+    /// Number of channels that are used.
     channels: usize,
-    /// Those that are not, with the reason.
+    /// Channels that are not used, each with the reason.
     left_out: Vec<[String; 2]>,
-    /// Channels that are angles, each with a full turn in its unit: their sines and cosines are used. Default: none.
+    /// Channels that are angles, each with a full turn in its unit. Their sines and cosines are used. Default: none.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     angles: BTreeMap<String, f64>,
-    /// First moment of the training range, and the first after it.
+    /// Start of the training range, and its end, which is not included.
     train: [Timestamp; 2],
-    /// Of what is held out.
+    /// Start of the held-out range, and its end, which is not included.
     held_out: [Timestamp; 2],
-    /// Rows of the two.
+    /// Number of rows of the training range and of the held-out range.
     rows: [usize; 2],
     /// Time from one state to the next, in seconds.
     state_secs: f64,
@@ -71,12 +71,13 @@ pub(crate) struct Chosen {
     agent_reason: String,
     gamma: f64,
     horizon_secs: f64,
-    /// Steps of every run.
+    /// Number of steps of every run.
     steps: usize,
-    /// How long `calib run` takes on this machine, in seconds, as far as could be told: with what else it does while `calib init` measures.
-    /// None where the time was over before that was measured.
+    /// Estimated duration of `calib run` on this machine, in seconds, under the load that the machine has while `calib init` measures. None
+    /// if the time limit was reached before it was measured.
     expected_secs: Option<f64>,
-    /// Processor time that it takes, in seconds, whatever else the machine does; none where the system does not say, or it was not measured.
+    /// Estimated processor time of `calib run`, in seconds, which does not depend on the load of the machine. None if the system does not
+    /// report it, or it was not measured.
     expected_processor_secs: Option<f64>,
 }
 

@@ -28,7 +28,7 @@ use crate::{
 
 pub use self::find::StatusRequest;
 
-/// How a study or a plan of shards stands.
+/// Status of a study or of a plan of shards.
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum StandingOf {
@@ -38,26 +38,26 @@ pub enum StandingOf {
     Cluster(ClusterStanding),
 }
 
-/// How a study stands.
+/// Status of a study.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct StudyStanding {
     pub(crate) study: PathBuf,
     pub(crate) results: PathBuf,
     pub(crate) state: Overall,
-    /// Commands that are at work, or were killed.
+    /// Commands that are running, or were killed.
     pub(crate) commands: Vec<Command>,
-    /// The command that ends the study, where all runs are made and none is at work.
+    /// The command that completes the study, if all runs are finished and no command is running.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) next: Option<String>,
-    /// Seconds until all that runs is done, as far as that can be told.
+    /// Estimated seconds until the running commands are done, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) secs_left: Option<f64>,
     pub(crate) steps: Vec<StepStanding>,
     pub(crate) rankings: Vec<Ranking>,
-    /// How the settings of agents that act stand.
+    /// Current ranking of the settings of agents that act.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) control: Option<ControlRanking>,
-    /// The report, if there is one.
+    /// Path of the report, if it exists.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) report: Option<PathBuf>,
 }
@@ -69,7 +69,7 @@ impl StudyStanding {
     }
 }
 
-/// How a plan for a cluster stands.
+/// Status of a plan for a cluster.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ClusterStanding {
     pub(crate) directory: PathBuf,
@@ -77,17 +77,17 @@ pub struct ClusterStanding {
     pub(crate) rankings: Vec<Ranking>,
 }
 
-/// How a study stands as a whole.
+/// Overall status of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Overall {
     /// Every step is up to date.
     Done,
-    /// A command is at work.
+    /// A command is running.
     Running,
-    /// A command was killed, and none is at work.
+    /// A command was killed, and no other command is running.
     Killed,
-    /// Something is to do, and nobody does it.
+    /// Steps are still to do, and no command is running.
     Waiting,
 }
 
@@ -99,7 +99,7 @@ pub(crate) struct Command {
     pub(crate) note: Note,
 }
 
-/// A step of one model and deployment.
+/// A step for one model and deployment.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct StepStanding {
     pub(crate) step: &'static str,
@@ -108,12 +108,12 @@ pub(crate) struct StepStanding {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) deployment: Option<String>,
     pub(crate) state: StepState,
-    /// Why it is to do, and what to run, where that is known.
+    /// Why the step is still to do, and the command to run, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) stale: Option<String>,
 }
 
-/// How a step stands.
+/// State of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum StepState {

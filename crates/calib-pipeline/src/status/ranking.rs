@@ -9,8 +9,8 @@ use calib_sweep_steps::sweep::planned::{PlannedSweep, StoredRun};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// How settings stand for a sensor. It is provisional as long as runs are missing, and no verdict after that: nothing is
-/// said of held-out data.
+/// Current ranking of the settings for one sensor. It is provisional while runs are missing. It is not a verdict: it does not
+/// use held-out data.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Ranking {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -18,17 +18,18 @@ pub(crate) struct Ranking {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) deployment: Option<String>,
     pub(crate) sensor: String,
-    /// Runs that are there, in all environments, and runs in all; in a race, at most.
+    /// Number of finished runs in all environments, and of all runs; in a race, the latter is the maximum.
     pub(crate) runs: [usize; 2],
-    /// Whether it is by the runs that the study's rule looks at; while there are none of these, it is by those in the models.
+    /// Whether the ranking uses the runs that the study's rule needs. While there are none of these, it uses the runs in the
+    /// models.
     pub(crate) by_rule: bool,
-    /// The runs that the rule looks at.
+    /// The runs that the rule uses.
     pub(crate) decided_by: DecidedBy,
     /// The settings that have runs, the best first.
     pub(crate) settings: Vec<Ranked>,
 }
 
-/// Where the runs are by which settings are ranked.
+/// The environments of the runs by which settings are ranked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum DecidedBy {
@@ -50,19 +51,19 @@ impl DecidedBy {
     }
 }
 
-/// A setting.
+/// A setting in the ranking.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Ranked {
     pub(crate) setting: String,
     pub(crate) is_default: bool,
-    /// Runs that it stands on.
+    /// Number of runs in the ranking.
     pub(crate) runs: usize,
-    /// How many of them diverged.
+    /// Number of these runs that diverged.
     pub(crate) diverged: usize,
-    /// Its error against that of the leader: the geometric mean over the streams that both have. None if it diverged.
+    /// Its error divided by the leader's error: the geometric mean over the streams that both have. None if it diverged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) ratio: Option<f64>,
-    /// 95 % interval of that, by Student's t over the streams.
+    /// 95 % interval of this ratio, by Student's t over the streams.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) interval: Option<[f64; 2]>,
 }

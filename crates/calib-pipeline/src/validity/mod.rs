@@ -45,23 +45,23 @@ use task::Task;
 pub(crate) struct Summary<'a> {
     format: u32,
     tool: &'static str,
-    /// What drew plants and tasks.
+    /// The protocol that drew the plants and tasks.
     #[serde(skip_serializing_if = "Option::is_none")]
     protocol: Option<&'a Drew>,
     /// The plants that were judged.
     plants: &'a [Judged],
-    /// Plants that were not, and why.
+    /// Plants that were not judged, each with the reason.
     left_out: &'a [LeftOut],
-    /// Models that are missing, and why.
+    /// Missing models, each with the reason.
     missing: &'a [String],
-    /// By each score, the first one that of the studies.
+    /// Results by each score. The first is the score of the studies.
     scores: &'a [Score],
 }
 
 /// The protocol that drew the plants.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Drew {
-    /// Its file's name.
+    /// Name of its file.
     file: String,
     seed: u64,
 }
@@ -81,7 +81,7 @@ pub(crate) struct LeftOut {
     reason: String,
 }
 
-/// All pairs by the errors over one part of each run.
+/// Results over all pairs, by the errors over one part of each run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Score {
     part: Part,

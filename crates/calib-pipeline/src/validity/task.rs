@@ -6,15 +6,15 @@ use calib_validity::TaskValue;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// The task of a plant: what is drawn for it, as far as results are grouped by it.
+/// The task of a plant: the drawn properties by which results are grouped.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct Task {
     pub(super) optimiser: &'static str,
     pub(super) gamma: f64,
-    /// Steps of every stream.
+    /// Number of steps of every stream.
     pub(super) steps: usize,
     pub(super) batch_size: usize,
-    /// `linear`, or hidden layers and units, such as `2 x 16`.
+    /// `linear`, or the hidden layers and units, such as `2 x 16`.
     pub(super) agent: String,
 }
 

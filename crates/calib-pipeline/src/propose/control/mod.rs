@@ -60,19 +60,19 @@ const WITHOUT_EFFECT: [(&str, &str); 7] = [
     ("sweep.sensors", "agents that act predict no sensor; leave --action out for those that do"),
 ];
 
-/// What was chosen for agents that act, for `--json`.
+/// The proposed study of agents that act, for `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct ChosenControl {
-    /// The file that was written.
+    /// The study file that was written.
     study: PathBuf,
     /// Columns of the states.
     columns: Vec<String>,
-    /// Channels that are not used, with the reason.
+    /// Channels that are not used, each with the reason.
     left_out: Vec<[String; 2]>,
-    /// Steps of the log from which agents learn.
+    /// Number of steps of the log from which agents learn.
     transitions: usize,
     episodes: usize,
-    /// Episodes that end in a terminal.
+    /// Number of episodes that end in a terminal.
     terminals: usize,
     actions: Vec<TakenAction>,
     /// Levels of each column of continuous actions. Default: every combination of values is an action.
@@ -86,18 +86,17 @@ pub(crate) struct ChosenControl {
     timeout: usize,
     start: StartRows,
     gamma: f64,
-    /// What the default learns by.
+    /// Learning algorithm of the default.
     algorithm: Algorithm,
     /// Step size of the default.
     step_size: f64,
-    /// Temperature of the default; `expected_sarsa` only.
+    /// Temperature of the default; for `expected_sarsa` only.
     temperature: f64,
-    /// Settings that are compared.
+    /// Number of settings that are compared.
     settings: usize,
-    /// Steps of every run.
+    /// Number of steps of every run.
     steps: usize,
-    /// How long `calib run` takes on this machine, in seconds, as far as could be told. None where the time was over before that was
-    /// measured.
+    /// Estimated duration of `calib run` on this machine, in seconds. None if the time limit was reached before it was measured.
     expected_secs: Option<f64>,
 }
 
@@ -105,7 +104,7 @@ pub(crate) struct ChosenControl {
 #[derive(Debug, Serialize, JsonSchema)]
 struct TakenAction {
     name: String,
-    /// Transitions with it.
+    /// Number of transitions with the action.
     transitions: usize,
 }
 
