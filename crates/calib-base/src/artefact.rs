@@ -38,15 +38,15 @@ pub trait Manifest: Serialize + DeserializeOwned {
     fn format(&self) -> u32;
 }
 
-/// What a step made, as the `manifest.json` of its directory tells of it.
+/// The output of a step, as the `manifest.json` of its directory describes it.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Artefact<T> {
     format: u32,
     tool: String,
-    /// What the step tells of it.
+    /// The facts that the step records about its output.
     #[serde(flatten)]
     pub facts: T,
-    /// Fingerprint of every other file.
+    /// Fingerprint of every other file in the directory.
     pub files: Files,
 }
 

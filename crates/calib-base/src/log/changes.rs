@@ -19,14 +19,14 @@ struct ChangesFile<'a> {
     changes: &'a [DatedChange],
 }
 
-/// One change.
+/// One change of the plant, with its time.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct DatedChange {
-    /// When.
+    /// Time of the change.
     at: Timestamp,
-    /// What, in words.
+    /// The change in words.
     told: String,
-    /// What, in numbers.
+    /// The change in numbers.
     #[serde(flatten)]
     kind: ChangeKind,
 }

@@ -71,14 +71,14 @@ impl Simulation {
     }
 }
 
-/// A log that was simulated.
+/// A simulated log.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Simulated {
     directory: PathBuf,
     channels: usize,
     files: Vec<PathBuf>,
     written: usize,
-    /// What changes in the plant; of one that does not, nothing.
+    /// Changes in the plant; empty if it does not change.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     changes: Vec<DatedChange>,
 }

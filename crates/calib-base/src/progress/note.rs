@@ -24,61 +24,61 @@ const FORMAT: u32 = 1;
 /// second.
 const STALE_SECS: f64 = 30.0;
 
-/// What a command is doing.
+/// The progress of a running command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Note {
     pub(super) format: u32,
     pub(super) tool: String,
-    /// Such as `run`.
+    /// The command, such as `run`.
     pub command: String,
-    /// The study, as it was named.
+    /// Path of the study, as given on the command line.
     pub(crate) study: PathBuf,
-    /// The machine.
+    /// Name of the machine.
     pub host: String,
-    /// The number of the process there.
+    /// Process id on that machine.
     pub process: u32,
-    /// When the process began, as Linux says it, which tells it from a later one of the same number.
+    /// Start of the process as Linux reports it. It distinguishes the process from a later one with the same id.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) process_began: Option<u64>,
-    /// Seconds since 1970.
+    /// Start of the command, in seconds since 1970.
     pub began: f64,
-    /// Seconds since 1970.
+    /// Time at which this note was written, in seconds since 1970.
     pub(crate) written: f64,
-    /// Which stage of the command it is at, counted from 1, and how many there are.
+    /// Current stage of the command, counted from 1, and the number of stages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) stage: Option<[usize; 2]>,
-    /// The stage that was begun last, as it is called: `[3/5] sweep`.
+    /// Name of the stage that was started last: `[3/5] sweep`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doing: Option<String>,
-    /// The model and deployment that it is at, of several.
+    /// The current model and deployment, if there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
-    /// The long work in it, with the units that are done and all units.
+    /// The current long task, with its units done and all its units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub task: Option<Task>,
-    /// Seconds until the whole command ends, as far as that can be told.
+    /// Estimated seconds until the whole command ends, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub secs_left: Option<f64>,
 }
 
-/// Long work.
+/// A long task within a command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Task {
     pub name: String,
     pub done: u64,
     pub total: u64,
-    /// Seconds until it is done.
+    /// Estimated seconds until the task is done.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub secs_left: Option<f64>,
 }
 
-/// Whether the command of a note is at work.
+/// Whether the command of a note is still running.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CommandState {
-    /// It is.
+    /// The command is running.
     Running,
-    /// It was killed: a command that ends removes its note.
+    /// The command was killed: a command that ends removes its note.
     Killed,
 }
 
