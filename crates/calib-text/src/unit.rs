@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Notation, ParsedTime, format_time};
 
-/// What timestamps that are plain numbers count.
+/// Unit of timestamps that are plain numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum TimestampUnit {
     /// Seconds since 1970-01-01.
@@ -22,7 +22,7 @@ pub enum TimestampUnit {
     /// Nanoseconds since 1970-01-01.
     #[serde(rename = "ns")]
     Nanoseconds,
-    /// Days since 1899-12-30 on the clock of the log, as spreadsheets count them; rounded to milliseconds.
+    /// Days since 1899-12-30 in the local time of the log, as in spreadsheets; rounded to milliseconds.
     #[serde(rename = "excel")]
     Excel,
 }
