@@ -9,20 +9,20 @@ use crate::{
     agent_run::Episodes, log::Columns,
 };
 
-/// How good the behaviour is that a log is recorded under.
+/// Quality of the policy under which a log is recorded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Quality {
-    /// Learnt until the mean return of ten episodes is near the best.
+    /// Trained until the mean return of ten episodes is near the best.
     #[default]
     NearOptimal,
-    /// The same, but for three actions of ten that are random.
+    /// The near-optimal policy, with three of ten actions random.
     Medium,
-    /// Every action alike.
+    /// Every action has the same probability.
     Random,
-    /// The fixed rule of those who operate the plant, where there is one.
+    /// The fixed rule of the plant's operators, if the task has one.
     Rule,
-    /// The same, but for two actions of ten that are random.
+    /// The fixed rule, with two of ten actions random.
     Perturbed,
 }
 

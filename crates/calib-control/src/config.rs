@@ -15,17 +15,18 @@ pub const LEAST_LEVELS: usize = 2;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
-    /// The columns of the action that was taken in a row, until the next one. Every combination of values that occurs is an action. A row in
-    /// which one of them is missing ends an episode.
+    /// Columns of the action that was taken in a row, until the next row. Every combination of values that occurs is an action. A row with
+    /// a missing value in one of them ends an episode.
     pub actions: Vec<String>,
     /// The reward of the step that led to a row: a column, or a list of weighted terms.
     pub reward: Reward,
-    /// The row that has the reward and the terminal of a step: the next one, which the step led to, or the same one, which has its action.
+    /// The row that holds the reward and the terminal of a step: the next row, which the step led to, or the row of its action.
     pub reward_row: RewardRow,
-    /// The column that is not 0 where an episode ended and nothing follows. Default: none does.
+    /// The column that is not 0 where an episode ended and nothing follows. Default: no episode ends in a terminal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub terminal: Option<String>,
-    /// The column with the probability, above 0 and up to 1, of the action that was taken: settings are then also evaluated by importance sampling and the doubly robust estimator. Default: it was not logged.
+    /// The column with the probability of the action that was taken, above 0 and up to 1. With it, settings are also evaluated by
+    /// importance sampling and the doubly robust estimator. Default: the probability was not logged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub probability: Option<String>,
     /// Rows from one decision of an agent to the next. Rewards of the rows between are summed, and the action of the first row counts.
@@ -37,40 +38,41 @@ pub struct ControlConfig {
     /// Steps after which an episode is cut; a step is a decision.
     #[schemars(range(min = 1))]
     pub timeout: usize,
-    /// Steps for which the agent learns with each setting, in each ensemble member.
+    /// Steps of each training run, for each setting in each ensemble member.
     #[schemars(range(min = 1))]
     pub steps: usize,
     /// Runs of each setting in each ensemble member.
     #[schemars(range(min = 1, max = 100_000))]
     pub runs: usize,
-    /// For continuous actions: how many levels of each action column an agent chooses among, an even grid over its recorded range (its own values
-    /// where it has no more, or one value of each narrow cluster of values). The model then takes what was set for a number: neighbours are near in the state and in the action. Default: every
-    /// combination of values that occurs is an action of its own.
+    /// For continuous actions: how many levels of each action column an agent chooses among. The levels are an even grid over the recorded
+    /// range of the column, or its own values if it has no more than that, or one value of each narrow cluster of values. The model then
+    /// treats the recorded action as a number: neighbours are near in the state and in the action. Default: every combination of values
+    /// that occurs is an action of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 2, max = 1024))]
     pub levels: Option<usize>,
-    /// The most actions; calib refuses a log with more, because each needs neighbours of its own.
+    /// Maximum number of actions. calib refuses a log with more, because each action needs neighbours of its own.
     #[schemars(range(min = 1, max = 1024))]
     pub most_actions: usize,
-    /// The return that an episode ends with where the log does not cover a step. Default: that of the worst recorded episode.
+    /// The return that an episode ends with where the log does not cover a step. Default: the return of the worst recorded episode.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub worst_return: Option<f64>,
-    /// Where episodes begin in the model.
+    /// Where episodes start in the model.
     pub start: StartRows,
     /// The largest share of the chosen setting's steps that the log may leave uncovered; above it, calib refuses the choice.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub most_uncovered: f64,
-    /// The fewest terminals of a log whose study names a terminal; below it, calib refuses a choice.
+    /// Minimum number of terminals in a log whose study names a terminal; below it, calib refuses a choice.
     pub fewest_terminals: usize,
-    /// The kinds of models that agents act in; each has `model.members` ensemble members, each of which lacks one block of the log.
+    /// Kinds of models that agents act in. Each kind has `model.members` ensemble members, each without one block of the log.
     pub models: Vec<ActionModelKind>,
     /// How a setting is chosen from its ranks in all ensemble members.
     pub rule: RankRule,
-    /// The neighbours, which increments use too, and the number of ensemble members of every kind.
+    /// The neighbours, which increments also use, and the number of ensemble members of every kind.
     pub model: ActionModelConfig,
-    /// The agent, and so the default that a choice is compared with.
+    /// The agent. It is also the default that a choice is compared with.
     pub agent: AgentConfig,
-    /// What is swept.
+    /// The values to sweep.
     pub grid: Grid,
 }
 
@@ -79,18 +81,18 @@ const MOST_ROWS: usize = 1_000_000;
 /// The most runs of a setting in an ensemble member, as in sweeps of agents that predict.
 const MOST_RUNS: usize = 100_000;
 
-/// The row of a log that has what came of a step.
+/// The row of a log that holds the reward and the terminal of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RewardRow {
-    /// The row that the step led to, as where sensors are logged at every time.
+    /// The row that the step led to, as in logs of sensors at every time.
     #[default]
     Next,
     /// The row of the action, as in logs of steps: state, action, reward, end.
     Same,
 }
 
-/// Where episodes begin in the model of a log.
+/// Where episodes start in the model of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StartRows {

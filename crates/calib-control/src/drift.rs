@@ -3,18 +3,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Displacements of episodes: of each column, the sum over an episode's steps of the difference between the source of the transition that was drawn and where the
-/// walk was.
+/// Displacement of episodes by jumps. For each column and episode it is the sum over steps of the difference between the source of the
+/// sampled transition and the state of the rollout.
 ///
-/// Each jump may be small, and all of them together may undo what the agent does: where an actuator is moved by increments and was never recorded beyond
-/// some level, a walk that is moved back a little in every step stays below it for ever, and every step is covered.
+/// Each jump may be small, and together they may still undo the actions of the agent. For example, an actuator is moved by increments and
+/// was never recorded beyond some level. A rollout that is moved back a little in every step stays below that level for ever, although
+/// every step is covered.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Drift {
-    /// Episodes.
+    /// Number of episodes.
     pub episodes: u64,
-    /// Sum over them, of each column in the units of the states.
+    /// Sum over episodes of the displacement of each column, in units of the states.
     pub sums: Vec<f64>,
-    /// Sum of squares.
+    /// Sum over episodes of the squared displacement of each column.
     pub squares: Vec<f64>,
 }
 

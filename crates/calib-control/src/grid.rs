@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::{AgentConfig, Algorithm, ControlError};
 
-/// The values to sweep of each field of the agent. A field that is left out keeps the agent's. The settings are all combinations.
+/// The values to sweep of each field of the agent. An omitted field keeps the agent's value. The settings are all combinations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Grid {
-    /// What the agent learns by.
+    /// Learning algorithms.
     pub algorithm: Option<Vec<Algorithm>>,
     /// Step sizes α.
     pub step_size: Option<Vec<f64>>,
@@ -19,7 +19,7 @@ pub struct Grid {
     pub temperature: Option<Vec<f64>>,
     /// Probabilities of a random action.
     pub epsilon: Option<Vec<f64>>,
-    /// What weights begin at.
+    /// Initial weights.
     pub initial_weight: Option<Vec<f64>>,
     /// Decays λ of the traces.
     pub lambda: Option<Vec<f64>>,
@@ -29,7 +29,7 @@ pub struct Grid {
     pub tiles: Option<Vec<usize>>,
     /// With pairs of columns, without, or both.
     pub pairs: Option<Vec<bool>>,
-    /// Discounts γ.
+    /// Discount factors γ.
     pub gamma: Option<Vec<f64>>,
     /// Units of each hidden layer.
     pub hidden_width: Option<Vec<usize>>,
@@ -37,9 +37,9 @@ pub struct Grid {
     pub hidden_layers: Option<Vec<usize>>,
     /// Transitions of a batch.
     pub batch: Option<Vec<usize>>,
-    /// Latest transitions that batches are drawn from.
+    /// Capacities of the replay buffer.
     pub replay: Option<Vec<usize>>,
-    /// Steps from one target network to the next.
+    /// Steps between updates of the target network.
     pub target_steps: Option<Vec<usize>>,
 }
 

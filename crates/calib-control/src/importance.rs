@@ -6,12 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Decisions, Ending, evaluation::StepValues};
 
-/// What a candidate's policy would get, by importance sampling.
+/// The estimated return of a setting's policy by importance sampling.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Importance {
-    /// Its return an episode; none where no recorded episode does what the policy does.
+    /// Estimated return per episode; none if no recorded episode takes the actions of the policy.
     pub value: Option<f64>,
-    /// On how many episodes that rests: (Σ w)² / Σ w² over the weights of whole episodes. One of a hundred may outweigh all others.
+    /// Effective number of episodes in the estimate: (Σ w)² / Σ w² over the weights w of whole episodes. One episode in a hundred may
+    /// outweigh all others.
     pub effective_episodes: f64,
 }
 

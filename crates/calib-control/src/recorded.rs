@@ -6,19 +6,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::{ControlError, Decisions, Ending};
 
-/// What the recorded behaviour got an episode, counted as the returns of agents are.
+/// Return of the recorded behaviour, counted in the same way as the returns of agents.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RecordedReturn {
-    /// Mean return an episode: Σ rewards / Σ shares of an episode that were recorded. It may lie beyond every whole episode, where terminals
-    /// end most of them and gaps cut others short.
+    /// Mean return per episode: Σ rewards / Σ recorded shares of an episode. It may lie outside the range of all whole episodes, if
+    /// terminals end most of them and gaps cut others short.
     pub mean: f64,
-    /// 95 % interval of the mean, over recorded episodes; none for one.
+    /// 95 % interval of the mean, over recorded episodes; none for a single episode.
     pub interval: Option<Interval>,
-    /// Episodes, those of which only a share was recorded by that share.
+    /// Number of episodes. An episode of which only a share was recorded counts as that share.
     pub episodes: f64,
-    /// The highest return of a whole episode; none if there is none.
+    /// Highest return of a whole episode; none if the log has no whole episode.
     pub best: Option<f64>,
-    /// The lowest.
+    /// Lowest return of a whole episode; none if the log has no whole episode.
     pub worst: Option<f64>,
 }
 

@@ -9,11 +9,11 @@ use serde::{
 
 use crate::{ControlError, log::episodes};
 
-/// The reward of a step, from what was recorded in the row that it led to.
+/// The reward of a step, computed from the row that it led to.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Reward {
-    /// A column that holds it.
+    /// A column that holds the reward.
     Column(String),
     /// The sum of terms.
     Terms(Vec<Term>),
@@ -50,31 +50,31 @@ impl Default for Reward {
     }
 }
 
-/// A term of a reward: `weight` times the column, or how far the column is from its set-point or outside its limits, or how much it
-/// changed.
+/// A term of a reward: `weight` times one of these: the column, its distance from the set-point, its distance outside the limits, or its
+/// change.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Term {
-    /// The column, in its own units.
+    /// Name of the column, in its own units.
     pub column: String,
-    /// Reward a unit; negative for what costs (default 1).
+    /// Reward per unit; negative for costs (default 1).
     #[serde(default = "one")]
     pub weight: f64,
-    /// Then the distance |x − `set_point`| counts, not x: a number, or the column that holds the set-point of each row. Of
-    /// an action it is the one by which the step was made, in the row before.
+    /// If given, the distance |x − `set_point`| counts instead of x. It is a number, or the column that holds the set-point of each row.
+    /// For an action column, it is the set-point of the row before, by which the step was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub set_point: Option<SetPoint>,
-    /// Then only what is below counts: `low` − x.
+    /// If given, only values below it count: `low` − x.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<f64>,
-    /// Then only what is above counts: x − `high`.
+    /// If given, only values above it count: x − `high`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
-    /// Then the change |x − x of the row before| counts, not x. Of an action it is the change against the step before, and the first step of
-    /// an episode has none (default false).
+    /// If true, the change |x − x of the row before| counts instead of x. For an action column it is the change from the step before, and
+    /// the first step of an episode has none (default false).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub change: bool,
-    /// Power of what counts: 1, or 2 for its square (default 1).
+    /// Power of the counted amount: 1, or 2 for its square (default 1).
     #[serde(default = "linear", skip_serializing_if = "is_linear")]
     pub power: u8,
 }
@@ -92,13 +92,13 @@ fn is_linear(power: &u8) -> bool {
     *power == linear()
 }
 
-/// Where a column should be.
+/// The set-point of a column.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum SetPoint {
-    /// At this value, in the unit of the term's column.
+    /// A constant, in the unit of the term's column.
     Number(f64),
-    /// At what this column holds in the same row; of an action, in the row before.
+    /// A column that holds the set-point in the same row; for an action column, in the row before.
     Column(String),
 }
 

@@ -52,131 +52,132 @@ impl Default for Support {
 pub enum Doubt {
     /// An action was never taken.
     ActionNeverTaken {
-        /// Its number.
+        /// Index of the action.
         action: usize,
     },
-    /// Too much of what the chosen candidate did was not recorded.
+    /// Too many steps of the chosen setting are not covered by the log.
     Uncovered {
-        /// Share of its steps.
+        /// Uncovered share of its steps.
         share: f64,
     },
-    /// The log has so few terminals that what they depend on is hardly known.
+    /// The log has too few terminals to learn what they depend on.
     FewTerminals {
-        /// How many it has.
+        /// Number of terminals in the log.
         terminals: usize,
     },
-    /// The members rank all candidates alike.
+    /// The ensemble members rank all settings equally.
     NotToldApart,
-    /// The chosen candidate may be no better than the default.
+    /// The chosen setting may be no better than the default.
     NotBetterThanDefault,
-    /// The chosen candidate gets less in the model than the recorded behaviour got.
+    /// The chosen setting gets a lower return in the model than the recorded behaviour got.
     BelowRecorded {
-        /// Its mean return an episode in the model.
+        /// Its mean return per episode in the model.
         promised: f64,
-        /// That of the log.
+        /// Mean return per episode of the recorded behaviour.
         recorded: f64,
     },
-    /// The model promises more on average than any recorded episode got.
+    /// The predicted mean return is higher than the return of every recorded episode.
     AboveRecorded {
-        /// Its mean return an episode in the model.
+        /// Mean return per episode of the chosen setting in the model.
         promised: f64,
         /// The highest return of a recorded episode.
         best: f64,
     },
     /// Episodes end in a terminal less than a tenth as often as in the log.
     RareTerminals {
-        /// Terminals a step of the chosen candidate in the model.
+        /// Terminals per step of the chosen setting in the model.
         in_model: f64,
-        /// Terminals a step of the log.
+        /// Terminals per step of the log.
         in_log: f64,
     },
-    /// Always taking one action gets more in the model than the chosen candidate, though that could be chance.
+    /// One constant action gets a higher return in the model than the chosen setting, though that could be chance.
     WorseThanConstant {
-        /// The action.
+        /// Index of the action.
         action: usize,
-        /// Its mean return an episode in the model.
+        /// Mean return per episode of the action in the model.
         constant: f64,
-        /// That of the chosen candidate.
+        /// Mean return per episode of the chosen setting.
         promised: f64,
     },
-    /// What was learnt is not shown to be worth more than actions at random: the chosen candidate may get no more in the model, or gets no
-    /// more in the only member.
+    /// The chosen setting is not shown to be better than random actions: it may get no more in the model, or gets no more in the only
+    /// ensemble member.
     NotBetterThanRandomActions {
-        /// Mean return an episode of actions at random in the model.
+        /// Mean return per episode of random actions in the model.
         random: f64,
-        /// That of the chosen candidate.
+        /// Mean return per episode of the chosen setting.
         promised: f64,
     },
-    /// Jumps between recorded transitions move the chosen candidate's episodes further than twice all that was recorded, to one side.
+    /// Jumps between recorded transitions displace the chosen setting's episodes in one direction, further than twice the recorded range.
     Displaced {
-        /// The column.
+        /// Index of the column.
         column: usize,
-        /// Mean over episodes of the sum of the jumps, in the units of the states: 1 is the recorded range of a column.
+        /// Mean over episodes of the sum of the jumps, in units of the states: 1 is the recorded range of a column.
         mean: f64,
-        /// Its standard error over episodes.
+        /// Standard error of that mean, over episodes.
         error: f64,
     },
-    /// One ensemble member has no interval, so that the choice is not shown to be better than anything.
+    /// A single ensemble member gives no interval, so that the choice is not shown to be better than anything.
     OneMember,
-    /// The chosen candidate diverged in a member.
+    /// The chosen setting diverged in an ensemble member.
     Diverged,
-    /// The default could not be compared: its program, or its agent, failed.
+    /// The default could not be compared, because its program or its agent failed.
     DefaultFailed,
 }
 
-/// What a sweep of agents that act says.
+/// Result of a sweep of agents that act.
 ///
-/// Returns of a model say which candidate is better, not what it will get: they are for comparison only.
+/// Returns in a model show which setting is better, not which return it will get at the plant. They are for comparison only.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReturnVerdict {
-    /// The rule by which it was chosen.
+    /// The rule that chose the setting.
     pub rule: RankRule,
-    /// The chosen candidate.
+    /// Index of the chosen setting.
     pub chosen: usize,
-    /// The candidate that would be deployed without a choice, if the grid has it.
+    /// Index of the setting that would be deployed without a choice, if the grid has it.
     pub default: Option<usize>,
-    /// Ranks over the members of all kinds of models, one kind after the other; 1 for the highest mean return.
+    /// Ranks over the ensemble members of all kinds of models, one kind after the other; 1 for the highest mean return.
     pub selection: Selection,
-    /// What each kind of model says.
+    /// Results of each kind of model.
     pub kinds: Vec<KindReturns>,
-    /// Mean return of each candidate in the members that lack each block of the log, over kinds and runs, `[blocks][candidates]` (`"-inf"` in
-    /// files where it diverged).
+    /// Mean return of each setting in the ensemble members without each block of the log, over kinds and runs, `[blocks][candidates]`
+    /// (`"-inf"` in files where it diverged).
     #[serde(with = "calib_stats::diverged::rows")]
     #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub members: Vec<Vec<f64>>,
-    /// Mean return of the chosen one minus that of the default, in the model, with the jackknife's interval over members.
+    /// Mean return of the chosen setting minus the mean return of the default in the model, with a jackknife interval over ensemble
+    /// members.
     pub over_default: Option<Difference>,
-    /// Mean rank of the default minus that of the chosen one, with the jackknife's interval over members: above 0 the chosen one is ahead.
-    /// Over fewer than four members it decides nothing.
+    /// Mean rank of the default minus the mean rank of the chosen setting, with a jackknife interval over ensemble members. Above 0 the
+    /// chosen setting is ahead. With fewer than four ensemble members it decides nothing.
     pub ranks_over_default: Option<Difference>,
-    /// Mean return of the chosen one minus the mean of all candidates, likewise.
+    /// Mean return of the chosen setting minus the mean over all settings, with a jackknife interval over ensemble members.
     pub over_random: Difference,
-    /// The best policy that always takes the same action, if constant actions were tried and the log covers the steps of one.
+    /// The best policy with a constant action, if constant actions were tried and the log covers the steps of one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub constant: Option<BestConstant>,
-    /// Actions at random, if they were tried.
+    /// Results of random actions, if they were tried.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub random_actions: Option<RandomActions>,
-    /// How often each candidate is chosen when members and runs are drawn anew.
+    /// How often each setting is chosen in resamples of ensemble members and runs.
     pub chosen_of_resamples: Vec<usize>,
-    /// What the recorded behaviour got.
+    /// Return of the recorded behaviour.
     pub behaviour: RecordedReturn,
-    /// What the steps of each candidate rested on, over members and runs of the first kind of model.
+    /// Coverage of the steps of each setting, over ensemble members and runs of the first kind of model.
     pub coverage: Vec<Coverage>,
-    /// How far the episodes of the chosen candidate were moved by jumps between recorded transitions, over members and runs.
+    /// Displacement of the chosen setting's episodes by jumps between recorded transitions, over ensemble members and runs.
     pub drift: Drift,
-    /// Why the log does not support the choice; empty if it does.
+    /// Reasons why the log does not support the choice; empty if it does.
     pub doubts: Vec<Doubt>,
 }
 
-/// What the members of one kind say.
+/// Results of the ensemble members of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct KindReturns {
-    /// The kind.
+    /// The kind of model.
     pub kind: ActionModelKind,
-    /// What these members alone would choose, by the same rule.
+    /// Index of the setting that these ensemble members alone would choose, by the same rule.
     pub chosen: usize,
-    /// Mean return of each candidate over the runs of each member, `[members][candidates]` (`"-inf"` in files where it diverged).
+    /// Mean return of each setting over the runs of each ensemble member, `[members][candidates]` (`"-inf"` in files where it diverged).
     #[serde(with = "calib_stats::diverged::rows")]
     #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub members: Vec<Vec<f64>>,
@@ -452,12 +453,12 @@ fn beyond(own: &[f64], other: &[f64]) -> Result<Option<Difference>, StatsError> 
     Ok(Some(Difference { interval: jackknife(difference.mean, &each), ..difference }))
 }
 
-/// What a choice costs, where the truth is known.
+/// The cost of a choice, if the true returns are known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Regret {
-    /// True mean return of the best candidate minus that of the chosen one.
+    /// True mean return of the best setting minus the true mean return of the chosen one.
     pub regret: f64,
-    /// Share of the other candidates whose true return is lower, ties by half.
+    /// Share of the other settings with a lower true return; ties count half.
     pub percentile: f64,
 }
 

@@ -6,54 +6,55 @@ use serde::{Deserialize, Serialize};
 use super::{Network, Tiles, weights::Weights};
 use crate::{ControlError, error::check_fields};
 
-/// How an agent that acts learns and chooses. Every field can be swept.
+/// How an agent that acts learns and chooses actions. Every field can be swept.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgentConfig {
-    /// What it learns by.
+    /// The learning algorithm.
     pub algorithm: Algorithm,
-    /// Step size α of Adam; of tiles, a tiling: each weight's is α / tilings.
+    /// Step size α of Adam. For tile coding it is divided by the number of tilings: each weight has α / tilings.
     pub step_size: f64,
     /// Adam's β₁; 0 for no momentum.
     pub beta1: f64,
-    /// Temperature of the softmax policy, in units of return; `expected_sarsa` only.
+    /// Temperature of the softmax policy, in units of return; for `expected_sarsa` only.
     pub temperature: f64,
-    /// Probability of a random action; not of `expected_sarsa`.
+    /// Probability of a random action; not for `expected_sarsa`.
     pub epsilon: f64,
-    /// Weights begin at this number divided by the number of tilings. So values begin at this number times d + d(d − 1)/2 for d columns of the state, or times d without pairs. A network's values begin about at this number. Larger ones make an agent explore.
+    /// Weights start at this number divided by the number of tilings. So values start at this number times d + d(d − 1)/2 for d columns of
+    /// the state, or times d without pairs. The values of a network start near this number. Larger numbers make an agent explore.
     pub initial_weight: f64,
-    /// Decay λ of the traces; `expected_sarsa` only.
+    /// Decay λ of the eligibility traces; for `expected_sarsa` only.
     pub lambda: f64,
-    /// Discount γ.
+    /// Discount factor γ.
     pub gamma: f64,
-    /// Tilings; not of `deep_q_learning`.
+    /// Number of tilings; not for `deep_q_learning`.
     pub tilings: usize,
-    /// Tiles of each column in a tiling; not of `deep_q_learning`.
+    /// Tiles of each column in a tiling; not for `deep_q_learning`.
     pub tiles: usize,
-    /// Whether pairs of columns have tiles beside single columns, a pair `tiles`² a tiling; not of `deep_q_learning`.
+    /// Whether pairs of columns have tiles in addition to single columns, `tiles`² for each pair and tiling; not for `deep_q_learning`.
     pub pairs: bool,
-    /// Units of each hidden layer of the network; this and what follows of `deep_q_learning` only.
+    /// Units of each hidden layer of the network; this key and those below are for `deep_q_learning` only.
     pub hidden_width: usize,
     /// Hidden layers.
     pub hidden_layers: usize,
     /// Transitions of a batch; the agent learns from one batch per step.
     pub batch: usize,
-    /// Latest transitions that batches are drawn from.
+    /// Capacity of the replay buffer: batches are sampled from this many of the latest transitions.
     pub replay: usize,
-    /// Steps from one target network to the next.
+    /// Steps between updates of the target network.
     pub target_steps: usize,
 }
 
-/// What an agent that acts learns by.
+/// The learning algorithm of an agent that acts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
     /// Expected Sarsa(λ) with replacing traces and a softmax policy: the target is the mean over the policy's next action.
     #[default]
     ExpectedSarsa,
-    /// Q-learning with an ε-greedy policy: the target is the best next action. No traces.
+    /// Q-learning with an ε-greedy policy: the target is the best next action. It has no traces.
     QLearning,
-    /// The same with a multilayer perceptron, replayed transitions and a target network.
+    /// Q-learning with a multilayer perceptron, experience replay and a target network.
     DeepQLearning,
 }
 

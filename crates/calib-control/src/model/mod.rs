@@ -26,46 +26,47 @@ use table::{ActionTable, FillingTable};
 
 use crate::{ControlError, Decisions, error::check_fields};
 
-/// How a model with actions is made.
+/// How a model with actions is built.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ActionModelConfig {
-    /// What neighbours are near in.
+    /// The space in which distances between states are measured.
     pub distance: Distance,
     /// Neighbours k of a state, for each action.
     pub neighbors: usize,
     /// Ensemble members: each lacks one block of the log.
     pub members: usize,
-    /// A state is covered for an action up to the distance within which this share of the recorded states has a recorded state with the same
-    /// action in the other blocks; 1 for the largest such distance.
+    /// Quantile that sets the radius of coverage: the distance within which this share of the recorded states has a recorded state with the
+    /// same action in the other blocks. A state is covered for an action up to this radius. 1 gives the largest such distance.
     pub coverage: f64,
-    /// Weight of continuous actions in the distance: with 1 the whole recorded range of an action counts as much as 1 of the metric, which for
-    /// `euclidean` is the range of a column of the states. Smaller, and neighbours are near in state whatever was set; larger, and they were set alike.
+    /// Weight of continuous actions in the distance. With 1, the whole recorded range of an action counts as much as 1 of the metric, which
+    /// for `euclidean` is the range of a column of the states. With a smaller weight, neighbours are near in the state and may differ in
+    /// the action. With a larger one, they have similar actions.
     pub action_weight: f64,
-    /// What a step does where the log does not cover it.
+    /// Rule for a step that the log does not cover.
     pub pessimism: Pessimism,
 }
 
-/// What a step does where the log does not cover it: no transition with that action, or none near.
+/// Rule for a step that the log does not cover: it has no transition with that action, or none near.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Pessimism {
-    /// The episode ends with the worst return: where an action was never recorded, and where none with it is near.
+    /// The episode ends with the worst return, both where an action was never recorded and where no transition with it is near.
     MinimumReturn,
-    /// The nearest is taken however far it is; only an action that was never recorded ends the episode, with the worst return. Either is
-    /// counted (Wang et al. 2022).
+    /// The nearest transition is taken at any distance. Only an action that was never recorded ends the episode, with the worst return.
+    /// Both cases are counted (Wang et al. 2022).
     #[default]
     Nearest,
 }
 
-/// What neighbours are near in: the metric that a model is built with.
+/// The space in which a model measures distances between states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distance {
     /// The scaled states themselves.
     #[default]
     Euclidean,
-    /// A Laplacian representation of them, trained on the log as the study's `[representation]` says.
+    /// A Laplacian representation of the states, trained on the log by the study's `[representation]`.
     Laplacian,
 }
 

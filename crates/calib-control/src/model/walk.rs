@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 use super::{ActionModel, At, Covered, ModelEnvironment, Target};
 use crate::{Drift, Environment, Outcome};
 
-/// What the steps of a walk rested on.
+/// Coverage of the steps of a rollout by recorded transitions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Coverage {
-    /// Steps in all.
+    /// Number of steps.
     pub steps: u64,
-    /// Steps with an action that the member has no transition with.
+    /// Steps with an action that occurs in no transition of the ensemble member.
     pub missing: u64,
     /// Steps whose nearest transition with the action is beyond the radius.
     pub far: u64,

@@ -70,19 +70,19 @@ pub trait Task: Clone + Send + Sync {
     fn step(&mut self, action: usize, rng: &mut Rng) -> Outcome;
 }
 
-/// The tasks by name.
+/// The simulated tasks, by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TaskKind {
-    /// Swing a two-link pendulum up: −1 a step until it is above the bar.
+    /// Swing a two-link pendulum up: reward −1 per step until it is above the bar.
     Acrobot,
-    /// Balance a pole on a cart: 1 a step until it falls.
+    /// Balance a pole on a cart: reward 1 per step until it falls.
     CartPole,
-    /// Operate a membrane plant: which of eight recipes, every half hour.
+    /// Operate a membrane plant: choose one of eight recipes every half hour.
     Membrane,
     /// Swing a pendulum up and hold it there, with five torques.
     Pendulum,
-    /// Cross a unit square with two puddles: −1 a step, and up to −40 more in a puddle.
+    /// Cross a unit square with two puddles: reward −1 per step, and up to −40 more in a puddle.
     PuddleWorld,
 }
 

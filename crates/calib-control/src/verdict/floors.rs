@@ -7,58 +7,62 @@ use serde::{Deserialize, Serialize};
 use super::{FEWEST_BLOCKS, KindReturns, beyond, mean};
 use crate::{ActionModelKind, ConstantReturns};
 
-/// The action that gets most in the model where it is always taken, over members and kinds of models, of those whose steps the log covers.
+/// The constant action with the highest mean return in the model, over ensemble members and kinds of models, among actions whose steps the
+/// log covers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BestConstant {
-    /// The action.
+    /// Index of the action.
     pub action: usize,
-    /// Its mean return an episode.
+    /// Mean return per episode.
     #[serde(with = "calib_stats::diverged")]
     #[schemars(with = "calib_stats::diverged::Stored")]
     pub mean_return: f64,
-    /// Share of its steps that the log does not cover, in the neighbours' models where there are any.
+    /// Share of its steps that the log does not cover, in the models of neighbours if there are any.
     pub uncovered: f64,
-    /// Mean return of the chosen candidate, learning included, minus that of a constant action, with the jackknife's interval over members.
-    /// In each member it is the action that gets most in the others: of many equal actions the best one looks better than it is by chance.
+    /// Mean return of the chosen setting, including the learning phase, minus the mean return of a constant action, with a jackknife
+    /// interval over ensemble members. For each ensemble member the action is the best one in the other members: among many equal actions,
+    /// the best one looks better than it is by chance.
     pub over: Option<Difference>,
-    /// What it gets in each kind of model. Kinds that differ much do not know what it leads to.
+    /// Its mean return in each kind of model. Large differences show that the models do not know the effect of the action.
     #[serde(default)]
     pub kinds: Vec<KindMean>,
 }
 
-/// What a policy gets in one kind of model.
+/// Mean return of a policy in one kind of model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct KindMean {
-    /// The kind.
+    /// The kind of model.
     pub kind: ActionModelKind,
-    /// Its mean return an episode over members.
+    /// Mean return per episode, over ensemble members.
     #[serde(with = "calib_stats::diverged")]
     #[schemars(with = "calib_stats::diverged::Stored")]
     pub mean_return: f64,
 }
 
-/// A policy whose actions are drawn at random, beside the chosen candidate.
+/// Results of random actions, compared with the chosen setting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RandomActions {
-    /// Its mean return an episode.
+    /// Mean return per episode of random actions.
     #[serde(with = "calib_stats::diverged")]
     #[schemars(with = "calib_stats::diverged::Stored")]
     pub mean_return: f64,
-    /// Mean return of the chosen candidate, learning included, minus that, with the jackknife's interval over members.
+    /// Mean return of the chosen setting, including the learning phase, minus the mean return of random actions, with a jackknife interval
+    /// over ensemble members.
     pub over: Option<Difference>,
-    /// Where that interval contains 0: the member without which it would lie above 0, if there is such a one.
+    /// The ensemble member without which the interval would lie above 0. It is given only if the interval contains 0 and such a member
+    /// exists.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outlying: Option<OutlyingMember>,
 }
 
-/// A member of one kind of model in which the chosen candidate gets something else than in the others of that kind.
+/// An ensemble member in which the chosen setting gets a different return than in the others of the same kind of model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OutlyingMember {
     /// The kind of model.
     pub kind: ActionModelKind,
-    /// Its member.
+    /// Index of the ensemble member.
     pub member: usize,
-    /// Mean return an episode of the chosen candidate in it.
+    /// Mean return per episode of the chosen setting in this ensemble member.
     pub chosen_return: f64,
 }
 
