@@ -14,14 +14,14 @@ const FEWEST: usize = 4;
 /// Shape of the gamma distribution of a squared normal number, up to a factor.
 const SQUARED_NORMAL: f64 = 0.5;
 
-/// A number that cannot be negative, with its 95 % upper bound.
+/// A non-negative number with its 95 % upper bound.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Bounded {
     /// The number; may be infinite (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
     #[schemars(with = "crate::diverged::Stored")]
     pub value: f64,
-    /// What it is at most, with a confidence of 95 %; none where that cannot be said.
+    /// Upper bound with a confidence of 95 %; none if it cannot be computed.
     pub upper: Option<f64>,
 }
 

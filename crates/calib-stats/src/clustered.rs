@@ -9,21 +9,21 @@ use crate::error::{check, check_length};
 use crate::summary::{mean, summarise};
 use crate::{Interval, StatsError, Summary};
 
-/// What runs that come in clusters say about their mean: those of one cluster share what the others lack, such as the
-/// state that they start from, and are no independent evidence.
+/// The mean of runs that come in clusters. Runs of one cluster have something in common that runs of others lack, such
+/// as the start state, and are not independent evidence.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClusterSummary {
     /// Number of runs.
     pub runs: usize,
-    /// Number of clusters, which is the size of the sample.
+    /// Number of clusters, which is the sample size.
     pub clusters: usize,
-    /// How many runs are infinite, that is, diverged.
+    /// Number of runs that are infinite, that is, diverged.
     pub diverged: usize,
     /// Mean over clusters of the mean over their runs; infinite if any run is (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
     #[schemars(with = "crate::diverged::Stored")]
     pub mean: f64,
-    /// Sample standard deviation of the means of clusters (divisor G − 1); `None` for one cluster or an infinite mean.
+    /// Sample standard deviation of the cluster means (divisor G − 1); `None` for one cluster or an infinite mean.
     pub std: Option<f64>,
     /// 95 % t-interval of the mean; `None` for one cluster or an infinite mean.
     pub interval: Option<Interval>,

@@ -8,18 +8,18 @@ use crate::error::{check_length, check_pair};
 use crate::summary::{around, mean, sample_std, t_interval};
 use crate::{Interval, StatsError};
 
-/// x − y, of two samples of runs in clusters.
+/// The difference x − y of two samples of runs in clusters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Difference {
     /// Mean of x minus mean of y; infinite if one of them is (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
     #[schemars(with = "crate::diverged::Stored")]
     pub mean: f64,
-    /// 95 % t-interval of it; `None` for fewer than two clusters or an infinite mean.
+    /// 95 % t-interval of the difference; `None` for fewer than two clusters or an infinite mean.
     pub interval: Option<Interval>,
-    /// Number of clusters of x and of y; the same ones where the difference is paired.
+    /// Number of clusters of x and of y; the same clusters if the difference is paired.
     pub clusters: [usize; 2],
-    /// In how many clusters x is smaller, and in how many y is; `None` where no clusters are shared.
+    /// Number of clusters in which x is smaller, and in which y is; `None` if no clusters are shared.
     pub smaller: Option<[usize; 2]>,
 }
 

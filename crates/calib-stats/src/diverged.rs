@@ -4,14 +4,14 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A score on its way to or from a file: a number, null for +∞, or "-inf".
+/// A score as stored in a file: a number, null for +∞, or "-inf".
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "Score")]
 #[serde(untagged)]
 pub enum Stored {
     /// A finite score.
     Finite(f64),
-    /// The worst there is: +∞ of an error, −∞ of a return.
+    /// The worst possible score: +∞ for an error, −∞ for a return.
     Worst(Option<Infinity>),
 }
 

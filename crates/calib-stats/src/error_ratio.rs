@@ -13,17 +13,17 @@ const BLOCKS: usize = 16;
 /// RMSE of x / RMSE of y, for forecasts of the same steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ErrorRatio {
-    /// The quotient; infinite if an error of x alone is, or all of y are 0 (`null` in files for +∞).
+    /// The quotient; infinite if only the error of x is infinite, or if all errors of y are 0 (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
     #[schemars(with = "crate::diverged::Stored")]
     pub ratio: f64,
-    /// 95 % interval; `None` for fewer than two blocks, and where the quotient is 0 or infinite.
+    /// 95 % interval; `None` for fewer than two blocks, or if the quotient is 0 or infinite.
     pub interval: Option<Interval>,
-    /// Stretches of time that the interval is over.
+    /// Number of blocks of time that the interval is computed over.
     pub blocks: usize,
-    /// Steps.
+    /// Number of steps.
     pub steps: usize,
-    /// At how many steps the error of x is the smaller, and at how many that of y.
+    /// Number of steps at which the error of x is smaller, and at which the error of y is.
     pub smaller: [usize; 2],
 }
 

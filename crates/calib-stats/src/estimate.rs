@@ -12,6 +12,6 @@ pub struct Estimate {
     #[serde(with = "crate::diverged")]
     #[schemars(with = "crate::diverged::Stored")]
     pub value: f64,
-    /// Its interval; none where it cannot be said.
+    /// Its interval; none if it cannot be computed.
     pub interval: Option<Interval>,
 }

@@ -6,26 +6,28 @@ use serde::{Deserialize, Serialize};
 use crate::error::check;
 use crate::{Direction, StatsError, competition_ranks, mean};
 
-/// What a rule over ranks chose, and why. All vectors but `tie_set` have one entry for each value, in grid order.
+/// The setting that a rule over ranks chose, with the ranks. All vectors except `tie_set` have one entry for each
+/// setting, in grid order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Selection {
-    /// Index of the chosen value in the grid.
+    /// Index of the chosen setting in the grid.
     pub chosen: usize,
-    /// All values with the smallest rank by the rule, in grid order; `chosen` is one of them.
+    /// All settings with the smallest rank by the rule, in grid order; `chosen` is one of them.
     pub tie_set: Vec<usize>,
-    /// W(λ): largest competition rank over members.
+    /// W(λ): largest competition rank over ensemble members.
     pub worst_ranks: Vec<usize>,
-    /// Mean competition rank over members.
+    /// Mean competition rank over ensemble members.
     pub mean_ranks: Vec<f64>,
-    /// Mean score over members; infinite if the value diverged in any of them (`null` in files for +∞).
+    /// Mean score over ensemble members; infinite if the setting diverged in any of them (`null` in files for
+    /// +∞).
     #[serde(with = "crate::diverged::each")]
     #[schemars(with = "Vec<crate::diverged::Stored>")]
     pub mean_errors: Vec<f64>,
-    /// Competition ranks, `[members, values]`.
+    /// Competition ranks, `[members, settings]`.
     pub ranks: Vec<Vec<usize>>,
 }
 
-/// By which rank over the ensemble members a setting is chosen.
+/// The rank over the ensemble members by which a setting is chosen.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RankRule {

@@ -14,18 +14,18 @@ pub struct Interval {
     #[serde(with = "crate::diverged")]
     #[schemars(with = "crate::diverged::Stored")]
     pub low: f64,
-    /// Upper end; infinite where divergence is among what is likely (`null` in files for +∞).
+    /// Upper end; infinite if divergence is among the likely outcomes (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
     #[schemars(with = "crate::diverged::Stored")]
     pub high: f64,
 }
 
-/// What a sample of runs says about its mean.
+/// The mean of a sample of runs, with its spread.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
     /// Number of runs.
     pub runs: usize,
-    /// How many of them are infinite, that is, diverged.
+    /// Number of runs that are infinite, that is, diverged.
     pub diverged: usize,
     /// Arithmetic mean; infinite if any run is (`null` in files for +∞).
     #[serde(with = "crate::diverged")]
