@@ -50,7 +50,7 @@ impl Training {
     }
 }
 
-/// What is mapped from files while a model is built, so that it takes memory only while there is some.
+/// The data that are memory-mapped from files while a model is built. The system can take their memory back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Spilled {
@@ -73,7 +73,7 @@ impl Spilled {
     }
 }
 
-/// What is going to be done, and what it needs.
+/// The plan of building a model, with the resources that it needs.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct BuildPlan {
     rows: usize,
@@ -81,15 +81,15 @@ pub struct BuildPlan {
     segments: usize,
     members: usize,
     neighbors: usize,
-    /// The structure that was asked for.
+    /// The requested search structure.
     index: IndexKind,
-    /// What is mapped from files.
+    /// The data that are memory-mapped from files.
     pub(crate) spill: Spilled,
-    /// The most memory that cannot be given back at any moment, predicted.
+    /// Predicted peak of the memory that cannot be given back, in bytes.
     memory_bytes: u64,
-    /// What there is, or what `--memory` says.
+    /// Available memory in bytes, or the value of `--memory`.
     available_bytes: Option<u64>,
-    /// What the model takes on disk, and what building it takes there meanwhile.
+    /// Bytes on disk: the model, and the temporary files of the build.
     disk_bytes: u64,
 }
 

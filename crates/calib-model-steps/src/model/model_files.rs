@@ -35,36 +35,36 @@ const STATES: &str = "states.npy";
 /// `manifest.json` of a model directory.
 pub type ModelManifest = Artefact<ModelFacts>;
 
-/// What is told of a model.
+/// Description of a model in its manifest.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct ModelFacts {
-    /// Fingerprint of data and configuration.
+    /// Fingerprint of the data and the configuration.
     pub(crate) key: String,
     /// The study as it was resolved.
     #[schemars(with = "calib_base::resolved::ResolvedStudy")]
     pub study: Study,
     /// Fingerprint of the states, timestamps and columns that the model was built from.
     pub(crate) data: Fingerprint,
-    /// From one state to the next.
+    /// Time from one state to the next.
     pub period: Period,
-    /// States.
+    /// Number of states.
     pub rows: usize,
     pub(crate) transitions: usize,
-    /// Stretches without a gap.
+    /// Number of segments without a gap.
     pub segments: usize,
     /// Times of the first and the last row.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<[Timestamp; 2]>,
     pub(crate) normaliser: Normaliser,
-    /// The search structure that found the tables, and why it was taken.
+    /// The search structure that found the tables, and the reason for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) search: Option<String>,
-    /// How good the tables are, if they are approximate.
+    /// Recall of the tables, if they are approximate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) recall: Option<Recall>,
     /// One entry for each member of the ensemble.
     pub members: Vec<MemberSummary>,
-    /// How the network was trained, if it is one.
+    /// Training of the network, if the model is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) training: Option<TrainingSummary>,
 }
@@ -102,15 +102,15 @@ pub fn first_and_last(frames: &Frames) -> Option<[Timestamp; 2]> {
     Some([*times.first()?, *times.last()?])
 }
 
-/// One member of the ensemble.
+/// One ensemble member.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct MemberSummary {
-    /// Transitions that it was built from.
+    /// Number of transitions that it was built from.
     pub transitions: usize,
-    /// Of one rollout from a random start; none for models that leave the data.
+    /// Jumps of one rollout from a random start state; none for models that leave the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jumps: Option<JumpStatistics>,
-    /// Whether its walks are trapped, and how far they get; none for models that leave the data.
+    /// Whether its rollouts are trapped, and how far they get; none for models that leave the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) recurrence: Option<MemberRecurrence>,
 }

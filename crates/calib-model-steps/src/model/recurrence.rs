@@ -28,15 +28,15 @@ const LITTLE: f64 = 0.02;
 /// Members with fewer transitions offer few rows for rollouts anyway.
 const MANY: usize = 1000;
 
-/// What is known of the walks of a member; in the manifest of its model.
+/// Traps and rollout statistics of an ensemble member, in the manifest of its model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct MemberRecurrence {
     #[serde(flatten)]
     pub(crate) classes: Recurrence,
-    /// Where what is left out lies: the ten longest stretches, in order of time.
+    /// Times of the transitions that are left out: the ten longest stretches, in order of time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) left_out_times: Vec<Stretch>,
-    /// Where walks are led out of traps: up to ten times.
+    /// Times at which traps were given exits, at most ten.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) exit_times: Vec<Timestamp>,
     #[serde(flatten)]
@@ -46,9 +46,9 @@ pub(crate) struct MemberRecurrence {
 /// A stretch of the log.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct Stretch {
-    /// Times of the states that its first and its last transition start from.
+    /// Times of the states at which its first and its last transition start.
     pub(crate) times: [Timestamp; 2],
-    /// Candidates in it that are left out.
+    /// Number of its candidates that are left out.
     pub(crate) candidates: usize,
 }
 

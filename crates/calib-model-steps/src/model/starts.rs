@@ -133,15 +133,15 @@ impl<'a> Starts<'a> {
     }
 }
 
-/// How many of a member's start states stand for others, and how far from them they are; in the manifest of rollouts.
+/// Number of an ensemble member's start states that are replaced, and their distances; in the manifest of rollouts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StartSummary {
-    /// Start states in all.
+    /// Number of start states.
     pub starts: usize,
-    /// Those that the member lacks, because they lie in the block that it leaves out: its nearest stands for them.
+    /// Start states that the ensemble member lacks, because they lie in its left-out block. Its nearest state replaces
+    /// each.
     pub replaced: usize,
-    /// From the states that were asked for to those that stand for them, in the metric of the model; none if all were
-    /// there.
+    /// Mean distance from a requested state to its replacement, in the metric of the model; none if none was replaced.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mean_distance: Option<f64>,
     /// The largest of these distances.

@@ -48,16 +48,16 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 /// The name of this program's own arithmetic.
 const NATIVE: &str = "native arithmetic";
 
-/// How a network was trained, in the manifest of its model.
+/// Training of a network, in the manifest of its model.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct TrainingSummary {
-    /// What did the arithmetic.
+    /// The library and device that did the arithmetic.
     pub(crate) backend: String,
     pub(crate) epochs: usize,
     pub(crate) updates: u64,
     /// The epoch whose weights are kept, from 1.
     pub(crate) kept_epoch: usize,
-    /// Mean squared errors of that epoch, normalised units.
+    /// Mean squared errors of that epoch, in normalised units.
     pub(crate) training_loss: f64,
     pub(crate) validation_loss: f64,
     /// The validation loss of predicting that nothing changes.

@@ -46,31 +46,31 @@ pub(crate) use table::show;
 /// `manifest.json` of a representation directory.
 pub type RepresentationManifest = Artefact<RepresentationFacts>;
 
-/// What is told of representations and their scores.
+/// Representations and their scores, in the manifest.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct RepresentationFacts {
-    /// Fingerprint of data and configuration.
+    /// Fingerprint of the data and the configuration.
     pub(crate) key: String,
-    /// What it was made with.
+    /// The study that they were made with.
     #[schemars(with = "calib_base::resolved::ResolvedStudy")]
     pub study: Study,
-    /// Fingerprint of the data that it was trained or imported for.
+    /// Fingerprint of the data that they were trained or imported for.
     pub(crate) data: Fingerprint,
-    /// Rows that ψ was scored on: the last fifth.
+    /// Number of rows that ψ was scored on: the last fifth.
     pub(crate) validation_rows: usize,
     pub(crate) candidates: Vec<Candidate>,
-    /// Position of the chosen one; none if none qualifies.
+    /// Index of the chosen candidate; none if no candidate qualifies.
     pub(crate) chosen: Option<usize>,
 }
 
-/// A representation that could be used.
+/// One candidate representation.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct Candidate {
-    /// Hyperparameters; none of an imported one.
+    /// Hyperparameters; none for an imported representation.
     pub(crate) config: Option<LaplacianConfig>,
-    /// The directory of its encoder, below `candidates/`; none of an imported one.
+    /// Directory of its encoder, below `candidates/`; none for an imported representation.
     pub(crate) directory: Option<String>,
-    /// None if its training diverged.
+    /// Scores; none if its training diverged.
     pub(crate) scores: Option<Scores>,
     pub(crate) divergence: Option<Divergence>,
     /// The learning curve.

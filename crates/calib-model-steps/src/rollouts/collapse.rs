@@ -13,10 +13,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::{model::model_files::OpenModel, rollouts::truth::Record};
 
-/// How many rollouts stop moving, sensor by sensor, and how many end early; in the manifest of the rollouts.
+/// Number of rollouts that freeze, by sensor, and of rollouts that end early; in the manifest of the
+/// rollouts.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Collapse {
-    /// Rollouts of all members.
+    /// Number of rollouts of all ensemble members.
     pub rollouts: usize,
     /// One entry for each sensor.
     pub sensors: Vec<SensorCollapse>,
@@ -24,19 +25,22 @@ pub struct Collapse {
     pub(crate) ended: Vec<EndedEarly>,
 }
 
-/// One sensor.
+/// Rollouts in which one sensor freezes.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct SensorCollapse {
-    /// What it is called.
+    /// Name of the sensor.
     pub sensor: String,
-    /// Rollouts whose sensor has less than a tenth of the data's spread over the last quarter.
+    /// Number of rollouts in which the sensor has less than a tenth of the data's spread over the last
+    /// quarter.
     pub collapsed: usize,
-    /// Median over these of the step from which on it stays near where it ends.
+    /// The step from which on the sensor stays near its final value, the median over these rollouts.
     pub median_step: Option<f64>,
-    /// The same of what was recorded after the same starts, of those that are recorded to the end.
+    /// Number of recorded stretches after the same start states, as long as the rollouts; the next field
+    /// counts those that freeze.
     pub(crate) recorded: usize,
     pub(crate) recorded_collapsed: usize,
-    /// Rollouts that are outside the range of the training data by more than its width at their end.
+    /// Number of rollouts that end outside the range of the training data by more than the width of this
+    /// range.
     pub(crate) escaped: usize,
 }
 

@@ -41,36 +41,36 @@ use crate::{
 /// `manifest.json` of a rollout directory.
 pub type RolloutManifest = Artefact<RolloutFacts>;
 
-/// What is told of rollouts.
+/// Description of rollouts in their manifest.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct RolloutFacts {
     pub(crate) key: String,
-    /// Fingerprint of what the model is, as [`model_files::content`] has it.
+    /// Fingerprint of the content of the model.
     pub model: String,
-    /// What it was made with.
+    /// The study that the rollouts were made with.
     #[schemars(with = "calib_base::resolved::ResolvedStudy")]
     pub study: Study,
-    /// The sensors that trajectories are written of.
+    /// Sensors whose trajectories are written.
     pub sensors: Vec<String>,
-    /// From one state to the next, in seconds.
+    /// Time from one state to the next, in seconds.
     pub period_secs: f64,
-    /// One entry a member.
+    /// One entry for each ensemble member.
     pub members: Vec<MemberRollouts>,
-    /// Rollouts that stop moving, or end early.
+    /// Rollouts that freeze or end early.
     pub collapse: Collapse,
-    /// Distances from what was recorded after the same starts, unless they are switched off.
+    /// Distances from the recorded trajectories after the same start states; none if the comparison is switched off.
     pub comparison: Option<Comparison>,
 }
 
-/// What the rollouts of one member were like.
+/// Statistics of the rollouts of one ensemble member.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct MemberRollouts {
-    /// Transitions of the member.
+    /// Number of transitions of the ensemble member.
     pub(crate) transitions: usize,
-    /// None for models that leave the data.
+    /// Jumps of the rollouts; none for models that leave the data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) jumps: Option<JumpStatistics>,
-    /// How many start states the member lacks, and how far what stands for them is.
+    /// Start states that the ensemble member lacks, and the distances of their replacements.
     pub starts: StartSummary,
 }
 

@@ -43,46 +43,46 @@ pub(crate) fn settings() -> impl Serialize {
     (STEP_PATTERNS, measures, FEWEST_STEPS)
 }
 
-/// The comparison, in the manifest of the rollouts.
+/// Comparison of rollouts with recorded trajectories, in the manifest of the rollouts.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Comparison {
-    /// Rollouts that were compared, of all members.
+    /// Number of rollouts of all ensemble members that were compared.
     pub(crate) rollouts: usize,
-    /// States that they were to start from. Members share them, so intervals are over these.
+    /// Number of requested start states. Ensemble members share them, so intervals are over them.
     pub(crate) start_states: usize,
-    /// Those after which what was recorded shares steps with what was recorded after another: less independent than they
-    /// are counted.
+    /// Number of start states whose recorded trajectories share steps with another one: these count as independent, but
+    /// are less so.
     pub(crate) overlapping: usize,
-    /// Rollouts that were left out, because what was recorded after their start ends too soon.
+    /// Rollouts that were left out because the recorded trajectory after their start state is too short.
     pub(crate) left_out: usize,
-    /// Rollouts that were left out, because they ended (their next state would not have been finite) before the
-    /// steps to compare did: distances over the few steps that are there would flatter the model.
+    /// Rollouts that were left out because they ended before the steps to compare (their next state would not have been
+    /// finite). Distances over the few remaining steps would flatter the model.
     pub(crate) ended_early: usize,
-    /// Fewest and most steps that were compared; 0 if nothing was.
+    /// Smallest and largest number of steps that were compared; 0 if no rollout was.
     pub(crate) fewest_steps: usize,
     pub(crate) most_steps: usize,
-    /// Where the true trajectories were recorded.
+    /// The source of the recorded trajectories.
     pub(crate) against: Against,
-    /// One entry for each sensor; empty if nothing was compared.
+    /// One entry for each sensor; empty if no rollout was compared.
     pub sensors: Vec<SensorComparison>,
 }
 
-/// Where true trajectories were recorded.
+/// The source of the recorded trajectories.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Against {
-    /// In the data of the model, after the start state.
+    /// The data of the model, after the start state.
     Model,
-    /// In the deployment, after the state that the start state stands for.
+    /// The deployment, after the state that the start state represents.
     Deployment,
 }
 
-/// Means over start states of the means over members, on the normalised sensor.
+/// Distances on one normalised sensor: means over start states of the means over ensemble members.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct SensorComparison {
-    /// What it is called.
+    /// Name of the sensor.
     pub sensor: String,
-    /// One entry for each of [`STEP_PATTERNS`].
+    /// One entry for each step pattern.
     pub dtw: Vec<PatternSummary>,
     pub(crate) measures: Vec<MeasureSummary>,
 }
@@ -93,16 +93,16 @@ pub struct PatternSummary {
     pub(crate) step_pattern: String,
     /// Weighted sum of the local distances along the warping path.
     pub distance: ClusterSummary,
-    /// The same, normalised as the pattern says; `None` if it does not.
+    /// The distance with the normalisation of the step pattern; `None` if the pattern has none.
     pub normalized_distance: Option<ClusterSummary>,
 }
 
-/// Another distance.
+/// Another measure of distance.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct MeasureSummary {
-    /// Its column in `measures.parquet`.
+    /// Column of the measure in `measures.parquet`.
     pub(crate) measure: String,
-    /// `None` if it is defined for no rollout.
+    /// Mean of the measure; `None` if it is defined for no rollout.
     pub(crate) value: Option<ClusterSummary>,
 }
 

@@ -29,7 +29,7 @@ pub struct ComparedModel<'a> {
     pairs: BTreeMap<&'a str, Vec<&'a Pair>>,
 }
 
-/// Two models, in the summary of several.
+/// Two models compared, in the summary of several models.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct PairedModels {
     pub(crate) models: [String; 2],
@@ -52,7 +52,7 @@ pub(crate) struct PairedPattern {
     pub(crate) normalized_distance: Option<Difference>,
 }
 
-/// Another distance.
+/// Differences by another measure.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct PairedMeasure {
     pub(crate) measure: &'static str,

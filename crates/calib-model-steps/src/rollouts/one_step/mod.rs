@@ -37,48 +37,49 @@ const FILE: &str = "one_step.json";
 
 const FORMAT: u32 = 4;
 
-/// `one_step.json`: errors of predictions one step ahead, of all members taken together.
+/// `one_step.json`: one-step prediction errors, over all ensemble members together.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct OneStep {
     pub(crate) format: u32,
     pub(crate) tool: String,
     pub(crate) key: String,
-    /// The model's key.
+    /// Fingerprint of the model.
     pub(crate) model: String,
-    /// The held-out range as the study has it.
+    /// The held-out range, as in the study.
     pub(crate) window: Option<TimeRange>,
-    /// Held-out transitions, and how many of them were predicted in each member.
+    /// Number of held-out transitions; the next two fields are the number predicted in each ensemble member and
+    /// the number of ensemble members.
     pub(crate) held_out: usize,
     pub(crate) transitions: usize,
     pub(crate) members: usize,
-    /// Over all columns of the states.
+    /// Error over all columns of the states.
     pub all_columns: PredictionError,
     /// One entry for each sensor.
     pub sensors: Vec<SensorError>,
-    /// Fingerprint of the errors of every transition.
+    /// Fingerprint of the error of every transition.
     steps: Fingerprint,
 }
 
-/// One sensor.
+/// One-step prediction error of one sensor.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct SensorError {
-    /// What it is called.
+    /// Name of the sensor.
     pub sensor: String,
-    /// Of its predictions.
+    /// Error of its predictions.
     #[serde(flatten)]
     pub error: PredictionError,
 }
 
-/// Normalised units.
+/// One-step prediction error, in normalised units.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct PredictionError {
-    /// None if a prediction was not finite.
+    /// Root mean squared error; none if a prediction was not finite.
     pub rmse: Option<f64>,
-    /// Of predicting that nothing changes.
+    /// RMSE of predicting that nothing changes.
     pub(crate) no_change_rmse: f64,
-    /// One divided by the other; none if nothing ever changes.
+    /// `rmse` divided by `no_change_rmse`; none if nothing ever changes.
     pub relative: Option<f64>,
-    /// 95 % interval of the quotient, over stretches of time.
+    /// 95 % interval of this quotient, over blocks of time.
     pub(crate) relative_interval: Option<Interval>,
 }
 

@@ -20,7 +20,7 @@ pub struct OneStepModel {
     steps: SquaredErrors,
 }
 
-/// Two models, in the summary of several: RMSE of the first / RMSE of the second.
+/// Two models compared, in the summary of several models: RMSE of the first / RMSE of the second.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct PairedErrors {
     models: [String; 2],
@@ -28,11 +28,11 @@ pub struct PairedErrors {
     sensors: Vec<SensorRatio>,
 }
 
-/// One sensor.
+/// The quotient for one sensor.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 struct SensorRatio {
     sensor: String,
-    /// None where the quotient is not defined.
+    /// The quotient; none where it is undefined.
     ratio: Option<ErrorRatio>,
 }
 
