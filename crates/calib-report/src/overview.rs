@@ -26,26 +26,26 @@ pub struct Overview {
     pub command: String,
 }
 
-/// What to do, as a card.
+/// The decision of a report, shown as a card.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Decision {
-    /// How far it can be relied on.
+    /// How well the evidence supports the decision.
     pub support: Support,
-    /// That in a few words.
+    /// The support in a few words.
     pub badge: String,
-    /// What to do, in a sentence.
+    /// The recommended action, in one sentence.
     pub headline: String,
-    /// Why.
+    /// The reason.
     pub plain: String,
 }
 
-/// How far a decision can be relied on.
+/// How well the evidence supports a decision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Support {
     /// It is supported.
     Supported,
-    /// Nothing speaks for a change.
+    /// The evidence gives no reason to change the default.
     KeepDefault,
     /// It is not supported.
     Unsupported,
