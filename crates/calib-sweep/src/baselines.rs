@@ -218,16 +218,16 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A simple predictor of a sensor, with its coefficients: of normalised states, for normalised returns.
+/// A simple predictor of a sensor, with its coefficients. Inputs are normalised states, outputs normalised returns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FittedSimple {
     /// The predicted sensor.
     pub sensor: String,
-    /// Its column of the states.
+    /// Index of its column in the states.
     pub column: usize,
-    /// What predicts.
+    /// Kind of the predictor.
     pub predictor: SimplePredictor,
-    /// How.
+    /// Its coefficients.
     pub fitted: FittedPredictor,
 }
 
@@ -236,11 +236,11 @@ pub struct FittedSimple {
 pub struct SimpleScore {
     /// The predicted sensor.
     pub sensor: String,
-    /// What predicts.
+    /// Kind of the predictor.
     pub predictor: SimplePredictor,
     /// Whether the window is of the held-out range or of the log.
     pub environment: EnvironmentId,
-    /// Row of that range at which the window begins.
+    /// Row of this range at which the window begins.
     pub start_row: u32,
     /// Its errors, over the same steps as those of agents.
     pub scores: Scores,

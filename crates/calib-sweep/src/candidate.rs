@@ -7,16 +7,16 @@ use serde_json::Value;
 
 use crate::{SweepConfig, SweepError, sampling::combinations};
 
-/// One agent of a sweep.
+/// One setting of a sweep, as an agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Candidate {
-    /// Position in the sweep; grid order is the last tie-breaker.
+    /// Position in the sweep. Grid order breaks remaining ties.
     pub index: usize,
-    /// Whether its swept fields equal the `[agent]` section's. One candidate is always the default: what nobody has to decide.
+    /// Whether its swept fields equal those of the `[agent]` section. One setting is always the default.
     pub is_default: bool,
-    /// The swept fields and this candidate's values.
+    /// The swept fields, with the values of this setting.
     pub values: Vec<(String, Value)>,
-    /// The whole agent.
+    /// All hyperparameters of the agent.
     pub agent: AgentConfig,
 }
 

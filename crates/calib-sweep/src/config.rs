@@ -14,48 +14,49 @@ use crate::{Axis, Sampling};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SweepConfig {
-    /// Sensors to predict; each gets a sweep and a verdict of its own.
+    /// Sensors to predict. Each has its own sweep and verdict.
     pub sensors: Vec<String>,
-    /// Steps of every training run (default 30000, as in the paper). Shortened to the held-out period if that is shorter, so that errors in all environments cover equally many steps.
+    /// Steps of every training run (default 30000, as in the paper). They are shortened to the held-out period if that is shorter, so that
+    /// errors in all environments cover the same number of steps.
     pub steps: usize,
-    /// Runs of every setting on held-out data (default 30, as in the paper), dealt to its windows in turn.
+    /// Runs of every setting on held-out data (default 30, as in the paper), assigned to its windows in turn.
     pub online_runs: usize,
-    /// The most windows of the held-out period that are replayed (default 8): as many as fit beside each other.
+    /// Maximum number of windows of the held-out period that are replayed (default 8). Windows do not overlap, so that fewer may fit.
     pub online_windows: usize,
     /// Runs of every setting in each ensemble member (default 10, as in the paper).
     pub member_runs: usize,
-    /// Runs of every setting in a model that is a network, which has one ensemble member (default: `member_runs`).
+    /// Runs of every setting in a network model, which has one ensemble member (default: `member_runs`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub network_runs: Option<usize>,
-    /// Runs of every setting on replayed windows of the training range (default 10; 0 leaves it out).
+    /// Runs of every setting on replayed windows of the training range (default 10; 0 for no log replay).
     pub log_replay_runs: usize,
-    /// Where the rollouts start that agents are trained in (default: as those of `[rollout]`).
+    /// Start states of the rollouts that agents are trained in (default: those of `[rollout]`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<StartKind>,
-    /// Which steps count (default: the whole run, or the final quarter of agents that were pre-trained).
+    /// The steps that count for the error (default: the whole run, or the final quarter for pre-trained agents).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scored: Option<Part>,
-    /// Points of the learning curve that each run stores (default 50; 0 stores none).
+    /// Points of the learning curve that each run stores (default 50; 0 for none).
     pub curve_points: usize,
     /// Which settings are tried: `grid` (all combinations, the default), `random` or `sobol`.
     pub sampling: Sampling,
-    /// Settings that `random` and `sobol` draw (default 20).
+    /// Number of settings that `random` and `sobol` draw (default 20).
     pub samples: usize,
-    /// Whether settings that are behind make no more runs (default: all settings make all runs).
+    /// Whether inferior settings stop making runs (default: all settings make all runs).
     #[serde(deserialize_with = "race_kind")]
     pub race: RaceKind,
     /// Agent field → values. The settings are all combinations of the values, the first field varying slowest.
     pub grid: BTreeMap<String, Axis>,
 }
 
-/// Whether settings that are behind make no more runs.
+/// Whether inferior settings stop making runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RaceKind {
     /// All settings make all runs.
     #[default]
     None,
-    /// The worse half makes no more, again and again.
+    /// The worse half of the settings stops, repeatedly.
     Halving,
 }
 

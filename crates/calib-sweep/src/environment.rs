@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{FittingRows, SweepError};
 
-/// Where agents are trained.
+/// The environment in which agents are trained.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -16,9 +16,9 @@ use crate::{FittingRows, SweepError};
 pub enum EnvironmentId {
     /// A member of the calibration model's ensemble.
     Member(usize),
-    /// The held-out log, replayed in time order: the truth that selection is judged by.
+    /// The held-out log, replayed in time order. The choice of a setting is judged on it.
     Online,
-    /// The training log, replayed: the obvious alternative to a calibration model.
+    /// The training log, replayed: the alternative to a calibration model.
     LogReplay,
 }
 

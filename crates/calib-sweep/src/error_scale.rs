@@ -6,17 +6,17 @@ use crate::Candidate;
 
 /// The scale of a sensor's errors: NRMSE = RMSE / standard deviation of its return over the training range.
 ///
-/// The paper divides by the mean return of the run, which is near zero for some sensors: errors are then infinite, or decided by
-/// the runs with the smallest mean. The standard deviation over the training range is known before the deployment, is that of
-/// *all* runs, so that no run weighs more than another, and is zero only for a sensor that never moves. 1 is about the error of
-/// predicting the mean.
+/// The paper divides by the mean return of the run, which is near zero for some sensors. Errors are then infinite, or depend
+/// mainly on the runs with the smallest mean. The standard deviation over the training range is known before the deployment. It
+/// is the same for *all* runs, so that no run has more weight than another. It is zero only for a constant sensor. An NRMSE of 1
+/// is about the error of predicting the mean.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ErrorScale {
     /// The sensor.
     pub sensor: String,
     /// The discount factor of the return.
     pub gamma: f64,
-    /// Its return over the training range; none if that is too short to know one.
+    /// Mean and standard deviation of its return over the training range; none if this is too short for a return.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub returns: Option<ReturnMoments>,
 }

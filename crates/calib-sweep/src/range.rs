@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::axis::Points;
 
-/// How numbers are spaced.
+/// The spacing of numbers in a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Scale {
@@ -16,30 +16,30 @@ pub enum Scale {
 
 /// A range of numbers, ends included.
 ///
-/// With `per_decade`, `count` or `step` it stands for a list; without any of them for every number between
-/// its ends, from which random and Sobol sampling draw. Values other than the ends are rounded to what one
-/// would write by hand: three significant digits (log), or three more decimals than the spacing has (linear);
-/// whole numbers where the field takes such, or where `whole` asks for them.
+/// With `per_decade`, `count` or `step` it is a list of values. Without any of these it is all numbers
+/// between its ends, from which random and Sobol sampling draw. Values other than the ends are rounded: to
+/// three significant digits (log), or to three more decimals than the spacing has (linear). They are whole
+/// numbers if the field needs whole numbers, or if `whole` is true.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
     /// The lowest value.
     pub from: f64,
-    /// The highest.
+    /// The highest value.
     pub to: f64,
     /// `"linear"` (default) or `"log"`; `per_decade` means `"log"`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<Scale>,
-    /// Values from `from` by the factor `10^(1 / per_decade)`, as far as `to`.
+    /// Values from `from` to `to` in steps of the factor `10^(1 / per_decade)`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub per_decade: Option<usize>,
-    /// This many values from `from` to `to`.
+    /// Number of values from `from` to `to`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<usize>,
-    /// Values from `from` by this difference, as far as `to`.
+    /// Values from `from` to `to` in steps of this difference.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step: Option<f64>,
-    /// Whole numbers only, whatever the field takes.
+    /// Whether to use only whole numbers, even if the field takes others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub whole: bool,
 }

@@ -12,17 +12,17 @@ use crate::{
     sobol::{DIMENSIONS, Sobol},
 };
 
-/// Which settings are tried: combinations of the swept values.
+/// How settings are chosen among the combinations of the swept values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sampling {
-    /// All of them.
+    /// All combinations.
     #[default]
     Grid,
-    /// `samples` of them, each value drawn by itself and uniformly: from a list, from the numbers of a linear
-    /// range, or from the logarithms of a logarithmic one.
+    /// `samples` combinations. Each value is drawn independently and uniformly: from a list, from the numbers
+    /// of a linear range, or from the logarithms of a logarithmic one.
     Random,
-    /// `samples` of them, spread evenly: Sobol's sequence with a digital shift drawn from the study's seed.
+    /// `samples` combinations, spread evenly: Sobol's sequence with a digital shift from the study's seed.
     Sobol,
 }
 

@@ -2,12 +2,13 @@ use calib_agent::truncation_horizon;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How long the streams of a sweep are.
+/// Length of the streams of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Span {
-    /// Steps that agents make.
+    /// Number of steps of an agent.
     pub steps: usize,
-    /// States that follow them, one at least, so that the returns of the last steps are complete. Nothing is learnt from them.
+    /// Number of states after these steps, at least one, so that the returns of the last steps are complete. Agents do not
+    /// learn from them.
     pub tail: usize,
 }
 

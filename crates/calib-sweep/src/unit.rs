@@ -11,16 +11,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::EnvironmentId;
 
-/// One unit of a sweep: all candidates trained to predict one sensor on one stream.
+/// One unit of a sweep: all settings trained to predict one sensor on one stream.
 #[derive(
     Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 pub struct Unit {
     /// The predicted sensor.
     pub sensor: String,
-    /// Where the stream comes from.
+    /// The environment of the stream.
     pub environment: EnvironmentId,
-    /// Number of the run.
+    /// Index of the run.
     pub run: usize,
 }
 
@@ -30,14 +30,14 @@ impl fmt::Display for Unit {
     }
 }
 
-/// A unit, what its runs have in common, and which settings it trains.
+/// A unit with its fingerprint, and the settings that it trains.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlannedUnit {
     /// The unit.
     pub unit: Unit,
-    /// Fingerprint of everything that its runs follow from beside their settings.
+    /// Fingerprint of everything that its runs depend on, except their settings.
     pub key: String,
-    /// Positions of the candidates that a race dropped before this unit.
+    /// Indices of the settings that a race dropped before this unit.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub dropped: BTreeSet<usize>,
 }

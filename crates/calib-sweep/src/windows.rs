@@ -17,14 +17,14 @@ pub struct ScoringDemand {
     pub part: Part,
 }
 
-/// Windows of recorded rows: where the streams of a replay begin.
+/// Windows of recorded rows in which the streams of a replay start.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Windows {
-    /// First row of each, in the order in which runs take them.
+    /// First row of each window, in the order in which runs use them.
     pub starts: Vec<usize>,
-    /// States of each stream.
+    /// Number of states of each stream.
     pub states: usize,
-    /// Windows that were left out because gaps leave too few steps to score.
+    /// Number of windows that were left out because gaps leave too few steps to score.
     pub left_out: usize,
 }
 

@@ -9,16 +9,17 @@ use serde::{Deserialize, Serialize};
 use super::LOWER;
 use crate::{EnvironmentId, UnitResult};
 
-/// A value that was dropped before all runs were made.
+/// A setting that was dropped before all runs were made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Dropped {
-    /// Position of the candidate in the sweep.
+    /// Index of the setting in the sweep.
     pub candidate: usize,
-    /// Runs that it made in members and on the log, each of all steps.
+    /// Number of its runs in ensemble members and on the log, each of all steps.
     pub runs: usize,
-    /// Runs that those made which were left.
+    /// Number of such runs of each remaining setting.
     pub of_runs: usize,
-    /// Mean error over the members that it made runs in, or on the log where there is no model; infinite if it made none.
+    /// Mean error over the ensemble members in which it made runs, or on the log if there is no model; infinite if it
+    /// made none.
     #[serde(with = "calib_stats::diverged")]
     #[schemars(with = "Option<f64>")]
     pub mean_error: f64,

@@ -6,23 +6,23 @@ use serde::{Deserialize, Serialize};
 use super::Judging;
 use crate::{Candidate, EnvironmentId, ErrorScale, RunRow, SweepError, UnitResult};
 
-/// Errors of all candidates in one environment.
+/// Errors of all settings in one environment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EnvironmentScores {
-    /// Which environment.
+    /// The environment.
     pub environment: EnvironmentId,
-    /// Different streams: rollouts, windows of the log, or windows of the held-out range.
+    /// Number of distinct streams: rollouts, windows of the log, or windows of the held-out range.
     pub streams: usize,
-    /// How many of them are independent: windows of the log that overlap count as often as windows would fit beside each other into the
-    /// rows that they cover, everything else counts once.
+    /// Number of independent streams. Overlapping windows of the log count as the number of windows that would fit side by side into the
+    /// rows that they cover. Any other stream counts once.
     pub independent: usize,
-    /// Runs over them.
+    /// Number of runs over these streams.
     pub runs: usize,
-    /// NRMSE, one a candidate: over streams, each the mean of its runs, with intervals of as many as are independent; where there is one
-    /// stream, over runs.
+    /// NRMSE of each setting: over streams, where each stream is the mean of its runs. The size of the sample is the number of
+    /// independent streams. If there is only one stream, the NRMSE is over runs.
     pub candidates: Vec<Summary>,
-    /// Skill, one a candidate: 1 − (mean RMSE) / (mean standard deviation of the returns); 0 is the error of predicting the mean
-    /// of each run's returns. None if a run diverged, or the returns are constant.
+    /// Skill of each setting: 1 − (mean RMSE) / (mean standard deviation of the returns). 0 is the error of predicting the mean of each
+    /// run's returns. None if a run diverged, or the returns are constant.
     pub skill: Vec<Option<f64>>,
 }
 

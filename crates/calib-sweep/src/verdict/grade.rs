@@ -13,19 +13,19 @@ use super::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
-    /// At most five per cent more error than the best value of each window, over two windows or more.
+    /// At most 5 % more error than the best setting of each window, over two windows or more.
     Good,
-    /// More than that, or only one window was held out; but not shown to be worse than the default.
+    /// More error than that, or only one held-out window. It is not shown to be worse than the default.
     Fair,
-    /// A simple predictor does as well or better: the agent is not known to have at most two per cent more error than the one
-    /// that the log prefers, or another is better by more than chance.
+    /// A simple predictor is as good or better: the agent is not known to have at most 2 % more error than the predictor that the log
+    /// prefers, or another predictor is better by more than chance.
     Simpler,
-    /// The default is better, the choice diverged or has no skill, or held-out values lie far from all that was learned from.
+    /// The default is better, or the choice diverged or has no skill, or held-out values lie far from the values of the training range.
     Poor,
-    /// Nothing is shown to predict better than a mean return, by two per cent: that of the training range, where simple predictors are known, or else that
-    /// of each window.
+    /// No predictor is shown to be better than a mean return by 2 %. The mean return is that of the training range if simple predictors are
+    /// known, and otherwise that of each window.
     NotLearnt,
-    /// No held-out data, or none whose returns vary, or are known to.
+    /// There is no held-out data, or its returns do not vary or are not known to vary.
     Unchecked,
 }
 
@@ -116,18 +116,18 @@ impl Grade {
     }
 }
 
-/// What to do with a sensor's agent.
+/// Recommendation for the agent of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Recommendation {
     /// Deploy an agent with the chosen values.
     Deploy,
-    /// Deploy an agent with the default values: held-out data prefers them, or the evidence prefers nothing.
+    /// Deploy an agent with the default values: held-out data prefers them, or the evidence prefers no setting.
     KeepDefault,
-    /// Deploy the simple predictor, and no agent.
+    /// Deploy the simple predictor instead of an agent.
     UseSimplePredictor,
     /// Deploy nothing on this evidence.
     DoNotDeploy,
-    /// No held-out data says whether the choice can be deployed.
+    /// There is no held-out data to decide whether the choice can be deployed.
     NotChecked,
 }

@@ -67,78 +67,78 @@ impl<'a> Judging<'a> {
     }
 }
 
-/// How often a value is chosen from other draws of the evidence. It says how firm the choice is on this log: members share most of it, so that
-/// another log of the same plant agrees less often.
+/// How often a setting is chosen in resamples of the evidence. It shows how stable the choice is on this log. Ensemble members share most
+/// of the log, so another log of the same plant would agree less often.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Share {
-    /// The candidate.
+    /// Index of the setting.
     pub candidate: usize,
-    /// Share of the resamples in which the rule chooses it.
+    /// Share of the resamples in which the rule chooses the setting.
     pub share: f64,
 }
 
-/// What a rule chooses, and what that costs.
+/// The choice of a rule, with its regret.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RuleChoice {
     /// The rule.
     pub rule: Rule,
-    /// Its choice.
+    /// Index of the chosen setting.
     pub chosen: usize,
-    /// The regret of that; none without held-out data.
+    /// Regret of the choice; none without held-out data.
     pub regret: Option<Bounded>,
 }
 
-/// What the sweep says about one sensor.
+/// The verdict of a sweep on one sensor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SensorVerdict {
     /// The predicted sensor.
     pub sensor: String,
     /// The part of a run whose error counts.
     pub part: Part,
-    /// The rule that chose.
+    /// The rule that chose the setting.
     pub rule: Rule,
-    /// Its choice.
+    /// Index of the chosen setting.
     pub chosen: usize,
-    /// How well held-out data supports it.
+    /// How well held-out data supports the choice.
     pub grade: Grade,
-    /// How values stand by the rule, small is good: mean logarithms of errors, mean errors, mean ranks, or places by worst rank. Not in
-    /// files.
+    /// Score of each setting by the rule, lower is better: mean logarithms of errors, mean errors, mean ranks, or positions by worst rank.
+    /// Not stored in files.
     #[serde(skip)]
     pub scores: Vec<f64>,
-    /// What is chosen from other draws of members, runs and windows of the log, the most frequent first; empty
-    /// where a race dropped values.
+    /// The settings chosen in resamples of ensemble members, runs and windows of the log, the most frequent first; empty if a race dropped
+    /// settings.
     pub stability: Vec<Share>,
-    /// Share of these draws that choose the same value or one next to it on the grid; none where nothing is drawn or next to it.
+    /// Share of these resamples that choose the same setting or a neighbour on the grid; none without resamples or neighbours.
     #[serde(default)]
     pub stability_nearby: Option<f64>,
-    /// What each rule chooses.
+    /// The choice of each rule.
     pub rules: Vec<RuleChoice>,
-    /// Ranks over the members, and the worst-rank selection among them; none without a model.
+    /// Ranks over the ensemble members, with the worst-rank selection; none without a model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub selection: Option<Selection>,
-    /// Values that were dropped, best first; they rank behind all others.
+    /// Settings that were dropped, best first; they rank behind all others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub dropped: Vec<Dropped>,
-    /// Errors in each member, over the runs that were made; empty without a model.
+    /// Errors in each ensemble member, over the runs that were made; empty without a model.
     pub members: Vec<EnvironmentScores>,
     /// Errors on replayed training windows.
     pub log_replay: Option<EnvironmentScores>,
-    /// What held-out data says.
+    /// Results on held-out data.
     pub truth: Option<Truth>,
-    /// Simple predictors on the same held-out windows; empty where they are not known.
+    /// Simple predictors on the same held-out windows; empty if they are not known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub simple: Vec<SimpleComparison>,
-    /// The candidate that starts from a simple predictor and learns nothing after the log, where it is the choice, or the
-    /// default that the choice is not shown to improve on by a hundredth of its error.
+    /// Index of a setting that starts from a simple predictor and does not learn after the log. It is given if it is the choice, or if it
+    /// is the default and the choice is not shown to reduce its error by 1 %.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub learning_off: Option<usize>,
-    /// What would be chosen by other parts of each run.
+    /// Choices by the errors over other parts of each run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<PartChoice>,
-    /// Share of the choice's squared error on held-out data that it makes in the first tenth of its runs.
+    /// Share of the choice's squared error on held-out data in the first tenth of its runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_up_share: Option<f64>,
-    /// What the reader should know: few horizons, divergence, ties with everything.
+    /// Warnings: few horizons, divergence, or ties between all settings.
     pub warnings: Vec<String>,
 }
 

@@ -9,16 +9,16 @@ use super::{
 };
 use crate::{Candidate, EnvironmentId, SweepError, UnitResult};
 
-/// What the rule would choose if errors counted over another part of each run.
+/// The choice of the rule by the errors over another part of each run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PartChoice {
-    /// The part.
+    /// The part of each run.
     pub part: Part,
-    /// What is chosen by the errors over it.
+    /// Index of the setting chosen by these errors.
     pub chosen: usize,
-    /// Mean NRMSE of that over the part on held-out data; none without.
+    /// Mean NRMSE of this setting over the part on held-out data; none without held-out data.
     pub online_error: Option<f64>,
-    /// The same of the verdict's choice.
+    /// Mean NRMSE over the part of the setting that the verdict chose; none without held-out data.
     pub online_error_of_verdict: Option<f64>,
 }
 

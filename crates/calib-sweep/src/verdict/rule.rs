@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 use super::{Dropped, dropped::select_among};
 use crate::race::standing;
 
-/// How a setting is chosen from the evidence: the runs in the models, and those on the replayed log.
+/// How a setting is chosen from the evidence: the runs in the models and on the replayed log.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
-    /// The smallest worst rank over ensemble members (the paper). Cautious: a setting loses if it is bad in one of them.
+    /// The smallest worst rank over ensemble members (the paper). Cautious: a setting loses if it is bad in one ensemble member.
     WorstRank,
     /// The smallest mean rank over ensemble members.
     MeanRank,
@@ -21,11 +21,11 @@ pub enum Rule {
     MeanError,
     /// The smallest mean logarithm of the error over all runs in all ensemble members.
     MeanLogError,
-    /// The same over the runs in the models and on the replayed log: every run counts the same.
+    /// The smallest mean logarithm of the error over the runs in the models and on the replayed log: every run counts the same.
     Pooled,
-    /// The same over the runs on the replayed log alone; where nothing was replayed, over those in the models.
+    /// The smallest mean logarithm of the error over the runs on the replayed log only; over those in the models if nothing was replayed.
     LogReplay,
-    /// The default, unless another setting is better over the same runs by at least one standard error of the mean paired difference of logarithms: then the best of these by mean logarithm.
+    /// The best by mean logarithm of the settings that beat the default over the same runs by at least one standard error of the mean paired difference of logarithms. The default if there is no such setting.
     OneStandardError,
 }
 

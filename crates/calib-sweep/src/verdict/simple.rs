@@ -24,21 +24,22 @@ const RUNAWAY: f64 = 10.0;
 /// or the zero of the sensor may have changed. Our choice.
 const ELSEWHERE: f64 = 20.0;
 
-/// A simple predictor beside the chosen agent, on the same held-out windows and steps.
+/// A simple predictor compared with the chosen agent, on the same held-out windows and steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SimpleComparison {
-    /// What predicts.
+    /// Kind of the predictor.
     pub predictor: SimplePredictor,
-    /// Mean over windows of its NRMSE.
+    /// Mean over windows of the predictor's NRMSE.
     pub online_error: f64,
-    /// Mean over windows of its RMSE, in normalised units of the return.
+    /// Mean over windows of the predictor's RMSE, in normalised units of the return.
     pub online_rmse: f64,
-    /// Geometric mean of its NRMSE over windows of the log, when it is fitted on the rest of the log.
+    /// Geometric mean of the predictor's NRMSE over windows of the log, each with the predictor fitted on the rest of the
+    /// log.
     pub log_error: Option<f64>,
-    /// Error of the chosen agent by that of the predictor: geometric mean over held-out windows, with its interval over them.
-    /// None where both have no error.
+    /// Error of the chosen agent divided by the error of the predictor: geometric mean over held-out windows, with its
+    /// interval over windows. None if both have no error.
     pub ratio: Option<Estimate>,
-    /// Held-out windows in which the agent has more than ten times its error. Default: none.
+    /// Number of held-out windows in which the agent has more than ten times the error of the predictor. Default: none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub runaway_windows: usize,
 }

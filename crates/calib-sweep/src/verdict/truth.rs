@@ -5,41 +5,41 @@ use serde::{Deserialize, Serialize};
 use super::{differ, errors::EnvironmentScores};
 use crate::SweepError;
 
-/// What held-out data says of one window.
+/// Results on held-out data for one window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WindowTruth {
-    /// Row of the held-out range that it begins at.
+    /// Row of the held-out range at which the window begins.
     pub start_row: u32,
-    /// Runs over it.
+    /// Number of runs over the window.
     pub runs: usize,
-    /// Steps of each run that were scored.
+    /// Number of scored steps of each run.
     pub scored_steps: usize,
-    /// Its best candidate; none where every value diverged.
+    /// Index of the best setting of the window; none if every setting diverged.
     pub best: Option<usize>,
 }
 
 /// How well a choice does on held-out data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Agreement {
-    /// The candidate.
+    /// Index of the chosen setting.
     pub chosen: usize,
-    /// Its mean NRMSE on held-out data.
+    /// Mean NRMSE of the choice on held-out data.
     #[serde(with = "calib_stats::diverged")]
     #[schemars(with = "Option<f64>")]
     pub online_error: f64,
-    /// exp(mean over windows of ln(error / best error of the window)) − 1; none if every value diverged.
+    /// exp(mean over windows of ln(error / best error of the window)) − 1; none if every setting diverged.
     pub regret: Option<Bounded>,
-    /// Geometric mean over windows of its error by the default's; none where it is the default.
+    /// Geometric mean over windows of its error divided by the default's error; none if the choice is the default.
     pub against_default: Option<Estimate>,
     /// Spearman's correlation of the ranking with the errors on held-out data; none if undefined.
     pub spearman: Option<f64>,
-    /// Kendall's τ-b likewise.
+    /// Kendall's τ-b of the ranking with the errors on held-out data; none if undefined.
     pub kendall: Option<f64>,
-    /// Whether it is among the best `top_k`.
+    /// Whether the choice is among the best `top_k` settings.
     pub top_k_hit: bool,
 }
 
-/// Another way to choose, that the choice has to be compared with.
+/// Another selection method, with which the choice is compared.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -51,46 +51,48 @@ pub enum ChoiceBaseline {
     Default,
     /// The smallest mean error on the replayed log.
     LogReplay,
-    /// The best value on the latest window of the log alone.
+    /// The best setting on the latest window of the log alone.
     LatestWindow,
-    /// Every value with the same chance: the mean regret.
+    /// A uniformly random setting: the mean regret.
     Random,
-    /// The one value that is best over all held-out windows: nobody can know it beforehand.
+    /// The best fixed setting over all held-out windows, which is known only afterwards.
     Hindsight,
-    /// The best value of one held-out window, judged on the others: what a chooser that sees a window of the deployment
-    /// itself, at another time, would cost. One window is weak evidence: choosers that see more of the plant can do better.
+    /// The best setting of one held-out window, judged on the others. It shows the regret of a selection method that sees
+    /// the deployment itself, at another time. One window is weak evidence, so selection methods that see more of the plant
+    /// can do better.
     AnotherWindow,
 }
 
-/// What a baseline costs.
+/// Regret of a selection method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BaselineRegret {
-    /// Which one.
+    /// The selection method.
     pub baseline: ChoiceBaseline,
-    /// The value that it chooses, where it is one.
+    /// Index of the setting that it chooses, if it chooses a single one.
     pub chosen: Option<usize>,
-    /// Its regret; none where it cannot be said.
+    /// Its regret; none if it cannot be computed.
     pub regret: Option<Bounded>,
 }
 
-/// What held-out data says about all values.
+/// Results on held-out data for all settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Truth {
-    /// Errors.
+    /// Errors of all settings.
     pub scores: EnvironmentScores,
-    /// Its windows, in the order of time.
+    /// The held-out windows, in order of time.
     pub windows: Vec<WindowTruth>,
-    /// Scored steps of a run in horizons of 1 / (1 − γ) steps: the least over windows, for the largest γ.
+    /// Number of scored steps of a run, in effective horizons of 1 / (1 − γ) steps: the smallest over windows, for the
+    /// largest γ.
     pub horizons: f64,
-    /// The value that is best over all windows; none if every value diverged.
+    /// Index of the best setting over all windows; none if every setting diverged.
     pub best: Option<usize>,
-    /// Regret of each value, infinite (`null` in files) where it diverged; none if every value did.
+    /// Regret of each setting, infinite (`null` in files) if it diverged; none if every setting diverged.
     #[serde(default, with = "calib_stats::diverged::each_if_known")]
     #[schemars(with = "Option<Vec<calib_stats::diverged::Stored>>")]
     pub regrets: Option<Vec<f64>>,
-    /// How the choice does.
+    /// Results of the choice.
     pub choice: Agreement,
-    /// What other ways to choose cost.
+    /// Regrets of other selection methods.
     pub baselines: Vec<BaselineRegret>,
 }
 
