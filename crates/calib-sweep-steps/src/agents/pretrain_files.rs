@@ -25,10 +25,10 @@ use serde::{Deserialize, Serialize};
 /// `manifest.json` of a directory of pre-trained agents.
 pub type PretrainManifest = Artefact<PretrainFacts>;
 
-/// What is told of pre-trained agents.
+/// Pre-trained agents, in their manifest.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct PretrainFacts {
-    /// What they were made with.
+    /// The study that they were made with.
     #[schemars(with = "calib_base::resolved::ResolvedStudy")]
     pub study: Study,
     /// Fingerprint of the states that agents were pre-trained on.
@@ -37,10 +37,10 @@ pub struct PretrainFacts {
     pub(crate) span: String,
     /// Time from one state to the next.
     pub(crate) period: Period,
-    /// The columns of the states, fitted on the whole training range.
+    /// The columns of the states, with maps fitted on the whole training range.
     pub(crate) normaliser: Normaliser,
     pub(crate) agents: Vec<PretrainedAgent>,
-    /// Sensors whose agents diverged, and the epoch in which they did: they have no agent.
+    /// Sensors whose agents diverged, with the epoch of the divergence. They have no agent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) diverged: BTreeMap<String, usize>,
 }
@@ -58,14 +58,14 @@ impl Facts for PretrainFacts {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct PretrainedAgent {
     pub(crate) sensor: String,
-    /// Its column of the states.
+    /// Index of its column in the states.
     pub(crate) column: usize,
-    /// Fingerprint of everything that the agent follows from.
+    /// Fingerprint of everything that the agent depends on.
     pub(crate) key: String,
     pub(crate) agent: AgentConfig,
     /// Sizes of the layers, input first.
     pub(crate) layer_sizes: Vec<usize>,
-    /// What its value function is added to, where `agent.baseline` names something.
+    /// The fitted predictor that its value function is added to, if `agent.baseline` names one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) baseline: Option<FittedPredictor>,
     /// The epoch after which the checkpoint was taken.

@@ -20,33 +20,33 @@ use serde::{Deserialize, Serialize};
 
 use crate::sweep::streams::Streams;
 
-/// What an environment is made of, beside states and tables.
+/// Specification of an environment, without its states and tables.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EnvironmentSpec {
-    /// A member of a calibration model.
+    /// A member of a calibration model's ensemble.
     Member {
-        /// Counted from 0.
+        /// Index of the ensemble member, from 0.
         number: usize,
-        /// Where each run starts.
+        /// Start state of each run.
         starts: Vec<ModelStart>,
-        /// What streams follow from, beside their start.
+        /// Fingerprint of everything that streams depend on, except their start states.
         inputs: Fingerprint,
     },
-    /// What is held out.
+    /// The held-out period.
     Online {
-        /// Where streams begin.
+        /// Windows in which streams start.
         windows: Windows,
-        /// How many there are.
+        /// Number of runs.
         runs: usize,
-        /// The held-out states.
+        /// Fingerprint of the held-out states.
         inputs: Fingerprint,
     },
-    /// The training range.
+    /// Log replay: the training range.
     LogReplay {
-        /// Where streams begin, one for each run.
+        /// Windows in which streams start, one for each run.
         windows: Windows,
-        /// The training states.
+        /// Fingerprint of the training states.
         inputs: Fingerprint,
     },
 }

@@ -26,18 +26,18 @@ use crate::sweep::{
 const ROW_BYTES: u64 = 750;
 const POINT_BYTES: u64 = 82;
 
-/// What is left of a sweep, by the time that some of its steps took on this machine.
+/// Expected cost of the rest of a sweep, from measurements of some steps on this machine.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Expected {
-    /// Passes over streams, each by all settings for the sensors of one discount factor.
+    /// Number of passes over streams. One pass trains all settings for the sensors with one discount factor.
     pub(crate) passes: usize,
-    /// Threads that share them.
+    /// Number of threads that share the passes.
     pub(crate) threads: usize,
-    /// Until the last one ends, if nothing else runs.
+    /// Seconds until the last pass ends, if nothing else runs.
     pub(crate) secs: f64,
-    /// Of all threads together.
+    /// Processor seconds of all threads together.
     pub(crate) processor_secs: f64,
-    /// Bytes of results.
+    /// Bytes of results on disk.
     pub(crate) disk: u64,
 }
 

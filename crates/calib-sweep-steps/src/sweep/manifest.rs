@@ -15,7 +15,7 @@ use super::{simple::SimpleErrors, streams::OnlineWindow, unit_store};
 /// `manifest.json` of a sweep directory.
 pub type SweepManifest = Artefact<SweepFacts>;
 
-/// What is told of a sweep.
+/// A sweep, in its manifest.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct SweepFacts {
     /// Fingerprint of all units.
@@ -23,52 +23,53 @@ pub struct SweepFacts {
     #[schemars(with = "calib_base::resolved::ResolvedStudy")]
     pub study: Study,
     pub(crate) data: Fingerprint,
-    /// Fingerprint of the model; none without one.
+    /// Fingerprint of the model; none without a model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// What log replay replayed, and agents learned from; of a study without a model, whose manifest says it elsewhere.
+    /// The training states that log replay uses. Only for a study without a model: otherwise the manifest of the model
+    /// has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) learned: Option<LearnedStates>,
     pub(crate) period: Period,
-    /// What Online replays.
+    /// The held-out states that are replayed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) held_out: Option<HeldOut>,
-    /// How long streams are; of sensors with several discount factors, those of the first sensor.
+    /// Length of the streams; for sensors with several discount factors, of the first sensor.
     pub span: Span,
-    /// What trained the agents, if not calib's own arithmetic.
+    /// The library that trained the agents, if it was not calib's own arithmetic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arithmetic: Option<String>,
-    /// The windows of it that are replayed, in the order of time.
+    /// The windows of the held-out period that are replayed, in order of time.
     #[serde(default)]
     pub windows: Vec<OnlineWindow>,
-    /// The streams of sensors with other discount factors than the first one's.
+    /// Streams of sensors whose discount factor differs from that of the first sensor.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) other_streams: Vec<OtherStreams>,
-    /// What errors are divided by.
+    /// Scales that errors are divided by.
     pub scales: Vec<ErrorScale>,
-    /// Sensors that stand still in all of these windows.
+    /// Sensors that are constant in all of these windows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) standing_still: Vec<String>,
-    /// Why nothing was trained, if nothing was: the deployment cannot be scored.
+    /// Why no agent was trained, if none was: the deployment cannot be scored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) left_out: Option<String>,
     pub candidates: Vec<Candidate>,
-    /// The key of each candidate's setting, by which its runs are found in every unit.
+    /// The fingerprint of each candidate's setting, by which its runs are found in every unit.
     pub(crate) settings: Vec<String>,
     pub(crate) units: Vec<PlannedUnit>,
-    /// What the reader of the results should know.
+    /// Notes for readers of the results.
     pub(crate) notes: Vec<String>,
-    /// What simple predictors came to, from a file beside the manifest.
+    /// Errors of the simple predictors, from a file beside the manifest.
     #[serde(skip)]
     pub(crate) simple: SimpleErrors,
 }
 
-/// The streams of sensors whose discount factor is not that of the first sensor.
+/// Streams of sensors whose discount factor differs from that of the first sensor.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct OtherStreams {
     pub(crate) sensors: Vec<String>,
     pub(crate) span: Span,
-    /// What Online replays.
+    /// The windows of the held-out period that are replayed.
     pub(crate) windows: Vec<OnlineWindow>,
 }
 
@@ -77,7 +78,7 @@ pub(crate) struct OtherStreams {
 pub(crate) struct LearnedStates {
     pub(crate) rows: usize,
     pub(crate) segments: usize,
-    /// Times of the first and the last.
+    /// Times of the first and the last state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) times: Option<[Timestamp; 2]>,
 }
@@ -95,9 +96,9 @@ impl LearnedStates {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct HeldOut {
     pub(crate) rows: u64,
-    /// Times of the first and the last.
+    /// Times of the first and the last state.
     pub(crate) times: [Timestamp; 2],
-    /// Their fingerprint.
+    /// Fingerprint of the states.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) data: Option<Fingerprint>,
 }

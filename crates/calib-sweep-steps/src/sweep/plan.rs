@@ -69,44 +69,44 @@ impl DryRunTally {
     }
 }
 
-/// What is to be done: the result of a dry run.
+/// The plan of a sweep: the result of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SweepPlan {
-    /// Every value, in the order of the results.
+    /// Every setting, in the order of the results.
     pub(crate) candidates: Vec<Candidate>,
-    /// Units (sensor, environment, run) in all.
+    /// Number of units (sensor, environment, run).
     pub(crate) units: usize,
-    /// Units that have no result yet.
+    /// Number of units without a result.
     pub(crate) left: usize,
-    /// Runs that have no result yet: of each of these units, one for each setting that was not trained on it.
+    /// Number of runs without a result: in each of these units, one for each setting that was not trained on it.
     pub(crate) runs_left: usize,
-    /// Of these units, those that an earlier model or deployment of the same command runs already.
+    /// Number of these units that an earlier model or deployment of the same command already runs.
     pub(crate) shared: usize,
-    /// Steps of every stream.
+    /// Number of steps of every stream.
     pub(crate) steps: usize,
-    /// Threads that share the work.
+    /// Number of threads.
     pub(crate) threads: usize,
-    /// What it takes.
+    /// Memory that the sweep needs.
     pub(crate) memory: Memory,
-    /// How long it will take, if something is left.
+    /// Expected time, if units are left.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) expected: Option<Expected>,
 }
 
-/// Bytes that a sweep takes at most, beside calib itself.
+/// Largest memory use of a sweep in bytes, without calib itself.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub(crate) struct Memory {
     /// Recorded states, shared by all threads.
     pub(crate) data: u64,
-    /// One stream with its agents, on each thread that has a unit to run.
+    /// One stream with its agents, on each thread with a unit to run.
     pub(crate) thread: u64,
-    /// Rollouts of a network, which are kept because every sensor sees them: all states of all runs.
+    /// Rollouts of a network, which are kept because every sensor uses them: all states of all runs.
     pub(crate) predictions: u64,
     /// Results and learning curves of all units.
     pub(crate) results: u64,
-    /// All of it.
+    /// Sum of all these.
     pub(crate) total: u64,
-    /// What the system has, where it says so.
+    /// Memory that the system has, if it reports it.
     pub(crate) available: Option<u64>,
 }
 

@@ -145,12 +145,12 @@ pub(crate) const fn part_name(part: Part) -> &'static str {
     }
 }
 
-/// What a sweep replays as Online.
+/// A window of the held-out period that a sweep replays.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct OnlineWindow {
-    /// First row of the held-out range.
+    /// First row of the window in the held-out range.
     pub(crate) start_row: usize,
-    /// Times of the first state and the last.
+    /// Times of the first and the last state.
     pub(crate) times: [Timestamp; 2],
 }
 

@@ -93,26 +93,26 @@ pub struct Summaries {
     format: u32,
     tool: &'static str,
     title: String,
-    /// Of a study without deployments.
+    /// Results by model, for a study without deployments.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     models: BTreeMap<String, Summary>,
-    /// One entry a deployment, in the order of time.
+    /// One entry for each deployment, in order of time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     deployments: Vec<DeploymentSummary>,
-    /// What to deploy, sensor by sensor, where there are several deployments.
+    /// The recommendation for each sensor, if there are several deployments.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) what_to_deploy: Vec<Deployed>,
-    /// Every two models.
+    /// Comparisons of every two models.
     pub(crate) comparisons: Comparisons,
 }
 
-/// One deployment of a study.
+/// Results for one deployment of a study.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct DeploymentSummary {
     deployment: String,
-    /// Its window, as the study has it.
+    /// Its held-out period, as in the study.
     window: String,
-    /// By the name of the model; a study's only model has the name of its kind.
+    /// Results by name of the model. A study's only model has the name of its kind.
     models: BTreeMap<String, Summary>,
 }
 

@@ -12,12 +12,12 @@ use serde::Serialize;
 
 use crate::verdict::compare::JudgedModel;
 
-/// In `summary.json` of several.
+/// Comparisons of models, in `summary.json` of several models.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub(crate) struct Comparisons {
-    /// Distances of rollouts, paired by start state.
+    /// Distances between rollouts and recorded trajectories, paired by start state.
     rollouts: Vec<In<PairedModels>>,
-    /// Errors one step ahead, paired by transition.
+    /// One-step prediction errors, paired by transition.
     one_step: Vec<In<PairedErrors>>,
 }
 
@@ -31,10 +31,10 @@ impl Comparisons {
     }
 }
 
-/// Where two models are compared.
+/// A comparison of two models, with the deployments that it applies to.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct In<T> {
-    /// Deployments that share it; none in a study without deployments.
+    /// Deployments that share the comparison; empty for a study without deployments.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     deployments: Vec<String>,
     #[serde(flatten)]

@@ -37,45 +37,45 @@ use crate::{
     },
 };
 
-/// `summary.json`: the verdict for machines.
+/// `summary.json`: the verdict in machine-readable form.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Summary {
     pub(crate) format: u32,
     pub(crate) tool: &'static str,
     pub(crate) title: String,
-    /// What agents predict, and how far ahead; none of runs that calib did not make.
+    /// The predicted quantity, and how far ahead; none for runs that calib did not make.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) predicts: Option<String>,
-    /// What is chosen for each sensor.
+    /// The choice for each sensor.
     pub(crate) choices: Vec<SensorChoice>,
-    /// The advice in words, one list of lines a sensor.
+    /// The advice in words, one list of lines for each sensor.
     pub(crate) advice: Vec<Vec<String>>,
-    /// What each choice would have cost in the held-out data, and what to do where it will not do.
+    /// For each choice, its regret on held-out data, and what to do if it is not good enough.
     pub(crate) plain: Vec<String>,
-    /// Labels of the candidates that the verdicts count.
+    /// Labels of the settings, in the order of the indices in `verdicts`.
     pub(crate) candidates: Vec<String>,
     /// One entry for each sensor.
     pub verdicts: Vec<SensorVerdict>,
-    /// What the reader must know before relying on the verdicts.
+    /// Caveats to read before relying on the verdicts.
     pub(crate) caveats: Vec<String>,
-    /// What else is worth knowing of the sweep.
+    /// Other notes on the sweep.
     pub(crate) notes: Vec<String>,
 }
 
-/// What is chosen for a sensor.
+/// The choice for a sensor.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct SensorChoice {
     sensor: String,
-    /// The swept keys of the agent, and their values.
+    /// The swept keys of the agent, with their values.
     values: Map<String, Value>,
-    /// Whether that is what the study gives as its default.
+    /// Whether the choice is the study's default.
     is_default: bool,
-    /// How well held-out data supports it.
+    /// How well held-out data supports the choice.
     grade: Grade,
-    /// What to do: the same as the report says.
+    /// The recommendation, as in the report.
     recommendation: Recommendation,
-    /// The simple predictor to use instead: one that the agent is not known to match, the one that it starts from where learning
-    /// on is not shown to help, or the training mean where nothing is shown to be better.
+    /// The simple predictor to use instead of the agent. It is one that the agent is not known to match, or the one that the
+    /// agent starts from if further learning is not shown to help, or the training mean if no predictor is shown to be better.
     #[serde(skip_serializing_if = "Option::is_none")]
     simple_predictor: Option<SimpleComparison>,
 }

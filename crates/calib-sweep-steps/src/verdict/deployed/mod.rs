@@ -18,23 +18,23 @@ use crate::verdict::{
     verdict_rows,
 };
 
-/// What one model says of one sensor in all deployments; in `summary.json`.
+/// Choices by one model for one sensor in all deployments; in `summary.json`.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct Deployed {
     pub(crate) sensor: String,
-    /// What chose: a model, or "log replay" without one.
+    /// The model that chose, or "log replay" if there is no model.
     pub(crate) model: String,
-    /// Whether that is a model.
+    /// Whether a model chose.
     #[serde(skip)]
     #[schemars(skip)]
     pub(crate) is_by_model: bool,
     /// The choice for each deployment, in the order of time.
     pub(crate) choices: Vec<Choice>,
-    /// What the study's rule chooses from the evidence of all deployments together.
+    /// The setting that the study's rule chooses from the evidence of all deployments together.
     pub(crate) for_all: String,
-    /// Its swept keys of the agent, and their values.
+    /// The swept keys of this setting, with their values.
     pub(crate) for_all_values: Map<String, Value>,
-    /// What it costs in each deployment.
+    /// Regret of this setting in each deployment.
     pub(crate) regrets: Vec<Option<f64>>,
 }
 
@@ -42,15 +42,15 @@ pub(crate) struct Deployed {
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct Choice {
     pub(crate) deployment: String,
-    /// The value, as the report names it.
+    /// The chosen setting, as the report names it.
     pub(crate) chosen: String,
-    /// The swept keys of the agent, and their values.
+    /// The swept keys of the agent, with their values.
     pub(crate) values: Map<String, Value>,
-    /// What it costs Online.
+    /// Regret of the choice on the held-out period.
     pub(crate) regret: Option<f64>,
-    /// How well held-out data supports it.
+    /// How well held-out data supports the choice.
     pub(crate) grade: Grade,
-    /// The simple predictor to use instead, if the agent is not known to match it.
+    /// The simple predictor to use instead, if the agent is not known to be as good.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) simple_predictor: Option<SimplePredictor>,
 }
