@@ -35,7 +35,7 @@ impl Bounds {
     }
 }
 
-/// What a column of the states is.
+/// The kind of a column of the states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ColumnKind {
@@ -48,7 +48,7 @@ pub enum ColumnKind {
 /// One column of the states.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Column {
-    /// Name: the channel's name in the log, or the feature's.
+    /// The name of the channel in the log, or of the feature.
     pub name: String,
     /// Sensor or feature.
     pub kind: ColumnKind,
@@ -56,7 +56,7 @@ pub struct Column {
     pub bounds: Bounds,
 }
 
-/// The columns of the states, in order, with their maps between the two units.
+/// The columns of the states, in order, with their maps between physical and normalised units.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Normaliser {
