@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 ///
 /// | key | default | meaning |
 /// |---|---|---|
-/// | `steps` | 30000 | steps of each rollout (the paper's, on one week of data) |
+/// | `steps` | 30000 | steps of each rollout (as in the paper, on one week of data) |
 /// | `rollouts` | 3 | rollouts of each ensemble member |
 /// | `start` | `"random"` | start states: `"random"`, `"rows"`, `"recent"`, `"calendar_month"`, `"nearest"` |
 /// | `rows` | `[]` | for `"rows"`: rows of the data; rollout `r` takes entry `r` modulo their number |
-/// | `timestamps` | `[]` | for `"rows"`: the same by time, written as in the log |
+/// | `timestamps` | `[]` | for `"rows"`: start rows by time, written as in the log |
 /// | `absent` | `"external"` | for `"rows"`: what happens to a row that an ensemble member lacks: `"external"`, `"replace"` |
-/// | `recent_window` | none | for `"recent"`: latest states that starts are spread over (default: the last tenth of those before the deployment) |
+/// | `recent_window` | none | for `"recent"`: start states are spread over this many of the latest states (default: the last tenth of the states before the deployment) |
 /// | `month` | none | for `"calendar_month"`: 1 to 12 (default: the month in which the held-out period begins) |
-/// | `dtw_steps` | 3000 | steps of each rollout that are compared with the recorded trajectory (the paper's, on twelve months of data); 0 compares nothing |
+/// | `dtw_steps` | 3000 | steps of each rollout that are compared with the recorded trajectory (as in the paper, on twelve months of data); 0 for no comparison |
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RolloutConfig {
@@ -29,14 +29,14 @@ pub struct RolloutConfig {
     pub rows: Vec<RowIndex>,
     /// Start rows by time, written as in the log.
     pub timestamps: Vec<String>,
-    /// What happens to a start row that an ensemble member lacks.
+    /// How a start row is treated that an ensemble member lacks.
     pub absent: Absent,
-    /// Latest states that recent start states are spread over (default: the last tenth).
+    /// Number of latest states over which recent start states are spread (default: the last tenth).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recent_window: Option<usize>,
     /// Month of the start states, 1 to 12.
     pub month: Option<u8>,
-    /// Steps of each rollout that are compared with the recorded trajectory; 0 compares nothing.
+    /// Steps of each rollout that are compared with the recorded trajectory; 0 for no comparison.
     pub dtw_steps: usize,
 }
 
@@ -73,21 +73,21 @@ pub enum StartKind {
     /// Uniform over the transitions of the ensemble member.
     #[default]
     Random,
-    /// Rows that are listed.
+    /// The rows in `rows` or `timestamps`.
     Rows,
     /// The latest rows before the deployment.
     Recent,
-    /// The same month of earlier years than the deployment's.
+    /// The same calendar month as the deployment, in earlier years.
     CalendarMonth,
-    /// The nearest recorded states to states of the deployment period.
+    /// The recorded states nearest to states of the deployment period.
     Nearest,
 }
 
-/// What happens to a start row that no transition of the ensemble member ends in.
+/// How a start row is treated that no transition of the ensemble member ends in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Absent {
-    /// The rollout starts there all the same: its first step is drawn from the nearest sources in the ensemble member.
+    /// The rollout still starts there: its first step is drawn from the nearest sources in the ensemble member.
     #[default]
     External,
     /// The row is replaced by its nearest recorded state in the ensemble member.

@@ -12,9 +12,9 @@ pub enum ModelKind {
     Nn,
     /// A recurrent network that predicts the next state.
     Gru,
-    /// A network of the user's, exported from PyTorch.
+    /// A network of the user, exported from PyTorch.
     Torchscript,
-    /// No model: the replayed log alone decides.
+    /// No model: only log replay decides.
     None,
 }
 

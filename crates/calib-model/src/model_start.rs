@@ -7,9 +7,9 @@ use crate::{RequestedStart, StartRow, StartState};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelStart {
-    /// A state of a member of neighbours.
+    /// A state of an ensemble member of a neighbour model.
     State(StartState),
-    /// A row, of a network, which may start anywhere.
+    /// A row of the data, for a network, which may start anywhere.
     Row(StartRow),
 }
 

@@ -9,7 +9,7 @@ use crate::{
     month::{month_of, year_of},
 };
 
-/// A state that a rollout is to start from, whether or not the model has it.
+/// A requested start state of a rollout. The model may lack it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RequestedStart {

@@ -9,30 +9,30 @@ use crate::{
     requested_start::{deployment_rows, draw, recorded_rows},
 };
 
-/// Where a rollout starts. A start is a state: from transition `i` the current state is `s'_i`.
+/// The start state of a rollout. At transition `i` it is the next state `s'_i`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Start {
-    /// At the next state of a transition of the member.
+    /// The next state of a transition of the ensemble member.
     At(TransitionIndex),
-    /// At a recorded row that no transition of the member ends in: the first row of a segment, or a row
-    /// outside the member. The first step is drawn from the row's nearest sources in the member.
+    /// A recorded row that no transition of the ensemble member ends in: the first row of a segment, or a row outside
+    /// the ensemble member. The first step is drawn from the nearest sources of the row in the ensemble member.
     External {
-        /// The row.
+        /// The recorded row.
         row: RowIndex,
-        /// Its nearest sources in the member, nearest first.
+        /// Its nearest sources in the ensemble member, nearest first.
         neighbors: Vec<Neighbor>,
     },
 }
 
-/// A start, and whether it is what was asked for.
+/// The start state of a rollout, and the requested one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StartState {
-    /// Where the rollout starts.
+    /// The start state.
     pub start: Start,
-    /// What was asked for.
+    /// The requested state.
     pub wanted: RequestedStart,
-    /// The distance from the state asked for to the recorded state that replaces it, if one does.
+    /// The distance from the requested state to the recorded state that replaces it, if one does.
     pub replaced: Option<f32>,
 }
 

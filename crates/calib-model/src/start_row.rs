@@ -8,14 +8,14 @@ use crate::{
     requested_start::{deployment_rows, draw, recorded_rows},
 };
 
-/// A recorded row to start from, and whether it is what was asked for.
+/// A recorded row as a start state, and the requested one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StartRow {
-    /// The row.
+    /// The recorded row.
     pub row: RowIndex,
-    /// What was asked for.
+    /// The requested state.
     pub wanted: RequestedStart,
-    /// The distance from the state asked for to this row, if the row replaces it.
+    /// The distance from the requested state to this row, if the row replaces it.
     pub replaced: Option<f32>,
 }
 

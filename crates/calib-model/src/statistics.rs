@@ -15,32 +15,31 @@ const FEWEST_DEPARTURES: f64 = 3.0;
 /// Rollouts that visit less than this share of their reachable rows are circling (our choice).
 const CIRCLING: f64 = 0.1;
 
-/// How much rollouts jump, and how much they merely replay.
+/// How often rollouts jump.
 ///
-/// A step *jumps* if it does not continue the record: the row it emits is not the row after the current one,
-/// that is, the drawn transition is not the one that starts where the last one ended (`j ≠ i + 1`).
-/// A *run* is a maximal stretch of rows without a jump.
+/// A step *jumps* if it does not go to the next row of the log. That is, the drawn transition is not the one that
+/// starts where the last one ended (`j ≠ i + 1`). A *run* is a maximal sequence of rows without a jump.
 ///
-/// In a densely sampled log the neighbours of a row are itself and the rows beside it, so a rollout may jump
-/// in half of its steps and yet only shuffle along the record. So a jump also counts as a *departure* if the
-/// row it emits is more than 10 rows from the row that would have continued the record (our choice).
+/// In a densely sampled log, the neighbours of a row are the row itself and the rows beside it. So a rollout may jump
+/// in half of its steps and still stay close to the log. Therefore a jump also counts as a *departure* if it goes to a
+/// row more than 10 rows from the row that would have continued the log (our choice).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct JumpStatistics {
-    /// Steps of all rollouts.
+    /// Number of steps in all rollouts.
     pub steps: usize,
-    /// Steps that jump.
+    /// Number of steps that jump.
     pub jumps: usize,
     /// `jumps / steps`; 0 without steps.
     pub jump_rate: f64,
-    /// Jumps that depart from the vicinity of the record.
+    /// Number of jumps that are departures.
     pub departures: usize,
     /// `departures / steps`; 0 without steps.
     pub departure_rate: f64,
     /// Mean number of rows in a run; 0 without rows.
     pub mean_run_length: f64,
-    /// Most rows in a run.
+    /// Largest number of rows in a run.
     pub longest_run: usize,
-    /// Different rows visited.
+    /// Number of distinct rows visited.
     pub distinct_rows: usize,
 }
 

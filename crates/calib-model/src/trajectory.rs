@@ -21,12 +21,12 @@ pub enum Trajectory {
     },
 }
 
-/// Where a model's rollout left the finite numbers.
+/// The place where a rollout of a model stops being finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct NotFinite {
-    /// The step that could not be taken, counted from 1.
+    /// The first step whose state is not finite, counted from 1.
     pub step: usize,
-    /// The first column of its state that is not finite.
+    /// Index of the first column of this state that is not finite.
     pub column: usize,
 }
 

@@ -23,27 +23,29 @@ const MOST_POWER: u32 = 20;
 /// Binary logarithm of the multiple of the lag that counts as the long run.
 const LONG_RUN: u32 = 30;
 
-/// How far walks of a member get: 32 walks of 30,000 steps, from transitions drawn uniformly.
+/// How far rollouts of an ensemble member get: 32 rollouts of 30,000 steps, from transitions drawn uniformly.
 ///
-/// What a stationary walk visits is judged by their second halves. All of it are estimates, and the same for a seed on any machine.
+/// The second halves of the rollouts show what a stationary rollout visits. All values are estimates, and they depend only on the seed, not
+/// on the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WalkStatistics {
-    /// Different transitions that a walk draws, the median over walks.
+    /// Number of distinct transitions that a rollout draws, the median over rollouts.
     pub distinct_rows: usize,
-    /// Walks that draw fewer than 100 different transitions in their last 10,000 steps, of 32.
+    /// Number of rollouts, of 32, that draw fewer than 100 distinct transitions in their last 10,000 steps.
     pub trapped: usize,
-    /// Effective number of rows that stationary walks visit, `1 / Σ π_i²` (Hill 1973, of order 2), where `π_i` is the share of steps that
-    /// draw transition `i`: as many as evenly visited rows would be. `Σ π_i²` is how often two different walks draw the same
-    /// transition at any two times; none if they never do.
+    /// Effective number of rows that stationary rollouts visit, `1 / Σ π_i²` (Hill 1973, of order 2), where `π_i` is the share of steps
+    /// that draw transition `i`. It is the number of rows if all were visited equally often. `Σ π_i²` is the rate at which two different
+    /// rollouts draw the same transition at any two times; none if they never do.
     pub effective_rows: Option<f64>,
-    /// Expected steps until a walk comes to its end: to a trap if the member has any, else to a closed class, from which it does not return.
-    /// Steps of all walks before their end by the number of walks that came to it (the estimate of an exponential time from what
-    /// has happened so far); none if no walk did.
+    /// Expected number of steps until a rollout ends in a trap, or in a closed class if the ensemble member has no trap. It does not return
+    /// from there. The estimate is the number of steps of all rollouts before their end, divided by the number of rollouts that ended (the
+    /// estimate for an exponential time from censored data); none if no rollout ended.
     pub steps_to_end: Option<f64>,
-    /// Steps after which a walk is anywhere in the member, whichever tenth of it it was in: the smallest power of two `t` with
-    /// `max_a TV(P^t(a, ·), π) ≤ 1/4` over tenths `a`, where `P^t(a, b)` is how often a walk in `a` is in `b` after `t` steps; beyond 1024
-    /// steps, which are counted, `P^t` are its powers (as in Markov state models: Prinz et al. 2011, J. Chem. Phys. 134, 174105). The mixing
-    /// time between transitions is no shorter. None if that takes more than a million steps, as where parts do not meet.
+    /// Number of steps after which the position of a rollout no longer depends on the tenth of the ensemble member in which it was: the
+    /// smallest power of two `t` with `max_a TV(P^t(a, ·), π) ≤ 1/4` over tenths `a`. `P^t(a, b)` is the rate at which a rollout in `a` is
+    /// in `b` after `t` steps. Up to 1024 steps it is counted; beyond, `P^t` are powers of it (as in Markov state models: Prinz et al.
+    /// 2011, J. Chem. Phys. 134, 174105). The mixing time between transitions is no shorter. None if it takes more than a million steps,
+    /// for example if parts do not meet.
     pub mixing_steps: Option<usize>,
 }
 
