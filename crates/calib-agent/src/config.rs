@@ -19,22 +19,22 @@ pub enum ValueFunction {
     /// Multilayer perceptron with `ReLU` between layers.
     #[default]
     Mlp,
-    /// Weights and a bias.
+    /// A linear function: weights and a bias.
     Linear,
 }
 
-/// The numbers whose products an MLP consists of. Sums, and all that is kept of it, are in single precision either way.
+/// The numbers that an MLP multiplies. Sums and all stored numbers are in single precision in either case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
     /// Single precision.
     #[default]
     F32,
-    /// bfloat16: weights, states, activations and errors are rounded to eight significant bits before they are multiplied.
+    /// bfloat16: weights, states, activations and errors are rounded to eight significant bits before multiplication.
     Bf16,
 }
 
-/// How parameters follow the semi-gradient.
+/// How an update changes the parameters along the semi-gradient.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OptimiserKind {
@@ -43,9 +43,9 @@ pub enum OptimiserKind {
     Adam,
     /// Gradient descent.
     Sgd,
-    /// True online TD(λ) of a linear agent, step by step.
+    /// True online TD(λ) of a linear agent, updated at every step.
     TrueOnlineTd,
-    /// The same with a step size for each weight that adapts itself, and a bound on the rate of learning (`SwiftTD`).
+    /// True online TD(λ) with an adaptive step size for each weight and a bound on the learning rate (`SwiftTD`).
     SwiftTd,
 }
 
@@ -66,89 +66,89 @@ impl OptimiserKind {
     }
 }
 
-/// Which transitions an update learns from.
+/// The transitions that an update learns from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReplayKind {
     /// A mini-batch drawn uniformly, with replacement, from the latest `replay_capacity` transitions.
     #[default]
     Uniform,
-    /// The present transition only.
+    /// The current transition only.
     None,
 }
 
-/// Hyperparameters of a TD(0) agent, or of one of another program. Every field has a default. All but `traces` and
-/// the fields of programs are scalars. Fields of programs are left out where they have their defaults.
+/// Hyperparameters of a TD(0) agent, or of the agent of another program. Every field has a default. All fields are scalars except `traces`
+/// and the fields of programs. Fields of programs are omitted where they have their defaults.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgentConfig {
-    /// `"td"` (default): calib's own agents. `"external"`: those of a program, which reads states and answers with predictions; of the other
-    /// keys, those that have a meaning then are `gamma`, `command`, `parameters`, `states_per_message` and `timeout_secs`.
+    /// `"td"` (default): calib's own agents. `"external"`: agents of a program, which reads states and answers with predictions. With
+    /// `"external"`, the only other keys with an effect are `gamma`, `command`, `parameters`, `states_per_message` and `timeout_secs`.
     #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = "td"))]
     pub kind: AgentKind,
-    /// With `kind = "external"`: the program and its arguments, such as `["python3", "agent.py"]`. It is started in the folder of the study,
-    /// once for each run and sensor.
+    /// With `kind = "external"`: the program and its arguments, such as `["python3", "agent.py"]`. calib starts it in the folder of the
+    /// study, once for each run and sensor.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("default" = []))]
     pub command: Vec<String>,
-    /// With `kind = "external"`: hyperparameters by name, with their defaults; `[sweep.grid]` varies them.
+    /// With `kind = "external"`: hyperparameters by name, with their defaults. `[sweep.grid]` varies them.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("default" = {}))]
     pub parameters: BTreeMap<String, Value>,
-    /// With `kind = "external"`: the most states of a message, from 1 to 1048576. Default 1024. With 1, no state is sent before the prediction
-    /// at the one before it has come.
+    /// With `kind = "external"`: the maximum number of states in a message, from 1 to 1048576. Default 1024. With 1, calib sends a state
+    /// only after the prediction at the state before it has arrived.
     #[serde(skip_serializing_if = "AgentConfig::is_default_message")]
     #[schemars(extend("default" = 1024))]
     pub states_per_message: usize,
-    /// With `kind = "external"`: seconds that calib waits for an answer, above 0 and at most 1e6. Default 60. Results do not follow from it.
+    /// With `kind = "external"`: seconds that calib waits for an answer, above 0 and at most 1e6. Default 60. Results do not depend on it.
     #[serde(skip_serializing_if = "AgentConfig::is_default_timeout")]
     #[schemars(extend("default" = 60.0))]
     pub timeout_secs: f64,
-    /// Decay rates β in [0, 1), at most 16, each once (default: none). The agent sees, after each state `s_t`, a
-    /// trace `e_t = β e_{t−1} + (1 − β) s_t` of all its columns for each β, which begins at `e = s` after each gap.
+    /// Decay rates β in [0, 1), at most 16, each once (default: none). For each β and each state `s_t`, the agent also sees a trace `e_t =
+    /// β e_{t−1} + (1 − β) s_t` of all columns. A trace restarts at `e = s` after each gap.
     pub traces: Vec<f64>,
-    /// What the agent predicts before it learns anything: `"none"` (default: what its random initial weights give), or a
-    /// simple predictor that is fitted on the log: `"mean"`, `"persistence"`, `"line"`, `"autoregression"`, `"ridge"` or
-    /// `"least_squares_td"`. What the agent learns is added to it, from 0 on. Left out where it is the default.
+    /// The predictions of the agent before it learns: `"none"` (default) for those of its random initial weights, or a simple predictor
+    /// that is fitted on the log: `"mean"`, `"persistence"`, `"line"`, `"autoregression"`, `"ridge"` or `"least_squares_td"`. The agent
+    /// learns a correction to this predictor, which starts at 0. Omitted where it is the default.
     #[serde(with = "baseline", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "baseline::Names", extend("default" = "none"))]
     pub baseline: Option<SimplePredictor>,
     /// `"mlp"` (default) or `"linear"`.
     pub value_function: ValueFunction,
-    /// Hidden layers of the MLP, 1 to 16. Default 2 (the paper's size is 2 × 256).
+    /// Hidden layers of the MLP, 1 to 16. Default 2 (the paper uses 2 × 256).
     pub hidden_layers: usize,
     /// Units of each hidden layer, 1 to 16384. Default 256.
     pub hidden_units: usize,
-    /// `"f32"` (default) or `"bf16"`, for MLPs only. Left out where it is the default, as it was before there was another one: what follows
-    /// from an agent is known by its fields.
+    /// `"f32"` (default) or `"bf16"`, for MLPs only. Omitted where it is the default, so that agents of versions without this key keep
+    /// their fingerprints.
     #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = "f32"))]
     pub precision: Precision,
-    /// `"adam"` (default), `"sgd"`, or for linear agents without replay `"true_online_td"` or `"swift_td"`, which need hardly any
-    /// tuning: with `"swift_td"` `learning_rate` is only where step sizes begin.
+    /// `"adam"` (default) or `"sgd"`. For linear agents without replay also `"true_online_td"` or `"swift_td"`, which need hardly any
+    /// tuning: with `"swift_td"`, `learning_rate` is only the initial step size.
     pub optimiser: OptimiserKind,
-    /// Step size, ≥ 0. Default 1e-3. What the paper sweeps. With 0 the agent predicts and does not learn.
+    /// Step size, ≥ 0. Default 1e-3. The paper sweeps it. With 0 the agent predicts and does not learn.
     pub learning_rate: f64,
-    /// Updates after which the step size is half of `learning_rate`; after n updates it is `learning_rate / (1 + n / halve_after)`.
-    /// With 0 (default) it stays as it is. Left out where it is the default.
+    /// Updates after which the step size is half of `learning_rate`. After n updates it is `learning_rate / (1 + n / halve_after)`. With 0
+    /// (default) it is constant. Omitted where it is the default.
     #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = 0))]
     pub halve_after: u64,
-    /// Decay of the eligibility traces of `"true_online_td"` and `"swift_td"`, in [0, 1]. Default 0.9. Left out where it is the default,
-    /// as the three that follow.
+    /// Decay of the eligibility traces of `"true_online_td"` and `"swift_td"`, in [0, 1]. Default 0.9. Omitted where it is the default, as
+    /// are the next three.
     #[serde(skip_serializing_if = "AgentConfig::is_default_lambda")]
     #[schemars(extend("default" = 0.9))]
     pub lambda: f64,
-    /// How fast `"swift_td"` adapts its step sizes, ≥ 0. Default 1e-3.
+    /// Rate at which `"swift_td"` adapts its step sizes, ≥ 0. Default 1e-3.
     #[serde(skip_serializing_if = "AgentConfig::is_default_meta")]
     #[schemars(extend("default" = 1e-3))]
     pub meta_step_size: f64,
-    /// The largest share of the error at a state that an update of `"swift_td"` may take back, in (0, 1]. Default 0.1.
+    /// The largest share of the error at a state that one update of `"swift_td"` may correct, in (0, 1]. Default 0.1.
     #[serde(skip_serializing_if = "AgentConfig::is_default_bound")]
     #[schemars(extend("default" = 0.1))]
     pub rate_bound: f64,
-    /// What `"swift_td"` multiplies step sizes by where they exceed that, in (0, 1). Default 0.999.
+    /// Factor on the step sizes of `"swift_td"` where an update exceeds `rate_bound`, in (0, 1). Default 0.999.
     #[serde(skip_serializing_if = "AgentConfig::is_default_decay")]
     #[schemars(extend("default" = 0.999))]
     pub rate_decay: f64,
@@ -158,21 +158,21 @@ pub struct AgentConfig {
     pub beta2: f64,
     /// Added to Adam's denominator, at least 1e-30. Default 1e-8.
     pub epsilon: f64,
-    /// Decoupled weight decay of either optimiser, ≥ 0. Default 0.
+    /// Decoupled weight decay of Adam and SGD, ≥ 0. Default 0.
     pub weight_decay: f64,
     /// Discount factor, in [0, 1). Default 0.99.
     pub gamma: f64,
-    /// Discount factors of single sensors by name, each in [0, 1). Sensors without one have `gamma`. Default: none. Left out where there
-    /// is none.
+    /// Discount factors of single sensors by name, each in [0, 1). Sensors without an entry use `gamma`. Default: none. Omitted where it is
+    /// empty.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("default" = {}))]
     pub gammas: BTreeMap<String, f64>,
     /// `"uniform"` (default) or `"none"`.
     pub replay: ReplayKind,
-    /// Transitions the buffer keeps, `batch_size` to 2³². Default 1,000,000.
+    /// Transitions that the replay buffer holds, `batch_size` to 2³². Default 1,000,000.
     pub replay_capacity: usize,
-    /// Transitions of a mini-batch, ≥ 1. Default 256. Updates begin when the buffer holds as many.
-    /// Without replay it has no meaning for learning along a stream; pre-training always learns from mini-batches.
+    /// Transitions of a mini-batch, ≥ 1. Default 256. Updates begin when the buffer holds this many. Without replay it has no effect on
+    /// learning along a stream; pre-training always learns from mini-batches.
     pub batch_size: usize,
     /// Updates after each step, ≥ 1. Default 1.
     pub updates_per_step: usize,

@@ -39,15 +39,15 @@ pub struct Pretraining<'a> {
 /// normalised units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Epoch {
-    /// Its number, from 1.
+    /// Number of the epoch, from 1.
     pub epoch: usize,
-    /// Over the training transitions, each before the update that learnt from it.
+    /// Mean loss over the training transitions, each taken before the update that learns from it.
     pub training_loss: f64,
-    /// Over the validation transitions, after the epoch.
+    /// Mean loss over the validation transitions, after the epoch.
     pub validation_loss: f64,
-    /// RMSE between values and Monte-Carlo returns over those validation steps whose returns are known.
+    /// RMSE between values and Monte-Carlo returns over the validation steps whose returns are known.
     pub validation_rmse: Option<f64>,
-    /// That RMSE / |mean return|.
+    /// The validation RMSE divided by |mean return|.
     pub validation_nrmse: Option<f64>,
 }
 

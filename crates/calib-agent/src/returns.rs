@@ -36,9 +36,9 @@ pub fn discounted_returns(stream: &dyn Stream, cumulant: usize, gamma: f64) -> V
 pub struct ReturnMoments {
     /// Steps whose returns are known.
     pub steps: usize,
-    /// Mean of their returns.
+    /// Mean of these returns.
     pub mean: f64,
-    /// Standard deviation of their returns, divisor n.
+    /// Standard deviation of these returns, divisor n.
     pub std: f64,
 }
 

@@ -5,15 +5,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::{AgentError, truncation_horizon};
 
-/// A part of a run over which an error is taken. Every run is scored over all of them: they are different questions.
+/// A part of a run over which an error is computed. Every run is scored over all parts, because they answer
+/// different questions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
-    /// Every step, learning included: the error that the paper defines.
+    /// Every step, including the learning phase: the error that the paper defines.
     WholeRun,
-    /// The last three quarters, for runs of many horizons.
+    /// The last three quarters, for runs of many effective horizons.
     AfterFirstQuarter,
-    /// The last quarter: performance once the agent has settled, as the paper scores fine-tuning.
+    /// The last quarter: performance after learning has settled. The paper scores fine-tuning in this way.
     FinalQuarter,
 }
 
@@ -50,16 +51,16 @@ impl Part {
 /// The error of a run over one of its parts. Errors and returns are in normalised units of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PartScore {
-    /// Steps that count for the error.
+    /// Number of steps that count for the error.
     pub scored_steps: usize,
-    /// Root of the mean squared difference of recorded predictions and Monte-Carlo returns over them; +∞ for a
-    /// diverged run.
+    /// Root of the mean squared difference between recorded predictions and Monte-Carlo returns over these steps; +∞
+    /// for a diverged run.
     #[serde(with = "infinite")]
     #[schemars(with = "Option<f64>")]
     pub rmse: f64,
-    /// Mean of the returns over them. The same for all agents of one stream and γ.
+    /// Mean of the returns over these steps. It is the same for all agents of one stream and γ.
     pub mean_return: f64,
-    /// Standard deviation (divided by n) of the returns over them: the error of predicting that mean.
+    /// Standard deviation (divided by n) of the returns over these steps: the error of predicting their mean.
     pub return_std: f64,
 }
 

@@ -10,7 +10,7 @@ use crate::SimplePredictor;
 
 const NONE: &str = "none";
 
-/// What may be written.
+/// The allowed values.
 #[derive(JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[expect(dead_code, reason = "only its schema is used")]

@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{AgentConfig, AgentConfigError, require};
 
-/// Whose agents learn.
+/// The kind of agents that learn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AgentKind {
-    /// calib's own: TD(0) with the hyperparameters of `[agent]`.
+    /// calib's own agents: TD(0) with the hyperparameters of `[agent]`.
     #[default]
     Td,
-    /// Those of the program that `agent.command` starts, with the hyperparameters of `[agent.parameters]`.
+    /// The agents of the program in `agent.command`, with the hyperparameters of `[agent.parameters]`.
     External,
 }
 

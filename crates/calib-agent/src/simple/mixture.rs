@@ -13,28 +13,27 @@ const JUDGED_AFTER: f64 = 3.0;
 /// The errors in the log count as much as those over this many independently scored stretches.
 const PRIOR_STRETCHES: f64 = 3.0;
 
-/// A mean of simple predictors whose weights follow how well each predicts.
+/// A mean of simple predictors, weighted by how well each predicts.
 ///
-/// A prediction is judged n = 3 / (1 − γ) steps later, by the return that was then seen, with the latest
-/// value for what follows. Each predictor i has a mean squared error `e_i`, which begins at that on later folds of the log.
-/// Its weight is proportional to `e_i^(−m/2)`: its likelihood if errors are normal with an unknown variance
-/// and m of them independent, one in n steps (Bayesian model averaging; the tail and the count of errors are
-/// our choice). So a weight falls fast where a predictor goes wrong by far, and slowly where predictors are
-/// nearly alike.
+/// A prediction is judged n = 3 / (1 − γ) steps later, by the return observed by then, with the latest value in place of
+/// the rest. Each predictor i has a mean squared error `e_i`, which starts at its error on later folds of the log. Its
+/// weight is proportional to `e_i^(−m/2)`. This is its likelihood if errors are normal with an unknown variance and m of
+/// them are independent, one in n steps (Bayesian model averaging; the tail and the count of errors are our choice). So the
+/// weight of a predictor falls fast where its errors are large, and slowly where predictors are nearly equal.
 ///
-/// A return is a weighted mean of values to come. So predictions are cut to the range of the log and of the
-/// present value, which keeps a linear predictor from leaving for where nothing was ever recorded.
+/// A return is a weighted mean of future values. So predictions are clipped to the range of the log and of the current
+/// value. This keeps a linear predictor from predicting values far outside of everything recorded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Mixture {
-    /// The predicted column.
+    /// Index of the predicted column.
     pub column: usize,
-    /// Its least and largest value in the log.
+    /// Smallest and largest value of the column in the log.
     pub range: [f64; 2],
-    /// The discount.
+    /// Discount factor γ.
     pub gamma: f64,
-    /// What is mixed.
+    /// The predictors of the mixture.
     pub predictors: Vec<FittedPredictor>,
-    /// Mean squared error of each on later folds of the log.
+    /// Mean squared error of each predictor on later folds of the log.
     pub errors: Vec<f64>,
 }
 

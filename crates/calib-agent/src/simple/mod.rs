@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 pub use fit::Fitter;
 pub use mixture::Mixture;
 
-/// A way to predict the return `G_t = Σ_k γᵏ o_{t+k+1}` of a sensor `o` that learns nothing after the log ends.
+/// A predictor of the return `G_t = Σ_k γᵏ o_{t+k+1}` of a sensor `o`. It learns nothing after the log ends.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -23,23 +23,23 @@ pub use mixture::Mixture;
 pub enum SimplePredictor {
     /// The mean return of the training range.
     Mean,
-    /// The sensor stays as it is: `o_t / (1 − γ)`. Nothing is fitted.
+    /// The sensor keeps its value: `o_t / (1 − γ)`. Nothing is fitted.
     Persistence,
     /// A line on the sensor, `a + b o_t`, by least squares.
     Line,
-    /// Least squares on the sensor's latest values; how many is decided by cross-validation.
+    /// Least squares on the latest values of the sensor. Cross-validation chooses how many.
     Autoregression,
-    /// Ridge regression on all columns of the state, by the penalty that cross-validation chooses. The intercept and the
-    /// predicted sensor itself are not penalised, so that a large penalty gives a line.
+    /// Ridge regression on all columns of the state, with the penalty that cross-validation chooses. The intercept and the predicted
+    /// sensor itself are not penalised, so that a large penalty gives a line.
     Ridge,
-    /// Least-squares TD on all columns of the state (Bradtke and Barto 1996): the linear predictor that TD(0) converges to.
-    /// Penalised and chosen as ridge regression.
+    /// Least-squares TD on all columns of the state (Bradtke and Barto 1996): the linear predictor that TD(0) converges to. It is
+    /// penalised, and the penalty chosen, as in ridge regression.
     #[serde(rename = "least_squares_td")]
     LeastSquaresTd,
-    /// The one of these that predicts each fifth of the log best when it is fitted on the others, by the geometric mean of the errors;
-    /// the simpler one of two that are within a hundredth of each other.
+    /// The best of these predictors by cross-validation: each is fitted on four fifths of the log and judged on the other fifth. The
+    /// criterion is the geometric mean of the errors. Of two predictors within 1 % of each other, the simpler one.
     Best,
-    /// All of them, weighted by how well each has predicted so far.
+    /// All of these predictors, weighted by how well each has predicted so far.
     Mixture,
 }
 
@@ -88,28 +88,27 @@ impl SimplePredictor {
     }
 }
 
-/// A simple predictor with the coefficients that a log gave it. Inputs are normalised states, outputs normalised returns.
+/// A simple predictor with the coefficients fitted on a log. Inputs are normalised states, outputs normalised returns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "form")]
 pub enum FittedPredictor {
     /// `bias + Σ_c weights[c] s_t[c]`.
     Affine {
-        /// One per column of the state.
+        /// One weight for each column of the state.
         weights: Vec<f64>,
-        /// The prediction where all columns are 0.
+        /// The prediction if all columns are 0.
         bias: f64,
     },
-    /// `bias + Σ_k lags[k] o_{t−k}`. Before the first state of an unbroken piece the sensor counts as having had its first
-    /// value.
+    /// `bias + Σ_k lags[k] o_{t−k}`. Before the first state of a segment the sensor counts as having had its first value.
     Autoregression {
-        /// The predicted column.
+        /// Index of the predicted column.
         column: usize,
-        /// The coefficient of the present value, then of those before it.
+        /// The coefficient of the current value, then of the values before it.
         lags: Vec<f64>,
-        /// The constant.
+        /// The constant term.
         bias: f64,
     },
-    /// A weighted mean of others.
+    /// A weighted mean of other predictors.
     Mixture(Mixture),
 }
 
