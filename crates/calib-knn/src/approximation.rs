@@ -20,16 +20,16 @@ pub struct Shortcuts {
     pub leaf_budget: usize,
 }
 
-/// Which sources are prototypes.
+/// The sources that are prototypes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PrototypeKind {
-    /// Every m-th transition in time order, from the first: in densely sampled logs the others are near copies of them
+    /// Every m-th transition in time order, from the first: in densely sampled logs the others are nearly copies of them
     /// (our choice).
     #[default]
     Every,
-    /// Those that cover the states best: in each cluster of near states, again and again the one farthest from those
-    /// that are taken (k-centre, Gonzalez 1985; in clusters: our choice).
+    /// The sources that cover the states best. In each cluster of near states, the source farthest from all chosen ones
+    /// is chosen, repeatedly (k-centre, Gonzalez 1985; the clusters are our choice).
     KCentre,
 }
 

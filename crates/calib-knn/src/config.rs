@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
 
-/// The keys of `[model]` in a study that are about neighbours.
+/// The keys of `[model]` in a study about neighbours.
 ///
 /// | key | default | meaning |
 /// |---|---|---|
@@ -11,18 +11,18 @@ use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
 /// | `neighbors` | 3 | neighbours `k` of each transition; at least 1 |
 /// | `exclude_self` | false | forbid a row as its own neighbour |
 /// | `theiler` | 0 | Theiler window in rows; 0 for none |
-/// | `weights` | `"linear"` | how a neighbour is drawn: `"linear"`, `"uniform"`, `"softmax"`, `"inverse"` |
+/// | `weights` | `"linear"` | weights by which a step samples a neighbour: `"linear"`, `"uniform"`, `"softmax"`, `"inverse"`, `"rank"` |
 /// | `temperature` | 1.0 | only for `"softmax"`; positive, in units of distance |
-/// | `prototypes` | 1 | only about one source in this many can be a neighbour |
-/// | `prototype_kind` | `"every"` | which ones: `"every"` in time order, or those that cover the states, `"k_centre"` |
+/// | `prototypes` | 1 | only about one source in N can be a neighbour |
+/// | `prototype_kind` | `"every"` | which sources: `"every"` N-th in time order, or those that cover the states, `"k_centre"` |
 /// | `components` | 0 | principal components in which neighbours are searched; 0 for all columns |
-/// | `leaf_budget` | 0 | most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes |
-/// | `remove_traps` | true | leave out what rollouts would be trapped in |
+/// | `leaf_budget` | 0 | maximum number of leaves that the join visits for a band of queries, not counting their own; 0 for no limit |
+/// | `remove_traps` | true | remove transitions that would trap rollouts |
 /// | `index` | `"auto"` | search structure: `"auto"`, `"kd_tree"`, `"join"`, `"scan"`; the tables are the same |
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelConfig {
-    /// Blocks of the log, and so ensemble members: each lacks one block.
+    /// Blocks of the log, which is also the number of ensemble members: each lacks one block.
     pub members: usize,
     /// Neighbours of each transition.
     pub neighbors: usize,
@@ -30,19 +30,19 @@ pub struct ModelConfig {
     pub exclude_self: bool,
     /// Theiler window in rows.
     pub theiler: u32,
-    /// How a neighbour is drawn.
+    /// Weights by which a step samples a neighbour.
     pub weights: WeightsKind,
     /// Temperature of softmax weights, in units of distance.
     pub temperature: f64,
-    /// About one source in this many can be a neighbour.
+    /// About one source in N can be a neighbour, where N is this number.
     pub prototypes: u32,
-    /// Which ones.
+    /// Which sources can be neighbours, if `prototypes` is above 1.
     pub prototype_kind: PrototypeKind,
     /// Principal components in which neighbours are searched; 0 for all columns.
     pub components: usize,
-    /// Most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes.
+    /// Maximum number of leaves that the join visits for a band of queries, not counting their own; 0 for no limit.
     pub leaf_budget: usize,
-    /// Leave out what rollouts would be trapped in. Once called `recurrent`.
+    /// Remove transitions that would trap rollouts. The earlier name of this key is `recurrent`.
     #[serde(alias = "recurrent")]
     pub remove_traps: bool,
     /// Search structure.
@@ -68,35 +68,35 @@ impl Default for ModelConfig {
     }
 }
 
-/// How one of the neighbours is drawn.
+/// Weights by which a step samples one of the neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WeightsKind {
-    /// Its weight falls linearly with its share of the distances.
+    /// The weight falls linearly with the neighbour's share of the distances.
     #[default]
     Linear,
-    /// All have the same.
+    /// All neighbours have the same weight.
     Uniform,
     /// Boltzmann weights of the distances, by `temperature`.
     Softmax,
-    /// One over its distance.
+    /// The weight is the inverse of the distance.
     Inverse,
-    /// One over its place among the neighbours, as in the k-nearest-neighbour bootstrap.
+    /// The weight is the inverse of the neighbour's rank, as in the k-nearest-neighbour bootstrap.
     Rank,
 }
 
-/// Which search structure builds the tables. All give identical tables.
+/// The search structure that builds the tables. All structures give identical tables.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum IndexKind {
-    /// Whichever suits the data.
+    /// The structure that suits the data.
     #[default]
     Auto,
     /// A k-d tree, for few columns.
     KdTree,
-    /// Leaves and boxes, for data with structure.
+    /// Leaves with bounding boxes, for data with structure.
     Join,
-    /// Every pair, for data without structure.
+    /// Comparison of every pair, for data without structure.
     Scan,
 }
 

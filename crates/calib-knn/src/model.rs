@@ -19,12 +19,12 @@ use crate::{
     write_table,
 };
 
-/// A neighbour of a state, and how far its source is.
+/// A neighbour of a state, with its distance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Neighbor {
-    /// The transition whose source state is near.
+    /// The transition whose source is near the state.
     pub transition: TransitionIndex,
-    /// Euclidean distance in the metric of the model.
+    /// Euclidean distance between source and state, in the metric of the model.
     pub distance: f32,
 }
 

@@ -4,21 +4,22 @@ use serde::{Deserialize, Serialize};
 
 use crate::{KnnError, KnnModel, definition::by_definition, distance::stored, verify::sampled};
 
-/// How many of the neighbours in a model's tables are among the true ones.
+/// Share of true neighbours in the tables of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Recall {
-    /// Table rows that were searched again.
+    /// Number of table rows that were searched again.
     pub rows: usize,
-    /// Share of the neighbours that are no further than the true `k`-th neighbour is.
+    /// Share of the neighbours at most as far as the true `k`-th neighbour.
     pub recall: f64,
-    /// Where the share of all rows lies, with about 95 % confidence: Wilson's interval with one trial a row. Neighbours of
-    /// one row go together, and a share of a row varies at most as much as a trial does. Of trials it covers 95 % on
-    /// average over shares, and less for some: down to 84 % near 0 and 1 (Brown, Cai and `DasGupta`, 2001).
+    /// Interval for the recall over all rows, with about 95 % confidence: Wilson's interval with one trial per row. The
+    /// neighbours of one row are dependent, and the recall of one row varies at most as much as one trial. For independent
+    /// trials the interval covers 95 % on average over shares. It covers less for some shares: down to 84 % near 0 and 1
+    /// (Brown, Cai and `DasGupta`, 2001).
     #[serde(default = "anywhere")]
     pub interval: [f64; 2],
-    /// Mean over rows of the table's `k`-th distance by the true one; it is 1 where both are 0.
+    /// Mean over rows of the `k`-th distance in the table divided by the true one; 1 where both are 0.
     pub distance_ratio: f64,
-    /// Rows whose true `k`-th distance is 0 and the table's is not: they have no ratio.
+    /// Rows whose true `k`-th distance is 0 and whose table distance is not: their ratio is undefined.
     #[serde(default)]
     pub copies_missed: usize,
 }

@@ -51,33 +51,33 @@ const SHARE: usize = 10;
 /// Maximum number of class sizes that are reported.
 const TOLD: usize = 10;
 
-/// Closed classes of a member.
+/// Closed classes of an ensemble member.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ClosedClasses {
-    /// How many there are; at least one.
+    /// Number of closed classes; at least one.
     pub count: usize,
-    /// Sizes of the ten largest in transitions, the largest first.
+    /// Sizes of the ten largest classes in transitions, the largest first.
     pub largest: Vec<usize>,
-    /// Transitions of all of them.
+    /// Number of transitions in all classes.
     pub transitions: usize,
-    /// How many are traps: of fewer than a tenth of the member's candidates.
+    /// Number of classes that are traps, which have fewer than a tenth of the ensemble member's candidates.
     pub traps: usize,
 }
 
-/// What was done so that no walk of a member is trapped.
+/// Result of removing the traps of an ensemble member, so that no rollout is trapped.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Recurrence {
-    /// Transitions of the member that can be neighbours.
+    /// Transitions of the ensemble member that can be neighbours.
     pub candidates: usize,
-    /// Closed classes of the nearest neighbours as they were found.
+    /// Closed classes before the removal, with the nearest neighbours as found.
     pub before: ClosedClasses,
-    /// Closed classes of the tables.
+    /// Closed classes after the removal, in the tables.
     pub after: ClosedClasses,
-    /// Candidates that are left out for all queries.
+    /// Candidates that no query has as neighbours any more.
     pub left_out: usize,
-    /// Those of them that are lost: not counting rows of a standstill that are followed by the same state.
+    /// Candidates lost by the removal: those left out, without rows of a standstill that are followed by the same state.
     pub lost: usize,
-    /// Rows of the table that lead out of a trap.
+    /// Table rows that were given an exit from a trap.
     pub exits: usize,
 }
 
