@@ -19,7 +19,7 @@ const NOISE: f64 = 1e-12;
 /// is 57 times one of 2π. Our choice.
 const COVERED: [f64; 2] = [0.02, 50.0];
 
-/// Which of the two channels of an angle.
+/// The sine or the cosine channel of an angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AnglePart {
@@ -52,13 +52,14 @@ impl AnglePart {
 /// The recorded angle whose sine or cosine a channel is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AngleOf {
-    /// What the files call the angle.
+    /// Name of the angle's channel in the files.
     pub channel: String,
-    /// A full turn, in its unit.
+    /// A full turn, in the unit of the angle.
     pub turn: f64,
-    /// Which of the two it is.
+    /// Whether the channel is the sine or the cosine.
     pub part: AnglePart,
-    /// The smallest and the largest angle that was recorded, in its unit. Default: none was, or nobody looked.
+    /// The smallest and the largest recorded angle, in its unit. Default: none was recorded, or the range was not
+    /// computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recorded: Option<[f64; 2]>,
 }

@@ -19,42 +19,42 @@ const GROUP_BYTES: usize = 64 << 20;
 /// Maximum number of rows of a row group.
 const GROUP_ROWS: usize = 1 << 20;
 
-/// What was written.
+/// Summary of an import.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Imported {
-    /// What a row of the files was.
+    /// The content of one row of the files.
     pub shape: Shape,
-    /// Files that were read.
+    /// Number of files that were read.
     pub files: usize,
-    /// Seconds from one row to the next, where the files have no times and rows are counted. Default: none.
+    /// Seconds between rows that are counted, because the files have no times. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub counted_secs: Option<f64>,
-    /// Rows in the files: samples, where a row was one.
+    /// Rows in the files. They are samples if each row is one sample.
     pub file_rows: u64,
-    /// Rows, each instant once.
+    /// Rows written, one for each instant.
     pub rows: usize,
-    /// Columns beside the timestamp.
+    /// Columns, not counting the timestamp.
     pub channels: usize,
-    /// What of the files is not in the rows as it was.
+    /// Rows and samples of the files that were dropped or changed.
     pub dropped: Dropped,
-    /// Words that are missing values now, by channel, the most frequent first.
+    /// Words that became missing values, by channel, the most frequent first.
     pub words: BTreeMap<String, Vec<(String, u64)>>,
-    /// NaN, infinite values and those beyond ±1e150 that are missing values now, by channel.
+    /// NaN, infinite values and values beyond ±1e150 that became missing values, by channel.
     pub non_finite: BTreeMap<String, u64>,
     /// Columns of neither numbers nor text, with their types.
     pub unreadable: BTreeMap<String, String>,
 }
 
-/// Rows of files that are not rows of the log.
+/// Rows of the files that are not rows of the log.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Dropped {
-    /// Those without a timestamp of the years 1 to 9998.
+    /// Rows without a timestamp in the years 1 to 9998.
     pub without_time: u64,
-    /// Those among them whose local time is of an hour that clocks showed twice, or never, and which no other row decides.
+    /// Rows among these whose local time is in an hour that clocks showed twice, or never, and that no other row decides.
     pub undecided: u64,
-    /// Those of the same time as another (samples: of the same tag too), which became one with it.
+    /// Rows merged into another row of the same time (for samples: of the same time and tag).
     pub repeated: u64,
-    /// Samples whose quality made them missing.
+    /// Samples that are missing because of their quality code.
     pub bad_quality: u64,
     /// Lines of text files that cannot be read, under `data.bad_rows = "skip"`. Default: none.
     #[serde(skip_serializing_if = "BadRowsFound::is_none")]

@@ -35,12 +35,12 @@ const SPIKE_ROWS: usize = 3;
 /// Number of values that quantiles are computed from; more values are evenly thinned.
 const LOOKED_AT: usize = 200_000;
 
-/// Between which values a channel lies, as far as its training range tells.
+/// The fences of a channel: the limits of its normal values, by its training range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Fences {
-    /// Values below are far out.
+    /// Values below this are far out.
     pub low: f64,
-    /// Values above are far out.
+    /// Values above this are far out.
     pub high: f64,
 }
 

@@ -9,35 +9,35 @@ use crate::{
     UnitChange, angle_hint, names::hint,
 };
 
-/// Everything worth knowing about a log, and what preprocessing makes of it.
+/// Description of a log, and of the states that preprocessing makes of it.
 ///
-/// All counts are over the window that the training and held-out ranges span together;
-/// `rows_outside` lie before or after it.
+/// All counts are over the window that the training and held-out ranges span together; `rows_outside` counts the rows before and after this
+/// window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[expect(
     clippy::struct_excessive_bools,
     reason = "each is a fact of its own in the JSON of `calib inspect`"
 )]
 pub struct Profile {
-    /// What a row of the files is. Default: [`Shape::Wide`].
+    /// The content of one row of the files. Default: `wide`.
     #[serde(default, skip_serializing_if = "Shape::is_wide")]
     pub shape: Shape,
-    /// Whether times are UTC, because the log or the study has a time zone; else they are as the log has them. Default: false.
+    /// Whether times are UTC, because the log or the study has a time zone. If false, times are as recorded. Default: false.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub utc: bool,
-    /// Samples of a long table that their quality made missing. Default: 0.
+    /// Samples of a long table that are missing because of their quality code. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub bad_quality: u64,
-    /// Lines of text files that were left out because they cannot be read. Default: none.
+    /// Lines of text files that were skipped because they cannot be read. Default: none.
     #[serde(default, skip_serializing_if = "BadRowsFound::is_none")]
     pub bad_rows: BadRowsFound,
-    /// Whether the files have no times, and rows are counted instead. Default: false.
+    /// Whether the files have no times, so that rows are counted instead. Default: false.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub without_times: bool,
-    /// How columns are read otherwise than each by itself, such as times that are joined from several, in sentences. Default: none.
+    /// Sentences about columns that are not read one by one, such as times that are joined from several columns. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read_as: Vec<String>,
-    /// Numbers that probably stand for a missing value, and are none of `data.missing_values`. Default: none.
+    /// Numbers that probably mean a missing value and are not in `data.missing_values`. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sentinels: Vec<Sentinel>,
     /// Values of the same channel and time that differ. Default: none.
@@ -45,13 +45,13 @@ pub struct Profile {
     pub contradictions: ContradictionsFound,
     /// Number of files.
     pub files: usize,
-    /// Their size in bytes.
+    /// Size of the files in bytes.
     pub bytes: u64,
     /// Rows in the files.
     pub file_rows: u64,
-    /// Rows in time order, each instant once.
+    /// Rows in time order, one for each instant.
     pub rows: u64,
-    /// Whether these are rows of a clock that `data.resample` puts all channels on. Default: false.
+    /// Whether these rows are at the common times of `data.resample`. Default: false.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub resampled: bool,
     /// Rows before or after both ranges.
@@ -62,28 +62,28 @@ pub struct Profile {
     pub end: Timestamp,
     /// Time from one sample to the next in the log, in seconds.
     pub period_secs: f64,
-    /// Whether the period is the median step, or was configured.
+    /// Whether the period is the median step of the log. If false, it was configured.
     pub period_was_detected: bool,
-    /// The median step in seconds, if a period was configured that it contradicts: nearly all steps are as long, or most are gaps. Default:
-    /// none was.
+    /// The median step in seconds, if it contradicts a configured period: nearly all steps have this length, or most steps are gaps.
+    /// Default: none was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recorded_period_secs: Option<f64>,
     /// Time from one row of the states to the next, in seconds: after sub-sampling.
     pub sampled_period_secs: f64,
     /// Rows without a timestamp; they are dropped.
     pub null_timestamps: u64,
-    /// Rows among these whose local time is of an hour that clocks showed twice, or never, when summer time ended or began, and
-    /// which no other row decides. Default: 0.
+    /// Rows among these whose local time is in an hour that clocks showed twice, or never, when summer time ended or began, and that no
+    /// other row decides. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub undecided_times: u64,
-    /// Rows whose timestamp another row has.
+    /// Rows with the same timestamp as another row.
     pub duplicates: Duplicates,
-    /// Rows that became one with a row of another file that has none of their channels. Default: 0.
+    /// Rows that were merged with a row of another file that has none of their channels. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub merged_rows: u64,
     /// Steps back in time inside a file.
     pub backward_steps: BackwardSteps,
-    /// Files that start before another that started earlier has ended; they are merged by time.
+    /// Files that start before an earlier file has ended; they are merged by time.
     pub overlapping_files: u64,
     /// Steps shorter than the period divided by `data.gap_tolerance`; they are tolerated.
     pub short_steps: u64,
@@ -105,17 +105,17 @@ pub struct Profile {
     pub state_bytes: u64,
 }
 
-/// Values of the same channel and time that differ.
+/// Different values of one channel at the same time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ContradictionsFound {
-    /// How many differ from the one that is kept.
+    /// Number of values that differ from the one that is kept.
     pub count: u64,
-    /// How many of them are of the channel that has most. Default: 0.
+    /// How many of them are in the channel with the most. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub most_of_channel: u64,
     /// Some of them, in words.
     pub examples: Vec<String>,
-    /// Why, if that can be told. Default: unknown.
+    /// The cause, if known. Default: unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<ContradictionCause>,
 }
@@ -143,21 +143,21 @@ fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
-/// Rows whose timestamp another row has. The first one is kept.
+/// Rows with the same timestamp as another row. The first one is kept.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Duplicates {
-    /// Rows that contradict the row that is kept in no channel.
+    /// Rows that contradict the kept row in no channel.
     pub identical: u64,
-    /// Rows with another value in a channel that both have.
+    /// Rows with a different value in a channel that the kept row also has.
     pub conflicting: u64,
     /// The first few times.
     pub examples: Vec<Timestamp>,
 }
 
-/// Steps back in time inside a file, such as the end of daylight saving. Rows are put in time order.
+/// Steps back in time inside a file, such as at the end of daylight saving. Rows are sorted by time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BackwardSteps {
-    /// How many.
+    /// Number of steps.
     pub count: u64,
     /// The first few.
     pub examples: Vec<BackwardStep>,
@@ -170,31 +170,31 @@ pub struct BackwardStep {
     pub file: String,
     /// Time before the step.
     pub from: Timestamp,
-    /// Time after it.
+    /// Time after the step.
     pub to: Timestamp,
 }
 
-/// Steps that are too long to be one sample.
+/// Steps that are too long for one sample.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gaps {
-    /// How many.
+    /// Number of gaps.
     pub count: u64,
-    /// The longest, in seconds.
+    /// Length of the longest gap, in seconds.
     pub longest_secs: f64,
-    /// All together, in seconds.
+    /// Total length of all gaps, in seconds.
     pub total_secs: f64,
-    /// The longest, the longest first: last row before the gap, first row after it.
+    /// The longest gaps, the longest first: last row before the gap, first row after it.
     pub examples: Vec<(Timestamp, Timestamp)>,
 }
 
-/// What a person calls a channel, and what its values are measured in.
+/// Label and unit of a channel, for readers.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Description {
     /// The unit of its values: `kPa`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
-    /// What it is: `membrane pressure`.
+    /// A description in words: `membrane pressure`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub label: Option<String>,
 }
@@ -218,19 +218,19 @@ impl Description {
 /// One channel of the log.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChannelProfile {
-    /// Its name.
+    /// Name of the channel.
     pub name: String,
-    /// Its type in the files.
+    /// Type of its column in the files.
     pub type_name: String,
-    /// The angle of which it is the sine or the cosine, as `data.angles` has it. Default: it is of none.
+    /// The angle whose sine or cosine it is, from `data.angles`. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angle: Option<AngleOf>,
-    /// What the header of its files says of it. Default: nothing.
+    /// Its description in the header of the files. Default: none.
     #[serde(default, skip_serializing_if = "Description::is_empty")]
     pub description: Description,
-    /// Why it is not a sensor of the states; `None` if it is one.
+    /// Why it is not a sensor of the states; `None` if it is a sensor.
     pub dropped: Option<DropReason>,
-    /// Its values; `None` if it was excluded or cannot be read, or has no value.
+    /// Statistics of its values; `None` if it was excluded, cannot be read or has no value.
     pub values: Option<ValueProfile>,
     /// Rows without a value.
     pub missing: u64,
@@ -238,42 +238,42 @@ pub struct ChannelProfile {
     pub missing_fraction: f64,
     /// NaN and infinite values, which count as missing.
     pub non_finite: u64,
-    /// Values that `data.missing_values` names. Default: 0.
+    /// Values that `data.missing_values` lists. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub stood_for_missing: u64,
-    /// The most frequent words that are not numbers, which count as missing, and how often each occurs.
+    /// The most frequent words that are not numbers, which count as missing, with their counts.
     pub words: Vec<(String, u64)>,
     /// Spikes, and held-out values far outside of the training range. Default: none.
     #[serde(default, skip_serializing_if = "FarOut::is_none")]
     pub far_out: FarOut,
-    /// A time in the training range at which its unit probably changed. Default: there is none.
+    /// A time in the training range at which its unit probably changed. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit_change: Option<UnitChange>,
-    /// Stops of its recording over which the last value stood, under `data.resample`. Default: none.
+    /// Stops of its recording during which the last value was held, under `data.resample`. Default: none.
     #[serde(default, skip_serializing_if = "BridgedStops::is_none")]
     pub bridged: BridgedStops,
     /// Missing values that were filled.
     pub imputed: u64,
-    /// Missing values that were not, so that their rows were dropped.
+    /// Missing values that were not filled, so that their rows were dropped.
     pub unfilled: u64,
 }
 
 /// Values of a channel that lie far from all others.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FarOut {
-    /// Spikes of both ranges: single samples beyond the fences.
+    /// Spikes in both ranges: single samples beyond the fences.
     pub spikes: u64,
-    /// The first few, with their times.
+    /// The first few spikes, with their times.
     pub examples: Vec<(Timestamp, f64)>,
-    /// The fences, if there are any.
+    /// The fences, if the channel has any.
     pub fences: Option<Fences>,
-    /// Held-out values, other than treated spikes, that lie further from the training range than it is wide; those that differ, of a
-    /// channel that is constant there.
+    /// Held-out values, except treated spikes, whose distance from the training range exceeds the width of this range. For a channel that
+    /// is constant in the training range: all held-out values that differ from the constant.
     pub held_out: u64,
-    /// How many of these lie more than 20 times as far from the training range as it is wide. Profiles of earlier versions lack it.
+    /// How many of these lie more than 20 widths away from the training range. Profiles of earlier versions lack it.
     #[serde(default)]
     pub elsewhere: u64,
-    /// The furthest of these, in widths of the training range: −75 is 75 widths below its smallest value. 0 where it has no width.
+    /// The furthest of these, in widths of the training range: −75 is 75 widths below its smallest value. 0 if the range has no width.
     pub furthest: f64,
     /// The smallest and the largest value of the training range. Default: none, if no held-out value is far out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -287,13 +287,13 @@ impl FarOut {
     }
 }
 
-/// Stops of a channel over which `data.max_age_secs` let the last value stand: of more than ten of its usual steps, and of ten
-/// periods.
+/// Stops of a channel during which `data.max_age_secs` let the last value be held. A stop is longer than ten of the channel's usual steps,
+/// and than ten periods.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BridgedStops {
-    /// How many.
+    /// Number of stops.
     pub count: u64,
-    /// The longest, in seconds.
+    /// Length of the longest stop, in seconds.
     pub longest_secs: f64,
     /// The usual step of the channel, in seconds.
     pub usual_secs: f64,
@@ -329,7 +329,7 @@ pub struct ValueProfile {
     pub distinct: Option<u32>,
 }
 
-/// What is left of a range of the log.
+/// The rows of a range of the log, before and after preprocessing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PartProfile {
     /// Time of the first row of the log in the range.

@@ -15,9 +15,9 @@ use crate::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DropReason {
-    /// `data.include` does not name it.
+    /// It is not in `data.include`.
     NotIncluded,
-    /// `data.exclude` names it.
+    /// It matches `data.exclude`.
     Excluded {
         /// The name or pattern.
         pattern: String,
@@ -27,13 +27,13 @@ pub enum DropReason {
         /// The type.
         type_name: String,
     },
-    /// It holds text, and none of it is a number.
+    /// It holds text that is never a number.
     Text,
     /// It has no value in the training range.
     AllMissing,
-    /// It misses too much of the training range.
+    /// Too many of its values are missing in the training range.
     Missing {
-        /// Fraction of the training rows.
+        /// Fraction of the training rows without a value.
         fraction: f64,
         /// `preprocess.max_missing`.
         limit: f64,
@@ -45,14 +45,14 @@ pub enum DropReason {
     },
     /// The values that normalisation maps to 0 and 1 are equal, or too far apart to represent.
     NoSpread {
-        /// The first.
+        /// The value that would map to 0.
         low: f64,
-        /// The second.
+        /// The value that would map to 1.
         high: f64,
     },
-    /// Its values became one 0/1 column each.
+    /// It was replaced by one 0/1 column for each of its values.
     OneHot {
-        /// Their names. Default: not known.
+        /// Names of these columns. Default: not known.
         #[serde(default)]
         columns: Vec<String>,
     },

@@ -12,12 +12,12 @@ const OFTEN: (u64, u64) = (3, 50_000);
 /// Minimum distance of a number that looks like a sentinel, in widths of the other values of its channel.
 const NEAR: f64 = 0.1;
 
-/// A number that probably stands for a missing value.
+/// A number that probably means a missing value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sentinel {
     /// The number.
     pub value: f64,
-    /// How often it occurs, in all channels together.
+    /// Number of occurrences, in all channels together.
     pub count: u64,
     /// Its share of the values of these channels.
     pub share: f64,

@@ -54,9 +54,9 @@ const DEGREES: [Conversion; 4] = [
 pub struct UnitChange {
     /// The time of the first value after it.
     pub at: Timestamp,
-    /// The values before it, without a twentieth at each end: the smallest and the largest.
+    /// The smallest and the largest value before it, without a twentieth of the values at each end.
     pub before: [f64; 2],
-    /// The same of those after it.
+    /// The smallest and the largest value after it, without a twentieth of the values at each end.
     pub after: [f64; 2],
 }
 

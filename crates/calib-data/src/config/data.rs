@@ -9,79 +9,82 @@ use serde::{Deserialize, Serialize};
 use super::{MaxAge, Moment, Paths, TimeRange};
 use crate::{DataError, text::Zone};
 
-/// `[data]`: where the log is, and which part of it is for what.
+/// `[data]`: where the log is, and which part of it is used for what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DataConfig {
     /// Parquet or text files: a file, a folder (searched recursively), a glob pattern, or a list of them.
     pub path: Paths,
-    /// Only files whose folders say `key=value` like this (hive folders). Default: all.
+    /// Only files in folders named `key=value` with these keys and values (hive folders). Default: all.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub partitions: BTreeMap<String, String>,
-    /// The column of timestamps. Default: `timestamp`.
+    /// Name of the column of timestamps. Default: `timestamp`.
     pub timestamp: String,
-    /// What timestamps that are plain numbers count. Default: recognised by their magnitude; if that fits two notations, this key must decide.
+    /// Unit of timestamps that are plain numbers. Default: recognised by their magnitude; if two units fit, this key must decide.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timestamp_unit: Option<TimestampUnit>,
-    /// How times that are text are written, as `strptime` has it: `%d.%m.%Y %H:%M:%S`. Default: recognised from all of them; if day and month could change places, this key must decide.
+    /// Format of times that are text, in `strptime` notation: `%d.%m.%Y %H:%M:%S`. Default: recognised from all of them; if the day and the
+    /// month could be swapped, this key must decide.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timestamp_format: Option<String>,
-    /// The time zone of times that have no offset: `Europe/Paris`. Default: times are kept as they stand.
+    /// Time zone of times without an offset: `Europe/Paris`. Default: times are kept as recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_zone: Option<String>,
-    /// What a row is. Default: recognised by the names and the first rows of the files.
+    /// The content of one row of the files. Default: recognised by the names and the first rows of the files.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shape: Option<Shape>,
-    /// The column that names the tag, in a long table. Default: recognised by its name.
+    /// Column with the names of the tags, in a long table. Default: recognised by its name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tag: Option<String>,
-    /// The column of values, in a long table or in files of one tag each. Default: recognised by its name.
+    /// Column of values, in a long table or in files with one tag each. Default: recognised by its name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<String>,
-    /// The column of quality codes, in a long table or in files of one tag each. Default: recognised by its name.
+    /// Column of quality codes, in a long table or in files with one tag each. Default: recognised by its name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<String>,
-    /// Quality codes of values that count; all others are missing. Default: those of OPC, and words that say good.
+    /// Quality codes of valid values; values with any other code are missing. Default: the good codes of OPC, and words that mean good.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub good_quality: Vec<String>,
-    /// What separates the cells of text files: one character. Default: recognised by the first rows.
+    /// Separator of the cells of text files: one character. Default: recognised by the first rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub separator: Option<char>,
-    /// What separates a number from its fraction in text files: `.` or `,`. Default: recognised by the first rows.
+    /// Decimal separator of numbers in text files: `.` or `,`. Default: recognised by the first rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decimal: Option<char>,
-    /// What happens to lines of text files that cannot be read. Default: the log is refused.
+    /// How lines of text files that cannot be read are treated. Default: the log is refused.
     #[serde(skip_serializing_if = "BadRows::are_errors")]
     #[schemars(extend("default" = "error"))]
     pub bad_rows: BadRows,
-    /// Only rows that have these values in these columns: `{ turbine = "R80711" }`. Default: all.
+    /// Only rows with these values in these columns: `{ turbine = "R80711" }`. Default: all.
     #[serde(
         rename = "where",
         deserialize_with = "values_as_text",
         skip_serializing_if = "BTreeMap::is_empty"
     )]
     pub only: BTreeMap<String, String>,
-    /// Whether channels are called after their file too: `kitchen temperature`. Default: false.
+    /// Whether the names of channels include the name of their file: `kitchen temperature`. Default: false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     #[schemars(extend("default" = false))]
     pub file_as_prefix: bool,
     /// Numbers that stand for a missing value, such as `[-200, -999.9]`, in all channels. Default: none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing_values: Vec<f64>,
-    /// Channels that are angles, as names or glob patterns, each with a full turn in its unit: `{ wind_direction = 360.0 }`. The sine and the cosine are channels in its place, `wind_direction_sin` and `wind_direction_cos`. Default: none.
+    /// Channels that are angles, as names or glob patterns, each with a full turn in its unit: `{ wind_direction = 360.0 }`. The sine and
+    /// the cosine replace the channel, as `wind_direction_sin` and `wind_direction_cos`. Default: none.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub angles: BTreeMap<String, f64>,
-    /// What happens to rows of the same time with different values of a channel. Default: they are refused.
+    /// How rows with the same time and different values of a channel are treated. Default: the log is refused.
     #[serde(skip_serializing_if = "Contradictions::are_refused")]
     #[schemars(extend("default" = "refuse"))]
     pub contradictions: Contradictions,
-    /// Put every channel on one clock with a row every `period_secs`. Default: rows stay as they are.
+    /// Resample all channels to common times with a row every `period_secs`, by this method. Default: rows are kept as recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resample: Option<Resample>,
-    /// How long a recorded value stands for what follows it, under `resample`, in seconds: a number, or a table by names or glob patterns of channels, such as `{ default = 60, LAB01 = 86400 }`. Default: ten periods.
+    /// Under `resample`: how long a recorded value is held for the times after it, in seconds. It is a number, or a table by names or glob
+    /// patterns of channels, such as `{ default = 60, LAB01 = 86400 }`. Default: ten periods.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_age_secs: Option<MaxAge>,
-    /// Time from one sample to the next, in seconds. Default: the median of what the log has.
+    /// Time from one sample to the next, in seconds. Default: the median of the log.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period_secs: Option<f64>,
     /// A step longer than this many periods is a gap. Default: 1.5.
@@ -95,8 +98,8 @@ pub struct DataConfig {
     /// The training range. Default: the first `train_fraction` of the time span.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub train: Option<TimeRange>,
-    /// The range that stands for the deployment. Default: what follows the training range, if that
-    /// is given by `train_fraction`; otherwise none.
+    /// The range that represents the deployment. Default: all that follows the training range, if `train_fraction` defines that range;
+    /// otherwise none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out: Option<TimeRange>,
     /// Fraction of the time span that is the training range, if `train` is not given. Default: 0.8.
@@ -104,7 +107,7 @@ pub struct DataConfig {
     /// Where text files and long tables are kept, column by column, while they are read.
     #[serde(skip)]
     pub scratch: ScratchPlace,
-    /// Memory that there is, in bytes: what would take more is refused. `None` where nobody knows.
+    /// Available memory, in bytes; data that would need more is refused. `None` if it is unknown.
     #[serde(skip)]
     pub memory: Option<u64>,
 }
@@ -130,7 +133,7 @@ where
         .collect())
 }
 
-/// What a row of the log is.
+/// The content of one row of the files of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
@@ -139,7 +142,7 @@ pub enum Shape {
     Wide,
     /// A time, a tag and its value.
     Long,
-    /// A time and the value of the only tag of the file.
+    /// A time and the value of the file's only tag.
     FilePerTag,
 }
 
@@ -150,30 +153,30 @@ impl Shape {
     }
 }
 
-/// What happens to rows of the same time with different values of a channel.
+/// How rows with the same time and different values of a channel are treated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Contradictions {
     /// The log is refused.
     #[default]
     Refuse,
-    /// The first value is kept: that of the file that starts first, and in a file the first.
+    /// The first value is kept: the one in the file that starts first, and within a file the first.
     First,
     /// The last value is kept.
     Last,
-    /// The rows of a wide file that share a time are put evenly behind it, up to the next time: the export cut times to whole
-    /// minutes or hours. What contradicts itself all the same is refused.
+    /// The rows of a wide file that share a time are spread evenly from this time up to the next one: the export had cut times to whole
+    /// minutes or hours. Values that still contradict each other are refused.
     Spread,
 }
 
-/// What happens to lines of text files that cannot be read.
+/// How lines of text files that cannot be read are treated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BadRows {
-    /// The log is refused, with all of them counted.
+    /// The log is refused, with a count of all such lines.
     #[default]
     Error,
-    /// They are left out and counted, if they are at most one line in a hundred.
+    /// They are skipped and counted, if they are at most one line in a hundred.
     Skip,
 }
 
@@ -196,15 +199,15 @@ impl Contradictions {
     }
 }
 
-/// How a channel that was recorded at other times is put on the clock of the log.
+/// How a channel that was recorded at other times is resampled to the common times of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Resample {
     /// The last recorded value.
     Last,
-    /// The mean over the period that ends there of the value that was recorded last.
+    /// The time-weighted mean of the last recorded value, over the period that ends at the row.
     Mean,
-    /// On the straight line from the value before to the value after, which an agent in the plant does not have yet.
+    /// Linear interpolation between the values before and after, although an agent at the plant does not have the later one yet.
     Linear,
 }
 

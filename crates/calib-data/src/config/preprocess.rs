@@ -9,11 +9,11 @@ use crate::DataError;
 pub struct PreprocessConfig {
     /// A channel that misses more than this fraction of the training range is dropped. Default: 0.1.
     pub max_missing: f64,
-    /// What happens to the remaining missing values. Default: `forward_fill`.
+    /// How the remaining missing values are treated. Default: `forward_fill`.
     pub missing: Missing,
     /// Longest run of missing values that is filled, in rows of the log. Default: 10.
     pub fill_limit: usize,
-    /// What happens to spikes: single samples far outside of everything else. Default: `missing`.
+    /// How spikes, single samples far outside all other values, are treated. Default: `missing`.
     #[serde(skip_serializing_if = "Outliers::is_default")]
     #[schemars(extend("default" = "missing"))]
     pub outliers: Outliers,
@@ -30,37 +30,36 @@ pub struct PreprocessConfig {
     /// Replace this column of modes by one 0/1 column per value of the training range. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_hot: Option<String>,
-    /// Keep one row in this many. Default: 1, every row.
+    /// Keep one row in N, where N is this number. Default: 1, every row.
     pub subsample: usize,
-    /// What the kept row is. Default: `keep`.
+    /// How a group of N rows becomes the kept row. Default: `keep`.
     pub reduce: Reduce,
 }
 
-/// What happens to missing values that are left after column selection.
+/// How missing values that remain after column selection are treated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Missing {
     /// The row is dropped, which splits the segment.
     DropRow,
-    /// The last recorded value stands in for the first `fill_limit` missing ones of a run;
-    /// the rows after them are dropped.
+    /// The last recorded value replaces the first `fill_limit` missing values of a run; the rows after them are dropped.
     #[default]
     ForwardFill,
-    /// Runs of at most `fill_limit` rows are interpolated in time between their ends, the later of which an agent in the
-    /// plant does not have yet; the rows of longer runs are dropped.
+    /// Runs of at most `fill_limit` rows are interpolated in time between their ends, although an agent at the plant
+    /// does not have the later end yet. The rows of longer runs are dropped.
     Linear,
 }
 
-/// What happens to spikes.
+/// How spikes are treated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outliers {
-    /// They stay.
+    /// They are kept.
     Keep,
-    /// They are missing values.
+    /// They become missing values.
     #[default]
     Missing,
-    /// They become the nearest value that is not far out.
+    /// They become the nearest value inside the fences.
     Clip,
 }
 
@@ -84,14 +83,14 @@ pub enum Normalisation {
     Standard,
 }
 
-/// What a row of the sub-sampled log is.
+/// How a group of rows becomes one row of the sub-sampled log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reduce {
-    /// The first of its rows.
+    /// The first row of the group.
     #[default]
     Keep,
-    /// The mean of its rows, at the time of the last one; an incomplete last group is left out.
+    /// The mean of the group, at the time of its last row; an incomplete last group is dropped.
     Mean,
 }
 

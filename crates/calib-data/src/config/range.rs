@@ -97,14 +97,14 @@ impl<'de> Deserialize<'de> for Moment {
     }
 }
 
-/// A stretch of time, from `start` up to but not including `end`.
+/// A range of time, from `start` up to but not including `end`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TimeRange {
-    /// First moment. Default: the beginning of the log.
+    /// Start of the range, included. Default: the beginning of the log.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Moment>,
-    /// First moment after the range. Default: the end of the log.
+    /// End of the range, not included. Default: the end of the log.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub end: Option<Moment>,
 }

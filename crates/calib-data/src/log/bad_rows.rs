@@ -13,9 +13,9 @@ const MOST: f64 = 0.01;
 /// Lines that cannot be read.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct BadRowsFound {
-    /// How many.
+    /// Number of lines.
     pub count: u64,
-    /// The first few, each with its file, its line and what is wrong with it.
+    /// The first few, each with its file, its line and the error.
     pub examples: Vec<String>,
 }
 

@@ -28,32 +28,33 @@ const PLANT_NAMES: [&str; 18] = [
     "location", "plant", "line", "engine", "vehicle", "building", "meter", "id",
 ];
 
-/// Why rows of the same time contradict each other.
+/// Why rows with the same time contradict each other.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ContradictionCause {
-    /// They are of several plants, which a column tells apart.
+    /// They come from several plants, which a column distinguishes.
     Column {
-        /// Its name.
+        /// Name of the column.
         column: String,
-        /// What it has, in order.
+        /// Values of the column, in order.
         values: Vec<String>,
     },
-    /// They are in several files with the same columns.
+    /// They come from several files with the same columns.
     Files {
-        /// What the channels of the first files would be called after.
+        /// Prefixes that the names of the channels would get, for the first files.
         prefixes: Vec<String>,
     },
-    /// A clock was set back in autumn, and an hour comes twice.
+    /// A clock was set back in autumn, so that an hour occurs twice.
     ClockSetBack {
         /// The day.
         date: String,
     },
-    /// Most times are shared by as many rows of one file: the export may have cut them to whole minutes or hours.
+    /// Most times are shared by an equal number of rows of one file: the export may have cut times to whole minutes
+    /// or hours.
     SharedTimes {
-        /// Rows of a time.
+        /// Rows per time.
         rows: u64,
-        /// From one time to the next, in seconds.
+        /// Seconds from one time to the next.
         step_secs: f64,
     },
 }
