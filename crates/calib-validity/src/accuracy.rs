@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use crate::{ModelPair, Pair, over_plants::OverPlants, summary::correlations};
 
-/// What is known of a model without running agents Online: how it predicts what is held out, or how its rollouts look.
-/// Lower is better.
+/// A measure of a model's accuracy without running agents on the held-out period: its predictions of held-out data, or
+/// its rollouts. Lower is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Predictor {
@@ -19,30 +19,30 @@ pub enum Predictor {
     Dtw,
 }
 
-/// How badly it chooses. Lower is better.
+/// A measure of how badly a model chooses. Lower is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Badness {
     /// Regret of its choice.
     Regret,
-    /// Disagreement of its ranking with Online: minus Spearman's correlation.
+    /// Disagreement of its ranking with the errors on the held-out period: minus Spearman's correlation.
     Disagreement,
 }
 
-/// Whether models that do better by one do better by the other, within plant–sensor pairs.
+/// Whether more accurate models choose better, within plant–sensor pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Accuracy {
-    /// What is known of the model.
+    /// The measure of accuracy.
     pub predictor: Predictor,
-    /// How badly it chooses.
+    /// The measure of how badly the model chooses.
     pub outcome: Badness,
-    /// Pairs with at least two models that have both.
+    /// Number of pairs with at least two models that have both measures.
     pub pairs: usize,
-    /// Models in them, counted in each.
+    /// Number of models, summed over these pairs.
     pub models: usize,
     /// Pooled rank correlation within pairs: 1 if the more accurate model always chooses better.
     pub correlation: Option<f64>,
-    /// 95 % interval of it, over plants.
+    /// 95 % interval of the correlation, over plants.
     pub interval: Option<Interval>,
 }
 

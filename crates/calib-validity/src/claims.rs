@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::{Comparison, GOOD, MARGIN, Method, MethodSummary};
 
-/// What is claimed of the choices of a model.
+/// A claim about the choices of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Claim {
@@ -18,34 +18,35 @@ pub enum Claim {
     NoWorse,
 }
 
-/// How a claim stands.
+/// Result of testing a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// The whole 95 % interval lies where the claim has it; of a mean regret, its upper bound.
+    /// The whole 95 % interval satisfies the claim; for a mean regret, its upper bound does.
     Holds,
-    /// The whole interval lies elsewhere; of a mean regret, that of the typical regret, which is never larger.
+    /// The whole 95 % interval contradicts the claim; for a mean regret, the interval of the typical regret does,
+    /// which is never larger.
     Fails,
     /// Neither, or there is no interval.
     Open,
 }
 
-/// A claim, and what was found.
+/// The test of a claim.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Test {
     /// The claim.
     pub claim: Claim,
-    /// Of which method.
+    /// The method that the claim is about.
     pub method: Method,
-    /// Against which other; none of a regret.
+    /// The method that it is compared with; none for a regret.
     pub against: Option<Method>,
-    /// Mean regret, or quotient of errors.
+    /// The mean regret, or the quotient of errors.
     pub value: f64,
     /// 95 % interval of a quotient, over plants.
     pub interval: Option<Interval>,
     /// 95 % upper bound of a mean regret, over plants.
     pub upper: Option<f64>,
-    /// How the claim stands.
+    /// Result of the test.
     pub outcome: Outcome,
 }
 

@@ -13,7 +13,7 @@ use crate::{
 /// Relative excess error that still counts as no worse: 1 %.
 pub const MARGIN: f64 = 0.01;
 
-/// What the interval of a quotient of errors says.
+/// Conclusion from the interval of a quotient of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Finding {
@@ -39,29 +39,29 @@ impl Finding {
     }
 }
 
-/// One method against another, over the pairs in which both have a choice. Regrets above [`CAP`](crate::CAP) count as that, but for
-/// wins, ties and losses.
+/// One method compared with another, over the pairs in which both have a choice. Regrets above [`CAP`](crate::CAP) count as that
+/// value, except in wins, ties and losses.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Comparison {
     /// The method.
     pub method: Method,
-    /// The other one.
+    /// The other method.
     pub against: Method,
-    /// Pairs in which both have a choice.
+    /// Number of pairs in which both have a choice.
     pub pairs: usize,
-    /// Pairs in which the method's regret is smaller.
+    /// Number of pairs in which the method's regret is smaller.
     pub wins: usize,
-    /// Pairs in which both are equal.
+    /// Number of pairs in which both regrets are equal.
     pub ties: usize,
-    /// Pairs in which it is larger.
+    /// Number of pairs in which the method's regret is larger.
     pub losses: usize,
     /// Mean of the method's regret minus the other's; below 0 the method is better.
     pub difference: f64,
-    /// Geometric mean of the method's Online error divided by the other's; below 1 the method is better.
+    /// Geometric mean of the method's error on the held-out period divided by the other's; below 1 the method is better.
     pub error_ratio: f64,
-    /// 95 % interval of it, over plants.
+    /// 95 % interval of this quotient, over plants.
     pub error_ratio_interval: Option<Interval>,
-    /// What that interval says.
+    /// Conclusion from this interval.
     pub finding: Finding,
     /// Mean over pairs of ln(quotient), plant by plant.
     #[serde(skip)]

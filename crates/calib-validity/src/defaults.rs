@@ -5,12 +5,12 @@ use serde::Serialize;
 
 use crate::{Pair, pair::capped};
 
-/// The best default of the pairs with one optimiser.
+/// The best default over the pairs with one optimiser.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct OptimiserDefault {
     /// The optimiser.
     pub optimiser: String,
-    /// Position of the value.
+    /// Index of the setting.
     pub value: usize,
 }
 

@@ -14,26 +14,27 @@ use crate::{
 /// Numeric features with more different values than this are split into halves.
 const FEW_VALUES: usize = 4;
 
-/// A method over the pairs whose tasks are alike in one feature.
+/// Results of a method over pairs whose tasks share one feature.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct GroupSummary {
     /// The feature, such as the optimiser.
     pub feature: String,
-    /// What the pairs have in common.
+    /// The value of the feature that the pairs share.
     pub group: String,
     /// The method.
     pub method: Method,
-    /// Pairs of the group in which it has a choice.
+    /// Number of pairs in the group in which the method has a choice.
     pub pairs: usize,
-    /// Plants of these.
+    /// Number of plants in these pairs.
     pub plants: usize,
     /// Typical regret, as in [`MethodSummary`](crate::MethodSummary).
     pub typical: f64,
-    /// 95 % interval of it, over plants.
+    /// 95 % interval of the typical regret, over plants.
     pub interval: Option<Interval>,
-    /// Geometric mean of the method's Online error divided by that of the study's default; none without one.
+    /// Geometric mean of the method's error on the held-out period divided by the error of the study's
+    /// default; none without a default.
     pub against_default: Option<f64>,
-    /// 95 % interval of it, over plants.
+    /// 95 % interval of this quotient, over plants.
     pub against_default_interval: Option<Interval>,
 }
 

@@ -9,21 +9,21 @@ use crate::{Comparison, Method};
 /// Error differences for which the required number of plants is reported: 1, 2 and 5 %.
 pub const DIFFERENCES: [f64; 3] = [0.01, 0.02, 0.05];
 
-/// What a comparison can see, with 80 % power at 5 % two-sided, in the logarithm of the quotient of errors and with the plant as the
-/// unit.
+/// Power of a comparison: the differences that it can detect with 80 % power at 5 % two-sided. They are in the logarithm of the
+/// quotient of errors, with the plant as the unit.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Power {
     /// The method.
     pub method: Method,
-    /// The other one.
+    /// The other method.
     pub against: Method,
-    /// Plants in which both have a choice.
+    /// Number of plants in which both have a choice.
     pub plants: usize,
     /// Standard deviation over plants of the plant's mean ln(quotient); none for one plant.
     pub std: Option<f64>,
-    /// The smallest difference that so many plants see, as a share of the error: 0.05 is 5 % more.
+    /// The smallest detectable difference with this number of plants, as a share of the error: 0.05 is 5 % more.
     pub visible: Option<f64>,
-    /// Plants that it takes to see each of [`DIFFERENCES`]; none where a million do not suffice.
+    /// Number of plants needed to detect each of [`DIFFERENCES`]; none if a million are not enough.
     pub needed: [Option<usize>; 3],
 }
 

@@ -13,22 +13,24 @@ use crate::{
 /// Largest regret, and largest mean regret, that counts as good.
 pub const GOOD: f64 = 0.05;
 
-/// Regret of a method over all pairs in which it has a choice. Regrets above [`CAP`] count as that.
+/// Regret of a method over all pairs in which it has a choice. Regrets above [`CAP`] count as that
+/// value.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MethodSummary {
     /// The method.
     pub method: Method,
-    /// Pairs in which it has a choice.
+    /// Number of pairs in which it has a choice.
     pub pairs: usize,
-    /// How many of its choices diverged Online.
+    /// Number of its choices that diverged on the held-out period.
     pub diverged: usize,
-    /// How many regrets count as [`CAP`], those that diverged among them.
+    /// Number of regrets that count as [`CAP`], including those of choices that diverged.
     pub capped: usize,
     /// Mean regret.
     pub mean: f64,
     /// 95 % upper bound of the mean, over plants.
     pub upper: Option<f64>,
-    /// exp(mean of ln(1 + regret)) − 1: by what factor, typically, its errors exceed the best ones.
+    /// exp(mean of ln(1 + regret)) − 1: the typical factor, minus 1, by which its errors exceed the
+    /// best ones.
     pub typical: f64,
     /// 95 % interval of the typical regret, over plants.
     pub typical_interval: Option<Interval>,
@@ -38,20 +40,21 @@ pub struct MethodSummary {
     pub good: f64,
 }
 
-/// How well the ranking of a model agrees with Online, and how firm its choices are.
+/// How well the ranking of a model agrees with the errors on the held-out period, and how stable
+/// its choices are.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct RankAgreement {
     /// The model.
     pub model: String,
-    /// Pairs in which a correlation is defined.
+    /// Number of pairs in which a correlation is defined.
     pub pairs: usize,
     /// Mean of Spearman's correlations.
     pub mean: f64,
     /// 95 % interval of the mean, over plants.
     pub interval: Option<Interval>,
-    /// The smallest.
+    /// The smallest correlation.
     pub smallest: f64,
-    /// Mean over pairs of the share of resamples of the evidence from which the same is chosen.
+    /// Mean over pairs of the share of resamples of the evidence that give the same choice.
     pub stability: Option<f64>,
     /// Mean over pairs of the share of updates that a race by halving would have saved.
     pub saved_by_halving: Option<f64>,

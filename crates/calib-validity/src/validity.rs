@@ -17,41 +17,41 @@ use crate::{
 /// How well each method chooses over all pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Validity {
-    /// Values of the grid.
+    /// The settings of the grid.
     pub values: Vec<String>,
     /// The plants.
     pub plants: Vec<String>,
-    /// Models that have a choice anywhere.
+    /// Models with a choice in at least one pair.
     pub models: Vec<String>,
-    /// Plant–sensor pairs that were judged.
+    /// Number of plant–sensor pairs that were judged.
     pub pairs: usize,
-    /// Pairs that were left out because every value diverged Online, as "sensor of plant".
+    /// Pairs that were left out because every setting diverged on the held-out period, as "sensor of plant".
     pub left_out: Vec<String>,
-    /// Pairs in which even the best value predicts no better than the mean.
+    /// Number of pairs in which even the best setting predicts no better than the mean.
     pub not_learnt: usize,
-    /// The value with the smallest typical regret over all pairs.
+    /// Index of the setting with the smallest typical regret over all pairs.
     pub best_default: usize,
-    /// The same for each optimiser.
+    /// The best default for each optimiser.
     pub best_defaults_of_optimisers: Vec<OptimiserDefault>,
-    /// What was to be shown.
+    /// Tests of the claims.
     pub tests: Vec<Test>,
-    /// Each method over all pairs: models first, floors last.
+    /// Each method over all pairs: models first, reference methods last.
     pub methods: Vec<MethodSummary>,
-    /// Each model against each method that is none, and against the models after it.
+    /// Each model compared with each method that is not a model, and with the models after it.
     pub comparisons: Vec<Comparison>,
-    /// What each comparison can see.
+    /// Power of each comparison.
     pub power: Vec<Power>,
-    /// Rankings against Online.
+    /// Agreement of rankings with the held-out period.
     pub agreement: Vec<RankAgreement>,
-    /// Each rule in each model.
+    /// Regret of each rule in each model.
     pub rules: Vec<MethodSummary>,
-    /// Each rule against those after it, over the pairs of all models.
+    /// Each rule compared with the rules after it, over the pairs of all models.
     pub rule_comparisons: Vec<Comparison>,
-    /// Models and log replay over pairs whose tasks are alike.
+    /// Models and log replay over pairs with similar tasks.
     pub groups: Vec<GroupSummary>,
-    /// Whether the more accurate model chooses better.
+    /// Whether more accurate models choose better.
     pub accuracy: Vec<Accuracy>,
-    /// Every method in every pair.
+    /// Regret of every method in every pair.
     #[serde(skip)]
     pub each: Vec<PairRegret>,
     /// The pairs that were judged.
