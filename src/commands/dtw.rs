@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::series;
 use crate::cli::DtwArgs;
 
-/// What `--json` prints.
+/// The output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Results {
     results: Vec<PatternResult>,
@@ -23,7 +23,7 @@ pub(crate) struct Results {
 pub(crate) struct PatternResult {
     step_pattern: String,
     distance: f64,
-    /// `null` for patterns without a normalisation.
+    /// The normalised distance; `null` for step patterns without a normalisation.
     normalized_distance: Option<f64>,
 }
 

@@ -11,11 +11,11 @@ const SUGGESTED: usize = 6;
 /// Smallest similarity of a suggested name.
 const ALIKE: f64 = 0.85;
 
-/// What `--json` prints.
+/// The output of `--json`.
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct Explained {
     key: String,
-    /// Its part of the schema of a study.
+    /// The part of the schema of a study that describes the key.
     schema: Value,
 }
 
