@@ -1,10 +1,10 @@
-"""calib: which hyperparameters to deploy, from a plant's logs alone.
+"""calib chooses the hyperparameters of an online learner from the logs of a plant.
 
 - `Study`: what to compute. Its steps `Study.build_model`, `Study.rollout`, `Study.sweep`, `Study.evaluate`, or all in `Study.run`.
-- `build_model`: a calibration model of a frame, an array, or logs. `Model`: it as arrays.
-- `ActionModel`: a model with actions, for agents that act. `tune`: which of their settings to deploy. `ControlAgent`: an agent of calib's own.
+- `build_model`: builds a calibration model of a frame, an array, or logs. `Model`: the model as arrays.
+- `ActionModel`: a model with actions, for agents that act. `tune`: chooses their settings. `ControlAgent`: an agent of calib.
 - `Verdict`: what to deploy, as text and frames.
-- `knn_join`, `dtw`, `simulate`: without a study.
+- `knn_join`, `dtw`, `simulate`: functions that need no study.
 - `calib_rl.gym`: a model as an environment of Gymnasium.
 - `calib_rl.agents`: agents of your own in the environments of a study.
 """
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> Any:
-        """The modules ``agents`` and ``gym``, imported at their first use: Gymnasium takes its time, and need not be installed."""
+        """Imports the modules ``agents`` and ``gym`` at their first use, because Gymnasium is slow to import and optional."""
         if name not in ("agents", "gym"):
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         try:

@@ -1,4 +1,4 @@
-"""Models with actions: what agents that act are tuned in."""
+"""Models with actions, in which agents that act are tuned."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Action(NamedTuple):
-    """An action that agents choose among. `ActionModel.actions` has them.
+    """One of the actions of a model. `ActionModel.actions` lists them.
 
     Examples:
         >>> model = _example_model()
@@ -53,7 +53,7 @@ class Decisions(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """What the recorded behaviour got. `ActionModel.recorded` returns it.
+    """Returns of the recorded behaviour. `ActionModel.recorded` returns them.
 
     Examples:
         >>> recorded = _example_model().recorded(timeout=50)
@@ -72,8 +72,9 @@ class Recorded(NamedTuple):
 class ActionModel:
     """A model with actions: an ensemble that recombines the recorded transitions with the action that an agent takes.
 
-    Made by `calib_rl.build_model` with ``actions=``, by ``calib control``, or opened from a folder. A step with action ``a`` draws one of the ``k`` recorded
-    transitions with ``a`` that begin nearest to where the agent is, and leads to where it led, with its reward and its terminal. Each member lacks one block of the log.
+    It is built by `calib_rl.build_model` with ``actions=`` or by ``calib control``, or opened from a folder. A step with action ``a`` draws one of the ``k`` recorded
+    transitions with ``a`` whose source states are nearest to the current state. It goes to the next state of this transition, with its reward
+    and its terminal. Each ensemble member lacks one block of the log.
 
     Models can be pickled, as the path of their folder.
 
@@ -103,7 +104,7 @@ class ActionModel:
             The model, mapped.
 
         Raises:
-            CalibError: There is none, or it was damaged.
+            CalibError: The folder has no model, or the model is damaged.
 
         Examples:
             >>> model = _example_model()
@@ -123,7 +124,7 @@ class ActionModel:
             The model, mapped.
 
         Raises:
-            CalibError: It was not built.
+            CalibError: The model was not built.
 
         Examples:
             >>> import calib_rl
@@ -140,12 +141,12 @@ class ActionModel:
 
     @property
     def members(self) -> int:
-        """Members of the ensemble. Each lacks one block of the log."""
+        """Number of ensemble members. Each lacks one block of the log."""
         return self._native.members
 
     @property
     def k(self) -> int:
-        """Neighbours of each state, for each action."""
+        """Number of neighbours of each state, for each action."""
         return self._native.k
 
     @property
@@ -155,22 +156,22 @@ class ActionModel:
 
     @property
     def period(self) -> float:
-        """Seconds from one row to the next. With ``control.every``, rows are decisions, and this is the time between two."""
+        """Seconds from one row to the next. With ``control.every``, rows are decisions, and this is the time between two decisions."""
         return self._native.period
 
     @property
     def timeout(self) -> int:
-        """Steps after which the study cuts an episode: decisions."""
+        """Steps after which the study cuts an episode; a step is a decision."""
         return self._native.timeout
 
     @property
     def worst_return(self) -> float:
-        """The return that an episode ends with where the log does not cover a step: that of the worst recorded episode, unless the study says another."""
+        """The return that an episode ends with where the log does not cover a step. Default: the return of the worst recorded episode."""
         return self._native.worst_return
 
     @property
     def is_continuous(self) -> bool:
-        """Whether actions are numbers, of which `actions` are levels."""
+        """Whether actions are continuous. `actions` are then levels of them."""
         return self._native.is_continuous
 
     @property
@@ -185,7 +186,7 @@ class ActionModel:
 
     @property
     def action_columns(self) -> dict[str, tuple[float, float]]:
-        """Columns of the actions, and the least and largest value that was set of each."""
+        """Columns of the actions, each with its smallest and largest recorded value."""
         return {name: (low, high) for name, low, high in self._native.action_columns}
 
     @property
@@ -206,22 +207,22 @@ class ActionModel:
 
     @property
     def sources(self) -> NDArray[np.uint32]:
-        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``. It leads to the row after it."""
+        """Source row of each of the ``t`` transitions, ``uint32 [t]``. A transition goes to the next row."""
         return self._native.sources()
 
     @property
     def decisions(self) -> Decisions:
-        """What was done in each transition, and what came of it."""
+        """The action, reward and terminal of each transition."""
         return Decisions(*self._native.decisions())
 
     def neighbors(self, member: int = 0) -> NDArray[np.uint32]:
-        """The transitions that a member goes on with from where each one led, for every action, nearest first.
+        """The transitions whose source states are nearest to the next state of each transition, for every action, nearest first.
 
         Args:
             member: Position of the member.
 
         Returns:
-            ``uint32 [t, actions, k]``, a read-only view. 4294967295 where there are no more, and of transitions that the member lacks.
+            ``uint32 [t, actions, k]``, a read-only view. It is 4294967295 where there are fewer than ``k`` neighbours, and for transitions that the member lacks.
 
         Raises:
             IndexError: There is no such member.
@@ -234,13 +235,13 @@ class ActionModel:
         return self._native.neighbors(position(member, "member"))
 
     def distances(self, member: int = 0) -> NDArray[np.float32]:
-        """How far the sources of `neighbors` are.
+        """Distances to the source states of `neighbors`.
 
         Args:
             member: Position of the member.
 
         Returns:
-            ``float32 [t, actions, k]``, a read-only view; +∞ where there is none.
+            ``float32 [t, actions, k]``, a read-only view; +∞ where there is no neighbour.
 
         Raises:
             IndexError: There is no such member.
@@ -253,10 +254,10 @@ class ActionModel:
         return self._native.distances(position(member, "member"))
 
     def recorded(self, timeout: int | None = None) -> Recorded:
-        """What the recorded behaviour got in an episode.
+        """Returns per episode of the recorded behaviour.
 
         Args:
-            timeout: Steps after which an episode is cut. The study's, unless given.
+            timeout: Steps after which an episode is cut. Default: as in the study.
 
         Returns:
             Mean, best and worst return.
@@ -270,7 +271,7 @@ class ActionModel:
         return Recorded(*self._native.recorded(self.timeout if timeout is None else whole(timeout, "timeout", 1)))
 
     def physical(self, states: ArrayLike) -> NDArray[np.float64]:
-        """Normalised states in the units of the sensors.
+        """Convert normalised states to the units of the sensors.
 
         Args:
             states: ``[..., d]``.
@@ -296,10 +297,10 @@ class ActionModel:
 
 
 def acting_model(value: Any) -> ActionModel:
-    """What is given as a model with actions.
+    """Returns the argument if it is a model with actions.
 
     Raises:
-        TypeError: It is none, such as its path.
+        TypeError: It is not, for example the path of one.
     """
     if isinstance(value, ActionModel):
         return value

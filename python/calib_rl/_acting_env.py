@@ -125,7 +125,7 @@ def _kind(wanted: AnySpace | None) -> str:
 
 
 class ActingSettings(WalkSettings):
-    """What single and vector environments share."""
+    """The common part of single and vector environments."""
 
     def __init__(
         self,
@@ -153,7 +153,7 @@ class ActingSettings(WalkSettings):
 
 
 class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
-    """One walk through a member of a model with actions. See `calib_rl.gym.make`."""
+    """One environment of an ensemble member of a model with actions. See `calib_rl.gym.make`."""
 
     metadata: dict[str, Any] = {"render_modes": []}
 
@@ -180,7 +180,7 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode where one of the log began."""
+        """Begin an episode at the start of a recorded one."""
         super().reset(seed=seed)
         walkers = self._settings.walkers
         if seed is not None:
@@ -204,7 +204,7 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
         return seen, reward, terminated, truncated, _info(*info)
 
     def lived(self) -> str:
-        """Coverage and drift of all steps so far, as JSON."""
+        """Coverage and displacement of all steps so far, as JSON."""
         return self._settings.walkers.lived()
 
 
@@ -213,7 +213,7 @@ def _info(row: Any, time: Any, distance: Any, covered: Any, displacement: Any) -
 
 
 class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
-    """Many walks at once, a call of compiled code a step. See `calib_rl.gym.make_vec`."""
+    """Many environments at once, with one call of compiled code per step. See `calib_rl.gym.make_vec`."""
 
     metadata: dict[str, Any] = {"render_modes": [], **AUTORESET}
 
@@ -245,7 +245,10 @@ class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin anew: all, or those that ``options["reset_mask"]`` marks. Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``."""
+        """Reset all environments, or those that ``options["reset_mask"]`` marks.
+
+        Environment ``i`` of seed ``s`` equals a single environment with seed ``s + i``.
+        """
         super().reset(seed=one_seed(seed))
         walkers = self._settings.walkers
         seed_walkers(walkers, seed, self.num_envs)
@@ -255,7 +258,7 @@ class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """A step of every walk. One whose episode is over begins another one instead, as ``AutoresetMode.NEXT_STEP`` has it."""
+        """Take a step in every environment. One whose episode is over is reset instead, as in ``AutoresetMode.NEXT_STEP``."""
         settings = self._settings
         seen, rewards, terminated, truncated, *info = settings.walkers.step(settings.actions.of(actions))
         return seen, rewards, terminated, truncated, self._info(*info)

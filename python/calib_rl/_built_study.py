@@ -24,12 +24,12 @@ _TOLD = 4
 
 
 def write_built_study(path: Path, text: str, output: str | None) -> None:
-    """Write the study of a model that is about to be built, in the place of one that came to nothing.
+    """Write the study of a model before it is built. It replaces the study of a build that failed.
 
     Args:
         path: The file.
-        text: What stands in it, without the first line.
-        output: The folder of results, if it is not that of the study.
+        text: Its content, without the first line.
+        output: The folder of results, if it is not the study's own.
 
     Raises:
         FileExistsError: The file is not calib's, was edited, or has results that follow from other arguments, or that another version of calib made.

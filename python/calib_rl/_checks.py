@@ -1,4 +1,4 @@
-"""Arguments that are numbers or studies, refused in words that say which and what was expected."""
+"""Checks of arguments that are numbers or studies. Errors name the argument and the expected value."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ LARGEST_SEED = 2**64 - 1
 
 
 def whole(value: Any, name: str, least: int = 0, most: int = LARGEST) -> int:
-    """A whole number from ``least`` to ``most``.
+    """Returns a whole number from ``least`` to ``most``.
 
     Raises:
-        TypeError: It is no whole number.
-        ValueError: It is another one.
+        TypeError: It is not a whole number.
+        ValueError: It is out of range.
     """
     try:
         number = operator.index(value)
@@ -32,11 +32,11 @@ def whole(value: Any, name: str, least: int = 0, most: int = LARGEST) -> int:
 
 
 def position(value: Any, name: str) -> int:
-    """A position, from 0 on.
+    """Returns a position, from 0.
 
     Raises:
-        TypeError: It is no whole number.
-        IndexError: It is negative, or larger than any.
+        TypeError: It is not a whole number.
+        IndexError: It is negative or too large.
     """
     number = whole(value, name, -LARGEST, 2 * LARGEST)
     if not 0 <= number <= LARGEST:
@@ -45,10 +45,10 @@ def position(value: Any, name: str) -> int:
 
 
 def opened(study: Study | str | os.PathLike[str]) -> Study:
-    """A study, or that of a file.
+    """Returns a study, opened if the argument is a file.
 
     Raises:
-        StudyError: The file is no study.
+        StudyError: The file is not a study.
         TypeError: It is neither a study nor a path.
     """
     from ._study import Study
@@ -61,11 +61,11 @@ def opened(study: Study | str | os.PathLike[str]) -> Study:
 
 
 def share(value: Any, name: str) -> float:
-    """A share, from 0 to 1.
+    """Returns a share, from 0 to 1.
 
     Raises:
-        TypeError: It is no number.
-        ValueError: It is another one.
+        TypeError: It is not a number.
+        ValueError: It is out of range.
     """
     try:
         number = float(value) if not isinstance(value, (str, bytes)) else None

@@ -1,4 +1,4 @@
-"""The command ``calib``, as the wheel brings it."""
+"""The command ``calib`` of the wheel."""
 
 import sys
 
@@ -6,7 +6,7 @@ from . import _calib
 
 
 def main() -> int:
-    """Run the command line of this process.
+    """Run the command line with the arguments of this process.
 
     Returns:
         The exit code: 0 done, 1 a negative answer, 2 wrong usage, study or data, 3 a bug, 130 interrupted.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Training(NamedTuple):
-    """What `ControlAgent.train` came to.
+    """Result of `ControlAgent.train`.
 
     Examples:
         >>> agent = ControlAgent(_example_model(), step_size=0.1, gamma=0.9)
@@ -37,10 +37,10 @@ class Training(NamedTuple):
 
 
 class ControlAgent:
-    """An agent of calib's own that acts and learns: what ``calib control`` compares.
+    """An agent of calib that acts and learns, as ``calib control`` compares them.
 
-    It sees what `ActionModel.columns` says, in the units of the sensors, and answers with the position of an action of `ActionModel.actions`. Call
-    `begin` where an episode begins, and `step` with what came of each action. If the study has ``control.every``, call `step` in every so many rows,
+    It observes the columns of `ActionModel.columns`, in the units of the sensors, and answers with the position of an action in `ActionModel.actions`. Call
+    `begin` at the start of an episode, and `step` with the result of each action. If the study has ``control.every`` = N, call `step` once every N rows,
     with the sum of their rewards, and hold the action in between.
 
     Examples:
@@ -54,35 +54,35 @@ class ControlAgent:
     """
 
     def __init__(self, model: ActionModel, *, seed: int = 0, **settings: Any) -> None:
-        """An agent that knows nothing yet.
+        """Make an untrained agent.
 
         Args:
-            model: What it will see and do. The model itself is not kept.
-            seed: What it draws follows from it.
+            model: Model whose columns and actions the agent will use. The model itself is not kept.
+            seed: Seed of the agent's random numbers.
             settings: As in ``[control.agent]`` of a study, such as ``step_size=0.1``.
 
         Raises:
-            ValueError: There is no such setting, or it cannot be what it is.
-            TypeError: ``model`` is no `ActionModel`.
+            ValueError: A setting does not exist, or its value is not valid.
+            TypeError: ``model`` is not an `ActionModel`.
         """
         self._native = _calib.ControlAgent(acting_model(model)._native, json.dumps(settings, default=_plain), whole(seed, "seed", 0, LARGEST_SEED))
 
     @staticmethod
     def of(study: Study | str | os.PathLike[str], *, seed: int = 0) -> ControlAgent:
-        """An agent with the setting that ``calib control`` chose. It knows nothing yet: `train` it, or let it learn at the plant.
+        """Make an agent with the setting that ``calib control`` chose. It is untrained: `train` it, or let it learn at the plant.
 
-        Look at the verdict first: calib names a setting also where it advises against deploying it. Values that ``calib control`` had with ``--set`` are
-        a part of the study: open it with the same, ``Study(path, set={"control.steps": 3000})``.
+        Look at the verdict first: calib names a setting even if it advises against deployment. Values that ``calib control`` got with ``--set`` are
+        part of the study: open it with the same values, ``Study(path, set={"control.steps": 3000})``.
 
         Args:
             study: The study, or its file.
-            seed: What it draws follows from it.
+            seed: Seed of the agent's random numbers.
 
         Returns:
             The agent.
 
         Raises:
-            CalibError: ``calib control`` was not run, or the agents are those of a program.
+            CalibError: ``calib control`` was not run, or the agents are of a program.
 
         Examples:
             >>> import calib_rl
@@ -99,7 +99,7 @@ class ControlAgent:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> ControlAgent:
-        """Open an agent that was saved. It goes on with what it had learnt, at the beginning of an episode.
+        """Open a saved agent. It continues with what it had learned, at the beginning of an episode.
 
         Args:
             path: The file.
@@ -108,7 +108,7 @@ class ControlAgent:
             The agent.
 
         Raises:
-            CalibError: The file is no agent of calib.
+            CalibError: The file is not an agent of calib.
 
         Examples:
             >>> import os, tempfile
@@ -124,7 +124,7 @@ class ControlAgent:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the agent as safetensors: weights, the state of Adam, settings, columns with their scales, and actions.
 
-        Transitions that a network replays are not written: a loaded one collects its own.
+        The replay buffer of a network is not written: a loaded agent collects its own.
 
         Args:
             path: The file.
@@ -142,16 +142,17 @@ class ControlAgent:
         self._native.save(os.fspath(path))
 
     def to_onnx(self, path: str | os.PathLike[str]) -> None:
-        """Write what the agent knows now as ONNX, for a plant that runs no Python. The file does not learn.
+        """Write the agent's current values as ONNX, for a plant without Python. The file does not learn.
 
-        Its input ``state`` is ``float32 [batch, columns]``, what the sensors show in their units, in the order of `columns`. Its output ``values`` is
-        ``float32 [batch, actions]``, as `values` gives them. The action to take is the one with the largest value. The metadata of the file has four
-        texts. ``columns`` (name, offset, scale), ``actions`` (name, values) and ``settings`` are JSON. ``fingerprint`` is that of the file that `save` writes.
+        Its input ``state`` is ``float32 [batch, columns]``: readings of the sensors in their units, in the order of `columns`. Its output ``values`` is
+        ``float32 [batch, actions]``, as from `values`. The action to take is the one with the largest value. The metadata of the file has four
+        texts. ``columns`` (name, offset, scale), ``actions`` (name, values) and ``settings`` are JSON. ``fingerprint`` is the
+        fingerprint of the file that `save` writes.
 
-        A number that is missing must not be given to it: with tiles the runtime refuses NaN, and a network answers NaN.
+        Do not give it missing numbers: with tiles the runtime refuses NaN, and a network answers NaN.
 
         Args:
-            path: The file. One that is there is replaced.
+            path: The file. An existing file is replaced.
 
         Raises:
             ImportError: The package onnx is missing: ``pip install 'calib-rl[onnx]'``.
@@ -171,12 +172,12 @@ class ControlAgent:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """All settings by name."""
+        """All hyperparameters by name."""
         return dict(json.loads(self._native.settings))
 
     @property
     def columns(self) -> list[str]:
-        """Names of the columns that it sees, in the order of an observation."""
+        """Names of the observed columns, in the order of an observation."""
         return self._native.columns
 
     @property
@@ -188,13 +189,13 @@ class ControlAgent:
         """Begin an episode.
 
         Args:
-            observation: What the sensors show, ``[d]`` in the order of `columns`, or by the names of the columns.
+            observation: Readings of the sensors, ``[d]`` in the order of `columns`, or by the names of the columns.
 
         Returns:
             The action to take: its position in `actions`.
 
         Raises:
-            ValueError: A column is missing or no finite number.
+            ValueError: A column is missing or not a finite number.
             CalibError: The agent has diverged.
 
         Examples:
@@ -206,20 +207,20 @@ class ControlAgent:
     def step(
         self, reward: float, observation: ArrayLike | Mapping[str, float], *, terminal: bool = False, learn: bool = True
     ) -> int | None:
-        """Learn from what the last action led to, and decide again.
+        """Learn from the result of the last action, and choose the next one.
 
         Args:
             reward: The reward of the last action.
-            observation: What the sensors show now, as in `begin`.
-            terminal: Whether the episode ends here, so that nothing follows. Where it is only cut, call `step` as usual, leave the action that it
+            observation: Current readings of the sensors, as in `begin`.
+            terminal: Whether the episode ends here, so that nothing follows. If it is only cut, call `step` as usual, ignore the action that it
                 returns, and `begin` the next episode.
-            learn: ``False`` to act by what it knows and learn nothing.
+            learn: ``False`` to act without learning.
 
         Returns:
             The next action, or ``None`` after a terminal.
 
         Raises:
-            ValueError: No episode goes on, or a number is not finite.
+            ValueError: No episode is running, or a number is not finite.
             CalibError: The agent has diverged.
 
         Examples:
@@ -231,16 +232,16 @@ class ControlAgent:
         return self._native.step(float(reward), self._seen(observation), bool(terminal), bool(learn))
 
     def values(self, observation: ArrayLike | Mapping[str, float]) -> NDArray[np.float64]:
-        """What it expects of each action.
+        """Return the agent's value of each action.
 
         Args:
-            observation: What the sensors show, as in `begin`.
+            observation: Readings of the sensors, as in `begin`.
 
         Returns:
             The value of each action, ``float64 [actions]``.
 
         Raises:
-            ValueError: A column is missing or no finite number.
+            ValueError: A column is missing or not a finite number.
 
         Examples:
             >>> ControlAgent(_example_model(), initial_weight=2.0).values([0.5])
@@ -251,21 +252,21 @@ class ControlAgent:
     def train(
         self, model: ActionModel, steps: int, *, member: int = 0, timeout: int | None = None, seed: int = 0
     ) -> Training:
-        """Let it act and learn in a model, so that it does not begin at the plant with nothing.
+        """Train the agent in a model, so that it is not untrained when it starts at the plant.
 
         Args:
-            model: The model, with the agent's columns and actions. The ranges of its columns may be others.
-            steps: How many steps.
-            member: Which member of the ensemble.
-            timeout: Steps after which an episode is cut. The study's, unless given.
-            seed: What chance does in the model follows from it.
+            model: The model, with the agent's columns and actions. The ranges of its columns may differ.
+            steps: Number of steps.
+            member: Position of the ensemble member.
+            timeout: Steps after which an episode is cut. Default: as in the study.
+            seed: Seed of the model's random numbers.
 
         Returns:
-            What it got there, learning included.
+            The result, including the learning phase.
 
         Raises:
             ValueError: The model has other columns or actions.
-            TypeError: ``model`` is no `ActionModel`.
+            TypeError: ``model`` is not an `ActionModel`.
             IndexError: There is no such member.
             CalibError: The agent has diverged.
 

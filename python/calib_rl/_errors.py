@@ -1,8 +1,8 @@
-"""What calib refuses and warns of, with the texts of the command line."""
+"""Errors and warnings of calib, with the texts of the command line."""
 
 
 class CalibError(Exception):
-    """The data is wrong, or the machine refuses. The text says what, where, what was expected and what to do.
+    """Wrong data, or a machine that cannot run the step. The text says what is wrong, where, what was expected and what to do.
 
     Examples:
         >>> import calib_rl
@@ -15,7 +15,7 @@ class CalibError(Exception):
 
 
 class StudyError(CalibError, ValueError):
-    """A study that is not valid. The text begins with the place in the file, where there is one.
+    """An invalid study. The text begins with the place in the file, if there is one.
 
     It is a `CalibError` and a ``ValueError``, so that either catches it.
 
@@ -30,7 +30,7 @@ class StudyError(CalibError, ValueError):
 
 
 class CalibWarning(UserWarning):
-    """What calib warns of, such as rows of a log that are left out. `build_model` issues it through ``warnings``.
+    """A warning of calib, for example about rows of a log that are left out. `build_model` issues it through ``warnings``.
 
     Examples:
         >>> import calib_rl, warnings

@@ -1,4 +1,4 @@
-"""Tables of other libraries, as calib takes them over."""
+"""Conversion of tables of other libraries."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COUNTS = 0.95
 
 
 class Table(NamedTuple):
-    """A table that calib takes over."""
+    """A table in a form that calib reads."""
 
     columns: Any
     """Anything with ``__arrow_c_stream__``."""
@@ -30,14 +30,14 @@ class Table(NamedTuple):
 
 
 def table_of(log: Any, times: str | None = None) -> Table | None:
-    """What calib takes over of a frame: an index of times as a column, and no row numbers.
+    """Converts a frame. An index of times becomes a column, and row numbers are dropped.
 
     Args:
         log: The frame.
-        times: The column that has the times, if that is said. It is kept.
+        times: The column with the times, if given. It is kept.
 
     Returns:
-        The table. ``None`` if it is none.
+        The table. ``None`` if ``log`` is not a table.
     """
     if _is_frame(log, "pandas"):
         indexed = _without_index(log)
@@ -52,10 +52,10 @@ def table_of(log: Any, times: str | None = None) -> Table | None:
 
 
 def arrow_stream(columns: Any) -> Any:
-    """The capsule of a table's ``__arrow_c_stream__``.
+    """Returns the capsule of a table's ``__arrow_c_stream__``.
 
     Raises:
-        ImportError: It is a frame of pandas, and neither pyarrow nor polars is installed.
+        ImportError: The table is a pandas frame, and neither pyarrow nor polars is installed.
     """
     try:
         return columns.__arrow_c_stream__()

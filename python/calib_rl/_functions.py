@@ -51,7 +51,7 @@ SECTIONS = (
 
 
 class Warping(NamedTuple):
-    """A warping distance. `dtw` returns it.
+    """A dynamic time warping distance. `dtw` returns it.
 
     Examples:
         >>> import calib_rl
@@ -110,45 +110,46 @@ def build_model(
     progress: bool | Observer = False,
     **sections: Any,
 ) -> Model | ActionModel:
-    """Build a calibration model of whatever holds the data.
+    """Build a calibration model from a table, a log or an array.
 
     Args:
         log: One of these. It has no name, because ``data`` is a section of the study:
 
             - anything with ``__arrow_c_stream__`` (frames of polars and pandas, tables of pyarrow, relations of DuckDB): a column of
-              times and one a channel. It is written as ``folder/log.parquet``, batch by batch and without a copy of the whole, and goes
-              on from there as a log does on the command line. What calib wrote there before is replaced, and nothing else.
+              times and one per channel. It is written as ``folder/log.parquet``, batch by batch and without a copy of the whole, and is
+              then read like a log on the command line. It replaces only files that calib wrote there before.
             - a path to logs: read where they are.
             - an array of normalised states ``[n, d]``, real numbers of any type and layout: copied once, as ``float32``.
         folder: Where the study, the log and the results go. Tables and paths need it.
-        segments: Of an array: rows of each unbroken segment. All rows are one without it.
-        actions: Columns of what was done in a row, for agents that act: the model is one with actions then. All of the log is read, unless ``data=``
-            says otherwise. All other columns of numbers are the state, but for ``reward``, ``terminal`` and what ``data={"exclude": [...]}`` names.
+        segments: For an array: number of rows of each unbroken segment. Default: all rows are one segment.
+        actions: Columns of the action in each row, for agents that act. The model is then a model with actions. The whole log is read, unless ``data=``
+            says otherwise. All other columns of numbers are the state, except ``reward``, ``terminal`` and the columns in ``data={"exclude": [...]}``.
         reward: The column of the reward of the step that led to a row, or terms, such as ``[{"column": "flow", "weight": 1.0}]``.
         reward_row: ``"next"``, the default, if the reward and the terminal of a step are in the row that it led to. ``"same"`` if they are in the
             row of its action, as in logs of steps ``(state, action, reward, done)``.
         terminal: The column that is 1 where an episode ends, if there is one. An episode also ends where the log has a gap.
-        levels: Of actions that are numbers: how many levels of each column agents choose among. A few values far from all others count as missing.
-            Every combination that was recorded is an action without it.
+        levels: For continuous actions: number of levels of each column that agents choose among. A few values far from all others count as missing.
+            Default: every recorded combination of values is an action.
         timeout: Steps after which an episode is cut.
-        progress: Whether to print what is done, or an observer.
+        progress: Whether to print the progress, or an observer.
         sections: For tables and paths: sections of the study, such as ``model={"members": 5}, preprocess={"subsample": 10}``.
             For an array: keys of ``[model]``, such as ``members=5, neighbors=3``.
 
     Returns:
-        The model: mapped from ``folder``, or in memory where it is of an array. An `ActionModel` where there are ``actions``.
+        The model: memory-mapped from ``folder``, or in memory if it is of an array. An `ActionModel` if there are ``actions``.
 
     Raises:
-        CalibError: A value of an array is NaN or infinite. A log is wrong, or has one action. ``folder/log.parquet`` is there, and calib did not write it.
+        CalibError: A value of an array is NaN or infinite. A log is wrong, or has only one action. ``folder/log.parquet`` exists, and
+            calib did not write it.
         StudyError: A section is not valid. Nothing is written then.
-        FileExistsError: ``folder`` has a model of other arguments, or a study of another origin. A study of a call that failed is replaced.
+        FileExistsError: ``folder`` has a model of other arguments, or a study that calib did not write there. A study of a call that failed is replaced.
         ImportError: A frame of pandas needs pyarrow or polars. Nothing is written then.
-        TypeError: The data is something else, or has no real numbers. There is no such argument.
+        TypeError: The data is of another type, or has no real numbers. An argument does not exist.
         ValueError: An argument is outside its range.
-        MemoryError: There is no memory for a copy of an array.
+        MemoryError: There is not enough memory for a copy of an array.
 
     Warns:
-        CalibWarning: What in the log costs rows, or may mean something else. It is issued whatever ``progress`` is.
+        CalibWarning: Something in the log costs rows, or may have another meaning. It is issued for every value of ``progress``.
 
     Examples:
         >>> import numpy as np
@@ -265,26 +266,26 @@ def knn_join(
     index: Index = "auto",
     progress: bool | Observer = False,
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """The ``k`` nearest points of every point, or of every query, by exact search.
+    """Find the ``k`` nearest points of every point, or of every query, by exact search.
 
-    The order is that of the squared distance in double precision, ties by position: results are the same for every ``index`` and number
+    The order is by squared distance in double precision, ties by position. Results are the same for every ``index`` and number
     of threads.
 
     Args:
         array: Points, ``[n, d]``: real numbers of any type and layout, copied once as ``float32``.
-        k: Neighbours of each.
-        queries: Other points, ``[q, d]``, whose neighbours are wanted instead.
-        exclude_self: Whether to leave out the point itself. Not for ``queries``.
+        k: Number of neighbours of each point or query.
+        queries: Other points, ``[q, d]``, whose neighbours are searched instead.
+        exclude_self: Whether to exclude the point itself. Not for ``queries``.
         index: The search structure. ``"auto"`` takes the one that suits the data.
-        progress: Whether to print how far it is, or an observer.
+        progress: Whether to print the progress, or an observer.
 
     Returns:
         Positions ``uint32 [n, k]``, nearest first, and Euclidean distances ``float32 [n, k]``.
 
     Raises:
-        ValueError: A value is NaN or infinite, or there are not ``k`` points to find.
-        TypeError: These are no real numbers, or ``k`` is no whole number.
-        MemoryError: There is no memory for so many.
+        ValueError: A value is NaN or infinite, or there are fewer than ``k`` points to find.
+        TypeError: The points are not real numbers, or ``k`` is not a whole number.
+        MemoryError: There is not enough memory.
         KeyboardInterrupt: Ctrl-C.
 
     Examples:
@@ -306,23 +307,23 @@ def dtw(
     ends: Literal["closed", "openEnd", "openBegin", "openBoth"] = "closed",
     path: bool = False,
 ) -> Warping:
-    """The dynamic time warping distance of two series.
+    """Compute the dynamic time warping distance of two series.
 
     Args:
         x: The query, ``[n]`` or ``[n, channels]``.
         y: The reference, ``[m]`` or ``[m, channels]``.
         step_pattern: One of R's dtw package, such as ``"symmetric2"``, ``"asymmetric"``, ``"symmetricP1"``, ``"rabinerJuang:6c"``.
-        local_distance: Distance of one sample and another.
-        window: Cells that a path may visit, as ``calib dtw --window`` has them: ``"none"``, ``"sakoechiba:10"``.
-        ends: Which ends of the reference may stay unmatched.
-        path: Whether the matched samples are wanted.
+        local_distance: Distance between two samples.
+        window: Cells that a path may visit, as in ``calib dtw --window``: ``"none"``, ``"sakoechiba:10"``.
+        ends: Ends of the reference that may stay unmatched.
+        path: Whether to return the matched samples.
 
     Returns:
-        The distance, in memory that grows with ``n + m``.
+        The distance. The memory use grows with ``n + m``.
 
     Raises:
         ValueError: A series is empty or not finite, no path is admissible, or an option is unknown.
-        MemoryError: There is no memory for the path.
+        MemoryError: There is not enough memory for the path.
         KeyboardInterrupt: Ctrl-C.
 
     Examples:
@@ -335,20 +336,20 @@ def dtw(
 
 
 def simulate(folder: str | os.PathLike[str], *, force: bool = False, progress: bool | Observer = False, **options: Any) -> str:
-    """Write the log of a simulated membrane plant, a Parquet file a day.
+    """Write the log of a simulated membrane plant, one Parquet file per day.
 
     Args:
-        folder: Where to.
-        force: Whether to begin anew where another plant lies.
-        progress: Whether to print what is done, or an observer.
+        folder: The folder of the log.
+        force: Whether to replace the log of another simulated plant.
+        progress: Whether to print the progress, or an observer.
         options: Keys of ``[simulate]``: ``days``, ``channels``, ``period_secs``, ``seed``, ``noise``, ….
 
     Returns:
-        What there is now, in words.
+        A description of the log, in words.
 
     Raises:
         CalibError: The folder holds other logs.
-        TypeError: There is no such option.
+        TypeError: An option does not exist.
         ValueError: An option is outside its range.
 
     Examples:
@@ -364,13 +365,13 @@ def simulate(folder: str | os.PathLike[str], *, force: bool = False, progress: b
 def set_threads(threads: int) -> None:
     """Limit the threads that calib uses. Call it before anything else. Results do not depend on it.
 
-    Unless it is called, ``RAYON_NUM_THREADS`` says how many there are, or the number of processors.
+    The default is ``RAYON_NUM_THREADS``, or the number of processors.
 
     Args:
-        threads: How many, from 1 to 1024.
+        threads: Number of threads, from 1 to 1024.
 
     Raises:
-        RuntimeError: Threads are at work already.
+        RuntimeError: Threads are already running.
         ValueError: It is less than 1, or more than 1024.
 
     Examples:

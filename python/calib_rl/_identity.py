@@ -1,6 +1,6 @@
-"""What a value is, in every process: kept results are found again by it.
+"""Digests of values that are the same in every process. They identify stored results.
 
-A `repr` does not do. That of a function or an object has an address, and the source of a function does not have what it refers to.
+A `repr` is not enough: for a function or an object it has an address. The source of a function lacks the values that it refers to.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ _PLAIN = (type(None), bool, int, float, complex, str, type(...), type(NotImpleme
 
 
 class Unstable(Exception):
-    """A value that has no description which stays the same from one process to the next. The text names it."""
+    """A value without a description that is the same in every process. The text names the value."""
 
 
 def identity(value: Any, name: str) -> str:
-    """A digest of a value and of all that it refers to.
+    """Returns a digest of a value and of everything that it refers to.
 
     Functions count by their code, defaults, closures, and the globals that they read. Classes count by their attributes, and other objects
-    by what `pickle` would keep of them. What an installed package or Python itself brings counts by its name and version.
+    by their pickled state. Code of installed packages and of Python itself counts by its name and version.
 
     Args:
         value: The value.
-        name: What it is called in an error.
+        name: The name of the value in an error.
 
     Raises:
         Unstable: It refers to something that cannot be described, such as a lock or an open file.

@@ -21,7 +21,7 @@ Units = Literal["normalised", "physical"]
 
 
 def physical_values(columns: Sequence[tuple[str, float, float]], states: ArrayLike) -> NDArray[np.float64]:
-    """Normalised states, ``[..., d]``, in the units of columns of these names, offsets and scales."""
+    """Converts normalised states, ``[..., d]``, to the units of columns with these names, offsets and scales."""
     _, offset, scale = zip(*columns)
     values: NDArray[np.float64] = np.asarray(states, np.float64) * np.array(scale) + np.array(offset)
     return values
@@ -30,15 +30,15 @@ def physical_values(columns: Sequence[tuple[str, float, float]], states: ArrayLi
 class Model:
     """A calibration model of neighbours: an ensemble that recombines recorded transitions.
 
-    Made by `calib_rl.build_model`, `Study.build_model` or `Model.open`. Transition ``i`` leads from row ``sources[i]`` to the
-    row after it. All arrays of a model are read-only views of its files where it was opened from a folder: they take memory only
-    while there is some.
+    It is made by `calib_rl.build_model`, `Study.build_model` or `Model.open`. Transition ``i`` leads from row ``sources[i]`` to the
+    next row. If the model was opened from a folder, all its arrays are read-only views of its files. The system can take their
+    memory back.
 
-    Models can be pickled: one that lies in a folder as its path, one of arrays as these, of which it is built again. They may be used from
+    Models can be pickled: a model in a folder as its path, a model of arrays as its arrays, of which it is built again. They may be used from
     several threads at once.
 
-    A file of an open model that is cut short by somebody else, or whose disk fails, is noticed: the next call raises `CalibError`, and what
-    was read of it meanwhile is zeros.
+    If a file of an open model is truncated by another program, or its disk fails, the next call raises `CalibError`. Data that
+    was read in the meantime is zeros.
 
     Examples:
         >>> import numpy as np
@@ -70,10 +70,10 @@ class Model:
             folder: ``model/`` of a study's results.
 
         Returns:
-            The model, mapped.
+            The memory-mapped model.
 
         Raises:
-            CalibError: There is none, it was damaged, or it is a network.
+            CalibError: The folder has no model, or the model is damaged or a network.
 
         Examples:
             >>> import calib_rl
@@ -92,10 +92,10 @@ class Model:
             study: The study, or its file.
 
         Returns:
-            The model, mapped.
+            The memory-mapped model.
 
         Raises:
-            CalibError: It was not built, or of another study.
+            CalibError: The model was not built, or it is of another study.
 
         Examples:
             >>> import calib_rl
@@ -109,7 +109,7 @@ class Model:
 
     @property
     def path(self) -> Path | None:
-        """The folder that the model lies in. ``None`` where it was built of arrays.
+        """The folder of the model. ``None`` if it was built of arrays.
 
         Examples:
             >>> import numpy as np
@@ -123,7 +123,7 @@ class Model:
 
     @property
     def members(self) -> int:
-        """Members of the ensemble. Each lacks one block of the data.
+        """Number of ensemble members. Each lacks one block of the data.
 
         Examples:
             >>> import numpy as np
@@ -136,7 +136,7 @@ class Model:
 
     @property
     def k(self) -> int:
-        """Neighbours of each transition.
+        """Number of neighbours of each transition.
 
         Examples:
             >>> import numpy as np
@@ -149,7 +149,7 @@ class Model:
 
     @property
     def period(self) -> float | None:
-        """Seconds from one row to the next. ``None`` where the model was built of arrays.
+        """Seconds from one row to the next. ``None`` if the model was built of arrays.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -184,7 +184,7 @@ class Model:
 
     @property
     def times(self) -> NDArray[np.datetime64] | None:
-        """Time of every row, ``datetime64[us] [n]``, UTC where the log knows it. ``None`` where there are none.
+        """Time of every row, ``datetime64[us] [n]``, in UTC if the log has a time zone. ``None`` if there are no times.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -196,7 +196,7 @@ class Model:
 
     @property
     def segments(self) -> list[int]:
-        """Rows of each unbroken segment. No transition crosses from one into the next.
+        """Number of rows of each unbroken segment. No transition crosses from one segment into the next.
 
         Examples:
             >>> import numpy as np
@@ -209,7 +209,7 @@ class Model:
 
     @property
     def sources(self) -> NDArray[np.uint32]:
-        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``. It leads to the row after it.
+        """Source row of each of the ``t`` transitions, ``uint32 [t]``. A transition goes to the next row.
 
         Examples:
             >>> import numpy as np
@@ -221,7 +221,7 @@ class Model:
         return self._native.sources()
 
     def transitions(self, member: int = 0) -> NDArray[np.uint32]:
-        """The transitions that a member has, in time order.
+        """The transitions of an ensemble member, in time order.
 
         Args:
             member: Position of the member.
@@ -230,7 +230,7 @@ class Model:
             Their numbers, ``uint32``.
 
         Raises:
-            IndexError: There is no such member.
+            IndexError: The member does not exist.
 
         Examples:
             >>> import numpy as np
@@ -242,7 +242,7 @@ class Model:
         return self._native.transitions(position(member, "member"))
 
     def neighbors(self, member: int = 0) -> NDArray[np.uint32]:
-        """The transitions whose sources are nearest to where each one leads, nearest first.
+        """The transitions whose source states are nearest to the next state of each transition, nearest first.
 
         Args:
             member: Position of the member.
@@ -251,7 +251,7 @@ class Model:
             ``uint32 [t, k]``, a read-only view. Rows of transitions that the member lacks hold 4294967295.
 
         Raises:
-            IndexError: There is no such member.
+            IndexError: The member does not exist.
 
         Examples:
             >>> import numpy as np
@@ -263,7 +263,7 @@ class Model:
         return self._native.neighbors(position(member, "member"))
 
     def distances(self, member: int = 0) -> NDArray[np.float32]:
-        """How far the sources of `neighbors` are.
+        """Distances to the source states of `neighbors`.
 
         Args:
             member: Position of the member.
@@ -273,7 +273,7 @@ class Model:
             transitions that the member lacks.
 
         Raises:
-            IndexError: There is no such member.
+            IndexError: The member does not exist.
 
         Examples:
             >>> import numpy as np
@@ -285,7 +285,7 @@ class Model:
         return self._native.distances(position(member, "member"))
 
     def physical(self, states: ArrayLike) -> NDArray[np.float64]:
-        """Normalised states in the units of the sensors.
+        """Convert normalised states to the units of the sensors.
 
         Args:
             states: ``[…, d]``, or rows of `states`.
@@ -302,7 +302,7 @@ class Model:
         return physical_values(self._native.columns, states)
 
     def normalised(self, values: ArrayLike) -> NDArray[np.float32]:
-        """Values in the units of the sensors on the scale of the states. This is the inverse of `physical`.
+        """Convert values in the units of the sensors to normalised states. This is the inverse of `physical`.
 
         Args:
             values: ``[..., d]``.
@@ -332,26 +332,26 @@ class Model:
         seed: int | None = None,
         progress: bool | Observer = False,
     ) -> NDArray[np.uint32]:
-        """Roll a member out: every step draws one of the nearest recorded transitions.
+        """Make rollouts of an ensemble member: every step draws one of the nearest recorded transitions.
 
         Args:
-            n: Rollouts. Rollout ``r`` is the same however many there are.
-            steps: Steps of each.
+            n: Number of rollouts. Rollout ``r`` does not depend on this number.
+            steps: Number of steps of each rollout.
             member: Position of the member.
-            start: Rows to start from, one for each rollout, again from the first after the last. Random ones unless given. A row that the
+            start: Start rows, one for each rollout, cyclically. Default: random rows. A row that the
                 member lacks is replaced by its nearest.
-            seed: Root of the draws. Unless given, it is the study's, which gives the rollouts of the command line where they start at random
-                states too.
-            progress: Whether to print how far it is, or an observer.
+            seed: Seed of the random numbers. Default: the study's seed, which gives the rollouts of the command line if those also start at
+                random states.
+            progress: Whether to print the progress, or an observer.
 
         Returns:
-            The rows that are visited, ``uint32 [n, steps + 1]``. ``model.states[rows]`` are their states.
+            The visited rows, ``uint32 [n, steps + 1]``. ``model.states[rows]`` are their states.
 
         Raises:
-            IndexError: There is no such member or row.
+            IndexError: The member or row does not exist.
             ValueError: ``n`` or ``steps`` is negative.
-            TypeError: A number that is to be whole is not.
-            MemoryError: There is no memory for so many steps.
+            TypeError: A number is not a whole number.
+            MemoryError: There is not enough memory for the steps.
             KeyboardInterrupt: Ctrl-C.
 
         Examples:
@@ -370,23 +370,23 @@ class Model:
     def nearest(
         self, states: ArrayLike, k: int | None = None, *, member: int = 0, units: Units = "normalised"
     ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-        """Where a member would go on from states that it need not have seen, by exact search.
+        """Find the states from which a member would continue after given states, by exact search. The given states need not be in the model.
 
         Args:
             states: ``[q, d]``, real numbers of any type and layout.
-            k: Neighbours to find. As many as the tables have, unless given.
+            k: Number of neighbours to find. Default: as in the tables.
             member: Position of the member.
-            units: What the values are in.
+            units: Units of the values.
 
         Returns:
             Rows of the nearest states, nearest first, ``uint32 [q, k]``, and their distances, ``float32 [q, k]``.
 
         Raises:
-            CalibError: A value is NaN or infinite, or there is another number of columns.
-            ValueError: ``k`` is less than 1, or more than the member has transitions.
-            TypeError: These are no real numbers.
-            IndexError: There is no such member.
-            MemoryError: There is no memory for so many.
+            CalibError: A value is NaN or infinite, or the number of columns is wrong.
+            ValueError: ``k`` is less than 1, or more than the number of the member's transitions.
+            TypeError: The values are not real numbers.
+            IndexError: The member does not exist.
+            MemoryError: There is not enough memory.
             KeyboardInterrupt: Ctrl-C.
 
         Examples:
@@ -420,6 +420,6 @@ class Model:
 def of_arrays(
     states: ArrayLike, segments: Sequence[int] | None, options: dict[str, Any], progress: bool | Observer = False
 ) -> Model:
-    """A model of normalised states in memory."""
+    """Builds a model of normalised states in memory."""
     lengths = None if segments is None else [whole(length, "segments") for length in segments]
     return Model(_calib.Model.build(states, lengths, options, observer(progress)), (lengths, options))

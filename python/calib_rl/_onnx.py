@@ -1,4 +1,4 @@
-"""Agents that act as files of ONNX. Users call `calib_rl.ControlAgent.to_onnx`."""
+"""Agents that act, written as ONNX files. Users call `calib_rl.ControlAgent.to_onnx`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What long work shows while it runs: on a terminal, and in notebooks."""
+"""Progress of long work, on a terminal and in notebooks."""
 
 import sys
 import time
@@ -8,9 +8,9 @@ _EVERY = 0.2
 
 
 class Observer(Protocol):
-    """Whoever watches a step. An exception that one of its methods raises ends the step at its next safe point.
+    """Receives the messages and the progress of a step. An exception in one of its methods ends the step at its next safe point.
 
-    Any object with these two methods is one. Give it as ``progress=`` to any step.
+    Any object with these two methods is an observer. Give it as ``progress=`` to any step.
 
     Examples:
         >>> class Warnings:
@@ -29,29 +29,29 @@ class Observer(Protocol):
     """
 
     def told(self, kind: str, text: str) -> None:
-        """Hear something.
+        """Receive a message.
 
         Args:
             kind: ``"talk"``, ``"table"``, ``"heading"``, ``"warning"``, ``"error"``, ``"result"`` or ``"json"``.
-            text: What was said.
+            text: The message.
         """
 
     def progress(self, task: str, done: int, total: int) -> None:
-        """See how far a task is, some twenty times a second at most.
+        """Receive the progress of a task, at most about twenty times per second.
 
         Args:
-            task: What is being done, such as ``"training"``. An empty name says that it has ended.
-            done: How much of it is done.
-            total: How much there is to do.
+            task: Name of the task, such as ``"training"``. An empty name means that it has ended.
+            done: Units that are done.
+            total: Number of all units.
         """
 
 
 class Printed:
-    """Prints what it hears to stderr, and how far a task is in one line that is written over. In a notebook the line is one
+    """Prints messages to stderr, and progress in one line that is overwritten. In a notebook the line is one
     output that is updated.
 
     Args:
-        stream: Where to. ``None`` is ``sys.stderr`` at that time, which notebooks show below the cell.
+        stream: The output stream. ``None`` is ``sys.stderr`` at that time, which notebooks show below the cell.
 
     Examples:
         >>> import io
@@ -77,11 +77,11 @@ class Printed:
             self._width = 0
 
     def told(self, kind: str, text: str) -> None:
-        """Print what was said. Details are left out.
+        """Print a message. Details are left out.
 
         Args:
             kind: See `Observer.told`.
-            text: What was said.
+            text: The message.
         """
         if kind == "detail":
             return
@@ -91,12 +91,12 @@ class Printed:
         self._out().flush()
 
     def progress(self, task: str, done: int, total: int) -> None:
-        """Print how far a task is, five times a second at most.
+        """Print the progress of a task, at most five times per second.
 
         Args:
             task: See `Observer.progress`.
-            done: How much of it is done.
-            total: How much there is to do.
+            done: Units that are done.
+            total: Number of all units.
         """
         now = time.monotonic()
         ended = not task or done >= total
@@ -128,7 +128,7 @@ class Printed:
 
 
 class Heard:
-    """Keeps the warnings that it hears for ``warnings.warn``, and passes on everything else. An observer of the user hears warnings too;
+    """Keeps warnings for ``warnings.warn``, and passes on everything else. An observer of the user receives warnings too;
     one that prints would show them twice.
 
     Args:
@@ -140,11 +140,11 @@ class Heard:
         self._observer = observer(progress)
 
     def told(self, kind: str, text: str) -> None:
-        """Keep a warning, and pass on the rest.
+        """Keep a warning, and pass on other messages.
 
         Args:
             kind: See `Observer.told`.
-            text: What was said.
+            text: The message.
         """
         if kind == "warning":
             self.warnings.append(text)
@@ -152,12 +152,12 @@ class Heard:
             self._observer.told(kind, text)
 
     def progress(self, task: str, done: int, total: int) -> None:
-        """Pass on how far a task is.
+        """Pass on the progress of a task.
 
         Args:
             task: See `Observer.progress`.
-            done: How much of it is done.
-            total: How much there is to do.
+            done: Units that are done.
+            total: Number of all units.
         """
         self._observer.progress(task, done, total)
 
@@ -171,7 +171,7 @@ class _Silent:
 
 
 def observer(progress: "bool | Observer") -> Observer:
-    """The observer that ``progress`` stands for: ``True`` prints, ``False`` is silent, anything else is one."""
+    """Returns the observer for ``progress``: ``True`` prints, ``False`` is silent, anything else is an observer itself."""
     if progress is True:
         return Printed()
     if progress is False:

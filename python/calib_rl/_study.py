@@ -22,23 +22,23 @@ Text = str | os.PathLike[str]
 class Study:
     """A study: what to compute, resolved once and checked before anything runs.
 
-    Every step makes what is missing and keeps it in the folder of results. The command line goes on where Python stopped, and the
-    other way round: results are the same bytes.
+    Every step computes what is missing and stores it in the folder of results. The command line can continue where Python stopped, and the
+    other way round. Results are the same bytes.
 
     Args:
-        source: The study file, or its sections as a dictionary, of which a file is written at ``path``.
-        path: Where a study of a dictionary or of keywords is written. It must not hold another one.
-        set: What is laid over the study, such as ``{"agent.gamma": 0.9}``, or texts as the command line has them. A dictionary replaces all
+        source: The study file, or its sections as a dictionary, which is written to a file at ``path``.
+        path: The file to which a study of a dictionary or of keywords is written. It must not hold another study.
+        set: Values that replace those of the study, such as ``{"agent.gamma": 0.9}``, or texts as on the command line. A dictionary replaces all
             keys of its section, as in ``{"control.grid": {"step_size": [0.1]}}``.
         profile: The ``NAME`` of ``[profiles.NAME]``.
-        model: The ``NAME`` of ``[models.NAME]``, all of them unless given, or the section ``[model]`` as a dictionary.
-        deployment: The ``NAME`` of ``[deployments.NAME]``. All of them unless given.
-        output: The folder of results, whatever the study says.
-        redo: Whether results that are there are made again.
+        model: The ``NAME`` of ``[models.NAME]``, or the section ``[model]`` as a dictionary. Default: all models.
+        deployment: The ``NAME`` of ``[deployments.NAME]``. Default: all deployments.
+        output: The folder of results, instead of the study's.
+        redo: Whether to compute existing results again.
         sections: Sections of a study, as keywords: ``data={"path": "logs"}, sweep={"sensors": ["PIT300"]}``.
 
     Raises:
-        StudyError: A key that does not exist, or a value that is not valid, with its place.
+        StudyError: A key does not exist, or a value is not valid. The text names the place.
         FileExistsError: ``path`` holds another study.
 
     Examples:
@@ -121,7 +121,7 @@ class Study:
 
     @property
     def config(self) -> dict[str, Any]:
-        """The study as it was resolved: every key, with its default where it was not given.
+        """The resolved study: every key, with its default if it was not given.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -133,7 +133,7 @@ class Study:
 
     @property
     def has_model(self) -> bool:
-        """Whether the study has a calibration model. With ``model.kind = "none"`` the replayed log decides alone.
+        """Whether the study has a calibration model. With ``model.kind = "none"`` only log replay decides.
 
         Examples:
             >>> import calib_rl
@@ -146,7 +146,7 @@ class Study:
         return self._job.has_model
 
     def command(self, step: str = "run") -> str:
-        """What to type to run a step of this study on the command line.
+        """The command that runs a step of this study on the command line.
 
         Args:
             step: ``"run"``, or the name of a command, such as ``"build-model"``.
@@ -162,10 +162,10 @@ class Study:
         return self._job.command(step)
 
     def simulate(self, *, progress: bool | Observer = True) -> None:
-        """Write the log of the plant that ``[simulate]`` describes, as far as it is missing.
+        """Write the missing parts of the log of the plant that ``[simulate]`` describes.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -180,7 +180,7 @@ class Study:
         """Train or import representations of the states, and choose one. Only for studies with ``[representation]``.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Examples:
             >>> import calib_rl, tempfile
@@ -197,7 +197,7 @@ class Study:
         """Pre-train one agent for each sensor. Only for studies with ``[pretrain]``.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Examples:
             >>> import calib_rl, tempfile
@@ -213,14 +213,14 @@ class Study:
         """Build the calibration model.
 
         Args:
-            progress: Whether to print what is done, or an observer. The same holds for every step.
+            progress: Whether to print the progress, or an observer. The same holds for every step.
 
         Returns:
-            The model, mapped.
+            The memory-mapped model.
 
         Raises:
-            CalibError: The data is wrong, or the machine refuses.
-            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
+            CalibError: The data is wrong, or the machine cannot run the step.
+            KeyboardInterrupt: Ctrl-C. The same call continues from there.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -231,13 +231,13 @@ class Study:
         return Model.of(self)
 
     def model(self) -> Model:
-        """The model that was built before.
+        """Open the model that was built before.
 
         Returns:
-            The model, mapped.
+            The memory-mapped model.
 
         Raises:
-            CalibError: It was not, or of another study.
+            CalibError: The model was not built, or it is of another study.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -249,16 +249,16 @@ class Study:
         return Model.of(self)
 
     def build_control_model(self, *, progress: bool | Observer = True) -> ActionModel:
-        """Build the model with actions of a study with ``[control]``, as far as it is missing.
+        """Build the model with actions of a study with ``[control]``, if it is missing.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Returns:
-            The model, mapped.
+            The memory-mapped model.
 
         Raises:
-            CalibError: The data is wrong, the study has no ``[control]``, or the machine refuses.
+            CalibError: The data is wrong, the study has no ``[control]``, or the machine cannot run the step.
 
         Examples:
             >>> import calib_rl, pathlib, tempfile
@@ -273,10 +273,10 @@ class Study:
         return ActionModel.of(self)
 
     def rollout(self, *, progress: bool | Observer = True) -> Rollouts:
-        """Roll the model out as ``[rollout]`` says, and compare with what was recorded.
+        """Make the rollouts of ``[rollout]``, and compare them with recorded trajectories.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Returns:
             The tables of the rollouts.
@@ -298,14 +298,14 @@ class Study:
         """Train agents with every setting of the grid: in the models, on the replayed log, and on the held-out period.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Returns:
             The runs.
 
         Raises:
             CalibError: The model was not built.
-            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
+            KeyboardInterrupt: Ctrl-C. The same call continues from there.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -321,7 +321,7 @@ class Study:
         """Choose a setting, judge the choice by held-out data, and write the report.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Returns:
             The verdict.
@@ -339,17 +339,17 @@ class Study:
         return self._verdict("evaluate", progress)
 
     def run(self, *, progress: bool | Observer = True) -> Verdict:
-        """Make every step that the study needs, from its log to the verdict, as far as it is missing.
+        """Run every missing step of the study, from its log to the verdict.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Returns:
             The verdict.
 
         Raises:
-            CalibError: The data is wrong, or the machine refuses.
-            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
+            CalibError: The data is wrong, or the machine cannot run the step.
+            KeyboardInterrupt: Ctrl-C. The same call continues from there.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -401,7 +401,7 @@ def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:
 
 
 def write_study(path: Path, text: str) -> None:
-    """Write the file, never in the place of another one."""
+    """Write the file, but never replace another one."""
     if _holds(path, text):
         return
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Which settings of an agent of one's own to deploy."""
+"""Choice of the setting of a user's own agent."""
 
 from __future__ import annotations
 
@@ -49,43 +49,43 @@ def tune(
     fewest_terminals: int | None = None,
     progress: bool = False,
 ) -> Tuned:
-    """Let an agent of one's own learn with every setting in every member of a model, and recommend a setting.
+    """Train your own agent with every setting in every ensemble member of a model, and recommend a setting.
 
-    A unit is one setting in one run of one member: a new agent, which learns for ``total_timesteps`` steps. What counts is its mean return an episode, learning
-    included. All settings meet the same chance: the same seeds of the environment, of NumPy, of Python, and of PyTorch where it is imported.
+    A unit is one setting in one run of one ensemble member: a new agent, which learns for ``total_timesteps`` steps. It is judged by its mean return per episode, including the learning
+    phase. All settings have the same seeds of the environment, of NumPy, of Python, and of PyTorch if it is imported.
 
     Args:
         make_agent: ``make_agent(env, **setting)`` returns anything with ``learn(total_timesteps)``, such as an algorithm of Stable-Baselines3. If it has an
-            argument ``seed``, it is given one. Every agent is given a copy of its setting. Other processes are given the function by value where ``cloudpickle`` is installed, else by its module and name.
-        grid: Values of each argument, all combinations of which are settings, or a list of settings.
+            argument ``seed``, it gets one. Every agent gets a copy of its setting. Other processes get the function by value if ``cloudpickle`` is installed, and otherwise by its module and name.
+        grid: Values of each argument, whose combinations are the settings, or a list of settings.
         model: The model with actions.
-        total_timesteps: Steps of each agent.
-        default: What would be deployed without a choice. It is compared too. ``{}`` is the agent's own default, ``None`` is nothing.
-        runs: Runs of each setting in each member.
-        members: Positions of members. All, unless given.
-        kinds: Kinds of models that agents learn in, of which every member is made. See ``kind`` of `calib_rl.gym.make`. Unlike kinds err in unlike ways, and the
-            choice is the best by mean rank over the members of all. One kind alone takes a third of the time.
-        folder: Where the result of each unit is kept: the same call goes on from there when it was stopped, and makes only what is missing. A result is of
-            this call where the model, the setting, ``environment``, and ``make_agent`` with all that it refers to in the program's own code are the same by
-            value. Python warns of what cannot be compared, such as a lock, and keeps none of its results. Unless given, nothing is kept.
-        processes: Processes. As many as there are processors, unless given. With 1 everything happens in this one.
-        halving: Leave out all but one in so many settings after a part of the steps, in up to three rounds. For example, 3 keeps a third after a ninth of
-            the steps, and a ninth after a third. The default stays.
-        seed: Root of all chance.
+        total_timesteps: Number of steps of each agent.
+        default: The setting that would be deployed without a choice. It is compared too. ``{}`` is the agent's own default, ``None`` is no setting.
+        runs: Number of runs of each setting in each ensemble member.
+        members: Positions of ensemble members. Default: all.
+        kinds: Kinds of models that agents learn in, each with every ensemble member. See ``kind`` of `calib_rl.gym.make`. Different kinds have different errors, and the
+            choice is the best by mean rank over the ensemble members of all kinds. A single kind needs a third of the time.
+        folder: The folder in which the result of each unit is stored. After an interruption, the same call runs only the missing units. A result belongs to
+            this call if the model, the setting, ``environment``, and ``make_agent`` with all that it refers to in the program's own code are equal by
+            value. If a value cannot be compared, such as a lock, Python warns and stores no results. Default: nothing is stored.
+        processes: Number of processes. Default: the number of processors. With 1 everything runs in this process.
+        halving: Keep only one in N settings after a part of the steps, in up to three rounds. For example, 3 keeps a third after a ninth of
+            the steps, and a ninth after a third. The default is always kept.
+        seed: Seed of all random numbers.
         environment: Further arguments of `calib_rl.gym.make`, such as ``{"observe": ["level"], "timeout": 200}``.
-        most_uncovered: Largest share of the steps that the log may leave uncovered, from 0 to 1. The study's, unless given.
-        fewest_terminals: Fewest terminals of the log, if it has a column of them. The study's, unless given.
-        progress: Whether to print what is done.
+        most_uncovered: Largest share of the steps that the log may leave uncovered, from 0 to 1. Default: as in the study.
+        fewest_terminals: Minimum number of terminals in the log, if it has a column of terminals. Default: as in the study.
+        progress: Whether to print the progress.
 
     Returns:
-        The verdict. It says *deploy* only where the log supports the choice. `Tuned.doubts` are the reasons why it does not. Settings that fail are in
-        `Tuned.failures`, and the others go on without them.
+        The verdict. It says *deploy* only if the log supports the choice. `Tuned.doubts` are the reasons against it. Settings that fail are in
+        `Tuned.failures`, and the others continue without them.
 
     Raises:
-        CalibError: The log of the model has one action, so that there is nothing to choose. The folder is a file, or cannot be made.
-        ValueError: There is no setting, or one that comes twice. An argument is outside its range. No environment can be made with ``environment``.
+        CalibError: The log of the model has only one action, so that there is nothing to choose. The folder is a file, or cannot be made.
+        ValueError: There is no setting, or one occurs twice. An argument is outside its range. No environment can be made with ``environment``.
         TypeError: An argument is of another type. ``make_agent`` cannot be given to other processes.
-        KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call goes on.
+        KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call continues.
 
     Examples:
         >>> import tempfile
@@ -428,7 +428,7 @@ class _Work:
         steps: int,
         constants: list[dict[str, Any]] | None = None,
     ) -> dict[str, Any]:
-        """The verdict about these settings, by their place among them, after so many steps of each agent."""
+        """Returns the verdict about these settings after this number of steps of each agent. Settings are numbered by their place."""
         numbers = {member: number for number, member in enumerate(self.members)}
         runs = [
             {**unit["run"], "candidate": number, "member": numbers[unit["run"]["member"]]}

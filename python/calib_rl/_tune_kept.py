@@ -1,4 +1,4 @@
-"""Results of `calib_rl.tune` that are kept, and found again by the same call."""
+"""Stored results of `calib_rl.tune`, which the same call finds again."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FORMAT = 3
 class Kept:
     """A folder with the result of every unit.
 
-    What results follow from is described once, before agents can change it.
+    The values that results depend on are described once, before agents can change them.
 
     Args:
         folder: The folder. It is made if it is missing.
@@ -74,7 +74,7 @@ class Kept:
         return self._folder / f"unit-{hashlib.sha256(json.dumps(key).encode()).hexdigest()[:32]}.json"
 
     def read(self, unit: Unit) -> dict[str, Any] | None:
-        """What came of a unit, if it was kept. A file that is damaged, or of another form, is passed over, and made again."""
+        """Returns the result of a unit, if it was stored. A file that is damaged or of another form is ignored, and written again."""
         path = self._path(unit)
         if path is None or not path.is_file():
             return None
@@ -90,7 +90,7 @@ class Kept:
         return result
 
     def write(self, unit: Unit, came: Mapping[str, Any]) -> None:
-        """Keep what came of a unit."""
+        """Store the result of a unit."""
         path = self._path(unit)
         if path is None:
             return

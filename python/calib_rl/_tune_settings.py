@@ -1,4 +1,4 @@
-"""Settings of `calib_rl.tune`: which there are, and what they are called."""
+"""Settings of `calib_rl.tune`, and their names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Grid = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Failure:
-    """A setting that failed, and is not in the verdict. `Tuned.failures` has them.
+    """A setting that failed, and is not in the verdict. `Tuned.failures` lists them.
 
     Examples:
         >>> failure = Failure({"gamma": 2.0}, 0, 0, "make_agent", "ValueError: gamma", "")
@@ -53,11 +53,11 @@ class Failure:
 
 
 def settings_of(grid: Any, default: Any) -> tuple[list[Setting], int | None]:
-    """The settings of a grid, with the default among them, and the place of the default.
+    """Returns the settings of a grid, including the default, and the place of the default.
 
     Raises:
         TypeError: The grid or the default is of another form.
-        ValueError: There is no setting, or one that comes twice.
+        ValueError: There is no setting, or one occurs twice.
     """
     if default is not None and not isinstance(default, Mapping):
         raise TypeError(f"default is {default!r}, expected a setting, such as {{'gamma': 0.9}}; {{}} is the agent's own default, and None is nothing")
@@ -108,7 +108,7 @@ def _plain(setting: Mapping[str, Any]) -> Setting:
 
 
 class _Known:
-    """Values that came before. Each is found again by an equal one, in the same time however many there are, unless it is an object of another kind.
+    """Values seen before. An equal value is found in constant time, except for objects of other kinds.
 
     Args:
         is_same: Whether two values are equal.
@@ -122,7 +122,7 @@ class _Known:
         self._others: list[int] = []
 
     def place_of(self, value: Any) -> int | None:
-        """The place of the first equal value."""
+        """Returns the place of the first equal value."""
         try:
             key = _key(value)
         except (TypeError, RecursionError):
@@ -134,7 +134,7 @@ class _Known:
         return next((place for place in places if self._is_same(value, self.values[place])), None)
 
     def add(self, value: Any) -> None:
-        """Remember a value to which no other is equal."""
+        """Add a value that equals no earlier one."""
         try:
             self._by_key[_key(value)] = len(self.values)
         except (TypeError, RecursionError):
@@ -177,7 +177,7 @@ def _is_same(one: Any, other: Any) -> bool:
 
 
 def label(setting: Mapping[str, Any]) -> str:
-    """A setting in a line."""
+    """Returns a setting as one line."""
     return _line({name: short(value) for name, value in setting.items()})
 
 
@@ -186,7 +186,7 @@ def _line(texts: Mapping[str, str]) -> str:
 
 
 def short(value: Any) -> str:
-    """A value as it is printed: four digits, and functions by their name."""
+    """Returns a value as it is printed: numbers with four digits, functions by name."""
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, type) or type(value).__name__ == "function":
@@ -196,7 +196,7 @@ def short(value: Any) -> str:
 
 
 class Names:
-    """What settings and their values are called, so that no two are called alike."""
+    """Names of settings and their values. No two have the same name."""
 
     def __init__(self, settings: Sequence[Setting]) -> None:
         self.texts: list[dict[str, str]] = [{} for _ in settings]
@@ -214,7 +214,7 @@ class Names:
 
 
 def _distinct(values: Sequence[Any]) -> list[str]:
-    """Values as they are printed: with all their digits, with quotes, or with a number, where two would be printed alike."""
+    """Returns values as they are printed: with all digits, with quotes, or with a number if two would otherwise be equal."""
     different = _Known(_is_same)
     numbers = []
     for value in values:

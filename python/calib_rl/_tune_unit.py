@@ -1,4 +1,4 @@
-"""One setting in one member: what a process of `calib_rl.tune` does, by itself or for another."""
+"""One setting in one ensemble member: the work of a process of `calib_rl.tune`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BEYOND = 100_000
 
 
 class Unit:
-    """A setting in a run of a member."""
+    """One setting in one run of one ensemble member."""
 
     def __init__(self, setting: dict[str, Any], candidate: int, kind: str, member: int, run: int, seed: int, steps: int) -> None:
         self.setting, self.candidate, self.kind, self.member = setting, candidate, kind, member
@@ -32,7 +32,7 @@ class Unit:
 
 
 class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Counts what an agent gets in its first ``steps`` steps, learning included."""
+    """Records the rewards of an agent in its first ``steps`` steps, including the learning phase."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], steps: int, timeout: int) -> None:
         super().__init__(env)
@@ -48,7 +48,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         self.coverage: str | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """The first episode begins by our seed, whatever the agent's is: chance is common to all settings."""
+        """Reset the environment. The first episode uses our seed instead of the agent's, so that all settings have the same random numbers."""
         seed, self.seed = (seed if self.seed is None else self.seed), None
         self.resets += 1
         if self.left > 0:
@@ -60,7 +60,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """A step, counted as long as there are steps to be counted."""
+        """Take a step. It counts until ``steps`` steps are counted."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         if self.left == 0:
             self.beyond += 1
@@ -79,17 +79,17 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         return seen, reward, terminated, truncated, info
 
     def mean_return(self) -> float:
-        """The sum of all rewards by episodes, one at least.
+        """The sum of all rewards divided by the number of episodes, at least one.
 
-        An episode that is not whole counts by its share of the timeout: the last one, and those that the agent reset before their end, such as by a
-        ``TimeLimit``. So each step counts the same, and a setting gains nothing by the number of its resets. As whole episodes they would make costs small,
+        An incomplete episode counts as its share of the timeout. These are the last episode, and those that the agent reset before their end, for example by a
+        ``TimeLimit``. So each step has the same weight, and a setting gains nothing by resets. As whole episodes they would make costs small,
         and without their rewards they would cost nothing.
         """
         episodes = max(1.0, len(self.returns) + self.cut_share + self.length / self.timeout)
         return (sum(self.returns) + self.cut_reward + self.reward) / episodes
 
     def lost(self) -> int:
-        """Steps that were not taken, beyond those that vector environments spend on resets.
+        """Number of steps that were not taken, without those that vector environments use for resets.
 
         With ``AutoresetMode.NEXT_STEP``, the default of Gymnasium's vector environments, the step after the end of an episode resets the environment and does
         nothing else. An agent that counts those steps takes fewer here, at most one for each reset but the first.
@@ -98,7 +98,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 
 def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> dict[str, Any]:
-    """What came of a unit: a run as `calib control` has it, with the return of every episode, or why it failed."""
+    """Returns the result of a unit: a run as in `calib control`, with the return of every episode, or the reason of its failure."""
     place = "make_agent"
     try:
         kind: Any = unit.kind
@@ -177,7 +177,7 @@ def _tenths(returns: list[float]) -> list[float]:
 
 
 def main() -> None:
-    """A process that lives units which it is told on its standard input, and answers on what was its standard output."""
+    """Runs the units that it reads from standard input, and writes the results to the original standard output."""
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     # The output of agents must not be taken for an answer.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

@@ -1,4 +1,4 @@
-"""Processes of `calib_rl.tune`, each of which runs one unit after the other."""
+"""Processes of `calib_rl.tune`. Each runs one unit after the other."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _packer() -> Callable[[Any], bytes]:
 
 
 def message_for(make_agent: Callable[..., Any], model: ActionModel, environment: Mapping[str, Any]) -> str:
-    """What a process is told first."""
+    """Returns the first message to a process."""
     if _packer() is pickle.dumps and getattr(make_agent, "__module__", None) == "__main__":
         raise TypeError(
             "make_agent is defined in the program itself, and other processes cannot import that; install cloudpickle, define it in a module "
@@ -42,7 +42,7 @@ def message_for(make_agent: Callable[..., Any], model: ActionModel, environment:
 
 
 class Worker:
-    """A process that lives one unit after the other."""
+    """A process that runs one unit after the other."""
 
     def __init__(self, message: str) -> None:
         # Each unit runs on one processor, so that its sums do not depend on other work.
@@ -63,7 +63,7 @@ class Worker:
             pass  # it has ended, which its answer tells
 
     def run(self, unit: Unit) -> dict[str, Any] | None:
-        """What came of a unit. ``None`` if the process ended."""
+        """Returns the result of a unit. ``None`` if the process ended."""
         try:
             text = _packer()(vars(unit)).hex()
         except Exception as error:
@@ -75,13 +75,13 @@ class Worker:
         return came
 
     def ended(self) -> str:
-        """How it ended."""
+        """Returns how the process ended."""
         self.close()
         code = self._process.returncode
         return f"signal {-code}, as where memory runs out" if code < 0 else f"exit code {code}"
 
     def close(self) -> None:
-        """Let it end."""
+        """Let the process end."""
         assert self._process.stdin is not None and self._process.stdout is not None
         try:
             self._process.stdin.close()
@@ -91,5 +91,5 @@ class Worker:
         self._process.stdout.close()
 
     def kill(self) -> None:
-        """End it now. Whoever waits for its answer closes it."""
+        """Kill the process now. The caller that waits for its answer closes it."""
         self._process.kill()

@@ -1,4 +1,4 @@
-"""What `calib_rl.tune` found."""
+"""Results of `calib_rl.tune`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ._verdict import frame_of
 
 @dataclass(frozen=True)
 class Tuned:
-    """What `tune` found. ``print`` shows the advice, `why` all reasons, and a notebook shows a table too.
+    """Result of `tune`. ``print`` shows the advice, `why` returns all reasons, and a notebook also shows a table.
 
     Examples:
         >>> from calib_rl._tune_settings import label
@@ -53,7 +53,7 @@ class Tuned:
         return self.chosen is not None and not self.doubts
 
     def why(self) -> list[str]:
-        """The advice with all reasons, what to do about each, and the evidence.
+        """Explain the advice: all reasons, a remedy for each, and the evidence.
 
         Returns:
             Lines of text, the first two of which are those of `advice`.
@@ -68,7 +68,7 @@ class Tuned:
 
         Returns:
             A frame with the columns `setting`, `mean_rank`, `worst_rank`, `mean_return`, `uncovered` and `chosen_again`, and one for each hyperparameter,
-            under its name. The name ends in ``_value`` where it would be one of these. A value is empty where the setting leaves it out.
+            under its name. The name ends in ``_value`` if it would otherwise be one of these. A value is empty if the setting does not have it.
         """
         rows = self._rows()
         columns: dict[str, list[Any]] = {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
@@ -85,7 +85,7 @@ class Tuned:
         return frame_of(columns)
 
     def runs_frame(self) -> Any:
-        """Every setting in every member and run.
+        """Results of every setting in every ensemble member and run.
 
         Returns:
             `runs` as a frame, without the returns of episodes.
@@ -95,16 +95,16 @@ class Tuned:
         return frame_of({name: [labels[run["place"]] if name == "setting" else run[name] for run in self.runs] for name in names})
 
     def report(self, path: str | os.PathLike[str]) -> Path:
-        """Write what was found as one HTML page that loads nothing from anywhere.
+        """Write the result as one self-contained HTML page.
 
         Args:
-            path: The file. One that is there is replaced, and folders above it are made.
+            path: The file. An existing file is replaced, and missing folders are made.
 
         Returns:
             The path.
 
         Raises:
-            CalibError: It cannot be written, such as where a folder has its name.
+            CalibError: The file cannot be written, for example because a folder has its name.
             ValueError: Every setting failed, so that there is nothing to show.
 
         Examples:

@@ -1,4 +1,4 @@
-"""What steps leave behind, as frames and as text."""
+"""Results of steps, as frames and as text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def frame(path: Path) -> Any:
-    """A table of results as a frame of polars, or of pandas where polars is not installed."""
+    """Returns a table of results as a frame of polars, or of pandas if polars is not installed."""
     try:
         import polars
     except ImportError:
@@ -24,7 +24,7 @@ def frame(path: Path) -> Any:
 
 
 def frame_of(columns: dict[str, list[Any]]) -> Any:
-    """Columns as a frame of polars, or of pandas where polars is not installed."""
+    """Returns columns as a frame of polars, or of pandas if polars is not installed."""
     try:
         import polars
     except ImportError:
@@ -35,7 +35,7 @@ def frame_of(columns: dict[str, list[Any]]) -> Any:
 
 
 class Rollouts:
-    """Rollouts of a model, in a folder of results. `Study.rollout` returns it.
+    """Rollouts of a model, in a folder of results. `Study.rollout` returns them.
 
     Args:
         path: The folder ``rollout`` of a study's results.
@@ -53,10 +53,10 @@ class Rollouts:
         self.path = path
 
     def tables(self) -> list[str]:
-        """Names of the tables that there are.
+        """List the tables.
 
         Returns:
-            Names for `frame`, such as ``["dtw", "trajectories"]``.
+            The names of tables that `frame` accepts, such as ``["dtw", "trajectories"]``.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -66,13 +66,13 @@ class Rollouts:
         return sorted(str(table.relative_to(self.path).with_suffix("")) for table in self.path.rglob("*.parquet"))
 
     def frame(self, name: str) -> Any:
-        """One table as a frame.
+        """Read one table as a frame.
 
         Args:
             name: One of `tables`.
 
         Returns:
-            A frame of polars, or of pandas where polars is not installed.
+            A frame of polars, or of pandas if polars is not installed.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -87,7 +87,7 @@ class Rollouts:
 
 
 class Runs:
-    """Runs of a sweep. `Study.sweep` returns it.
+    """Runs of a sweep. `Study.sweep` returns them.
 
     Args:
         path: The folder ``sweep`` of a study's results.
@@ -103,7 +103,7 @@ class Runs:
         self.path = path
 
     def frame(self) -> Any:
-        """All runs: one row for each setting, sensor, environment and run.
+        """Read all runs: one row for each setting, sensor, environment and run.
 
         Returns:
             ``runs.parquet`` as a frame of polars or pandas. docs/formats.md describes its columns.
@@ -135,7 +135,7 @@ class Runs:
 
 
 class Verdict:
-    """What to deploy, and the evidence. `Study.run` and `Study.evaluate` return it.
+    """The recommended deployment, and its evidence. `Study.run` and `Study.evaluate` return it.
 
     ``print`` shows the advice with all reasons, and a notebook shows it as a page.
 
@@ -143,11 +143,11 @@ class Verdict:
         path: The folder ``evaluate`` of a study's results.
         sweep: The folder ``sweep`` of the same results.
         report: The report.
-        outcome: How the evaluation ended.
+        outcome: Outcome of the evaluation.
 
     Attributes:
-        negative: Whether the evidence prefers no setting of some sensor to another.
-        report: The report, one self-contained page.
+        negative: Whether, for at least one sensor, the evidence shows no difference between settings.
+        report: Path of the report, one self-contained page.
         summary: ``summary.json`` as a dictionary.
 
     Examples:
@@ -171,7 +171,7 @@ class Verdict:
 
     @property
     def advice(self) -> list[list[str]]:
-        """The verdict in words: one list of lines for each sensor, the first of which says what to deploy.
+        """The verdict in words: one list of lines for each sensor. The first line says what to deploy.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -199,7 +199,7 @@ class Verdict:
     def settings(self) -> dict[str, dict[str, Any]]:
         """The chosen setting of each sensor, by hyperparameter: ``{"PIT300": {"learning_rate": 0.001}}``.
 
-        Look at `recommendations` too: a setting is chosen also where it should not be deployed.
+        Look at `recommendations` too: a setting is chosen even if it should not be deployed.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -211,7 +211,9 @@ class Verdict:
 
     @property
     def recommendations(self) -> dict[str, str]:
-        """What to do for each sensor: ``"deploy"``, ``"keep_default"``, ``"use_simple_predictor"``, ``"do_not_deploy"`` or ``"not_checked"``.
+        """The recommendation for each sensor.
+
+        It is ``"deploy"``, ``"keep_default"``, ``"use_simple_predictor"``, ``"do_not_deploy"`` or ``"not_checked"``.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -223,7 +225,7 @@ class Verdict:
 
     @property
     def caveats(self) -> list[str]:
-        """What to know before relying on the verdict, and notes of the sweep.
+        """Caveats of the verdict, and notes of the sweep.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -234,7 +236,7 @@ class Verdict:
         return [*self.summary.get("caveats", []), *self.summary.get("notes", [])]
 
     def runs(self) -> Any:
-        """The runs that the verdict follows from.
+        """Read the runs behind the verdict.
 
         Returns:
             A frame, as `Runs.frame`.
@@ -248,7 +250,7 @@ class Verdict:
         return Runs(self._sweep).frame()
 
     def curves(self) -> Any:
-        """Learning curves of these runs.
+        """Read the learning curves of these runs.
 
         Returns:
             A frame, as `Runs.curves`.
@@ -262,11 +264,11 @@ class Verdict:
         return Runs(self._sweep).curves()
 
     def scores(self) -> Any:
-        """Mean error of every setting in every environment.
+        """Read the mean error of every setting in every environment.
 
         Returns:
             A frame with the columns `sensor`, `environment`, `candidate`, `label`, `mean`, `skill` and `chosen`. `skill` is the
-            error reduction against predicting the mean, and missing for a setting that diverged.
+            error reduction against predicting the mean. It is missing for a setting that diverged.
 
 
         Examples:

@@ -1,4 +1,4 @@
-"""What environments of models with and without actions share: columns, spaces, dealt members, seeds."""
+"""The common part of environments with and without actions: columns, spaces, ensemble members, seeds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Seen = Model | ActionModel
 
 
 class WalkSettings:
-    """Walkers that can be pickled, with what they were made with."""
+    """Walkers that can be pickled, with their arguments."""
 
     def __init__(self, model: Seen, walked: tuple[Any, ...]) -> None:
         self._model = model
@@ -50,7 +50,7 @@ class WalkSettings:
 
 
 def column_position(names: list[str], column: Column) -> int:
-    """The position of a column, which is named or counted."""
+    """Returns the position of a column, given by name or position."""
     if isinstance(column, str):
         if column not in names:
             raise ValueError(f"no column is called {column!r}; the model has {', '.join(names)}")
@@ -62,7 +62,7 @@ def column_position(names: list[str], column: Column) -> int:
 
 
 def observed_columns(names: list[str], observe: Sequence[Column] | None) -> list[int]:
-    """Positions of the columns that are observed. All of them without ``observe``, and one where it is a name."""
+    """Returns the positions of the observed columns: all without ``observe``, and one if it is a name."""
     observe = [observe] if isinstance(observe, str) else observe
     columns = list(range(len(names))) if observe is None else [column_position(names, column) for column in observe]
     if not columns:
@@ -71,13 +71,13 @@ def observed_columns(names: list[str], observe: Sequence[Column] | None) -> list
 
 
 def check_units(units: Units) -> None:
-    """Refuse units that there are not."""
+    """Refuse unknown units."""
     if units not in ("normalised", "physical"):
         raise ValueError(f"units are {units!r}, expected 'normalised' or 'physical'")
 
 
 def observation_space(model: Seen, columns: list[int], units: Units) -> gymnasium.Space[NDArray[np.float32]]:
-    """What was recorded of these columns, from the least to the largest value."""
+    """Returns the space of these columns, from the smallest to the largest recorded value."""
     low, high = model._native.extremes()
     if units == "physical":
         low, high = model.physical(low).astype(np.float32), model.physical(high).astype(np.float32)
@@ -85,7 +85,7 @@ def observation_space(model: Seen, columns: list[int], units: Units) -> gymnasiu
 
 
 def dealt_members(num_envs: Any, members: int | Sequence[int], width: int) -> list[int]:
-    """The member of each of so many walks, which see ``width`` columns: ``members`` are dealt in turn."""
+    """Returns the ensemble member of each environment with ``width`` columns: ``members`` are assigned in turn."""
     num_envs = whole(num_envs, "num_envs", 1)
     given = [members] if isinstance(members, (int, np.integer)) else list(members)
     if not given:
@@ -96,12 +96,12 @@ def dealt_members(num_envs: Any, members: int | Sequence[int], width: int) -> li
 
 
 def one_seed(seed: int | Sequence[int | None] | None) -> int | None:
-    """The seed of all walks, if there is one."""
+    """Returns the seed of all environments, if there is a single one."""
     return int(seed) if isinstance(seed, (int, np.integer)) else None
 
 
 def seed_walkers(walkers: Any, seed: int | Sequence[int | None] | None, count: int) -> None:
-    """Seed so many walks: walk ``i`` of seed ``s`` with ``s + i``, or each with its own of a list."""
+    """Seed the environments: environment ``i`` of seed ``s`` with ``s + i``, or each with its own seed from a list."""
     if isinstance(seed, (int, np.integer)):
         first = whole(seed, "seed", most=LARGEST_SEED)
         walkers.seed([(first + number) % (LARGEST_SEED + 1) for number in range(count)])

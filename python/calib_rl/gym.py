@@ -1,13 +1,13 @@
 """Calibration models as environments of Gymnasium (1.0 or later).
 
-What an agent sees is recorded rows in an order that never was. In a model **with actions** (`calib_rl.ActionModel`) a step with an action goes to where one of the
-nearest recorded transitions with that action went: agents that act are tuned in it. In a model without actions (`calib_rl.Model`) no action changes what follows: it stands for a
-plant as it was operated, and agents that predict are tuned in it. An action space is refused there.
+An agent observes recorded rows in a new order. In a model **with actions** (`calib_rl.ActionModel`), a step with an action goes to the next state of one of the
+nearest recorded transitions with that action. Agents that act are tuned in it. In a model without actions (`calib_rl.Model`), no action changes the future: it represents a
+plant as it was operated. Agents that predict are tuned in it, and an action space is refused.
 
 ``gymnasium.make("calib_rl.gym:calib/Model-v0", path=…)`` opens a model in a folder, of either kind, and takes the arguments of `make`. Once this module is
 imported, ``"calib/Model-v0"`` is enough.
 
-Environments can be pickled, as ``SubprocVecEnv`` of Stable-Baselines3 needs it, and go on there where they were.
+Environments can be pickled, as ``SubprocVecEnv`` of Stable-Baselines3 requires. A copy continues from the same state.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class _Settings(WalkSettings):
 
 
 class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
-    """One walk through a member of a model without actions. `make` makes it, and describes its arguments.
+    """An environment of one ensemble member of a model without actions. `make` makes it, and describes its arguments.
 
     Examples:
         >>> import numpy as np
@@ -111,10 +111,10 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin at a random recorded state of the member.
+        """Begin an episode at a random recorded state of the member.
 
         Args:
-            seed: Seed of the walk. It goes on from the seed before, unless given.
+            seed: Seed of the random numbers. Default: they continue from the previous seed.
             options: Not used.
 
         Returns:
@@ -136,7 +136,7 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
         return seen[0], {"row": int(rows[0]), "time": int(times[0]), "distance": float(distances[0])}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Go one step on.
+        """Take one step.
 
         Args:
             action: Any action. It changes nothing.
@@ -159,7 +159,7 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
 
 
 class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
-    """Many walks through models without actions at once. `make_vec` makes it, and describes its arguments.
+    """Many environments of a model without actions at once. `make_vec` makes it, and describes its arguments.
 
     Examples:
         >>> import numpy as np
@@ -198,10 +198,10 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin anew: all, or those that ``options["reset_mask"]`` marks.
+        """Reset all environments, or those that ``options["reset_mask"]`` marks.
 
         Args:
-            seed: Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``, or one seed for each walk.
+            seed: Environment ``i`` of seed ``s`` equals a single environment with seed ``s + i``. Or one seed for each environment.
             options: ``{"reset_mask": mask}``, with ``mask`` of type bool ``[num_envs]``.
 
         Returns:
@@ -224,7 +224,7 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Go one step on with every walk. One that was over begins anew instead, as ``AutoresetMode.NEXT_STEP`` has it.
+        """Take one step in every environment. One whose episode is over is reset instead, as in ``AutoresetMode.NEXT_STEP``.
 
         Args:
             actions: Any actions. They change nothing.
@@ -315,39 +315,39 @@ def make(
     live: bool = False,
     kind: ModelKind = "neighbors",
 ) -> CalibrationEnv | ActingEnv:
-    """A member of a model as an environment.
+    """Make an environment of an ensemble member of a model.
 
     Args:
         model: The model, with actions or without.
         member: Position of the member.
-        observe: Columns that are observed, by name or position, or the name of one. All, unless given.
-        reward: Without actions: the column whose value after a step is its reward. The first one, unless given.
+        observe: Observed columns, by name or position, or the name of one. Default: all.
+        reward: Without actions: the column whose value after a step is its reward. Default: the first column.
         max_steps: Without actions: steps after which an episode is truncated. ``None`` for never.
-        units: What observations are in, and the rewards of a model without actions.
+        units: Units of observations, and of the rewards of a model without actions.
         action_space: With actions, ``"discrete"``: the actions of the model by number. ``"multi_discrete"``: a level of each column of the actions. ``"box"``: the
-            values that are set, of which the nearest action is taken. Or a space that is one of these. Refused without actions.
-        timeout: With actions: steps after which an episode is truncated. Those of the model, unless given.
-        pessimism: With actions: where the log has no transition with the action within the model's radius, go on with the ``"nearest"`` one, or end the episode with
-            the ``"minimum_return"``. An action that the member never took ends the episode either way.
-        worst_return: The reward of such an end. The model's, unless given.
-        live: With ``"box"``: search for exactly what is set, among all transitions of the member, instead of taking the nearest level. It takes time in proportion
-            to the log, and wants a model with ``levels``.
-        kind: With actions: what a step does. ``"neighbors"`` goes to the recorded next state of a neighbour. ``"increments"`` adds the neighbour's recorded
-            change to the state, in every column where that predicts better, and so leaves recorded rows, though never the recorded range. Each step searches
+            values of the action columns, for which the nearest action is taken. Or a space of one of these kinds. Refused without actions.
+        timeout: With actions: steps after which an episode is truncated. Default: as in the model.
+        pessimism: With actions: if the log has no transition with the action within the model's radius, continue with the ``"nearest"`` one, or end the episode with
+            the ``"minimum_return"``. An action that never occurs in the member ends the episode in either case.
+        worst_return: The reward of such an end. Default: as in the model.
+        live: With ``"box"``: search with the exact values of the action, among all transitions of the member, instead of taking the nearest level. The time is proportional
+            to the length of the log, and it needs a model with ``levels``.
+        kind: With actions: the kind of model. ``"neighbors"`` goes to the recorded next state of a neighbour. ``"increments"`` adds the neighbour's recorded
+            change to the state, in every column where that predicts better. So it leaves the recorded rows, but never the recorded range. Each step searches
             all transitions with the action. ``row`` in ``info`` is then the row that the neighbour led to, and ``displacement`` is 0.
-            ``"network"`` goes where a network says that learned the log, as ``calib control`` trains it. It is trained at its first use in a process, in a second or
-            two. ``row`` is then that of the start of the episode, and every step counts as covered.
+            ``"network"`` goes to the prediction of a network trained on the log, as in ``calib control``. It is trained at its first use in a process, in a second or
+            two. ``row`` is then the row at the start of the episode, and every step counts as covered.
 
     Returns:
-        The environment. Observations are ``float32 [columns]``, bounded by what was recorded. ``info`` has the ``row`` of the model's data
-        that is seen. It has the ``time`` of that row in microseconds since 1970, or its number where there are no times. Its ``distance`` is that
-        from the state before to the recorded one whose transition was taken. With actions it also has whether the step is ``covered``. The ``displacement``
-        of each observed column is the sum of the jumps of the episode, from where the agent was to where the transitions that it took begin.
+        The environment. Observations are ``float32 [columns]``, within the recorded range. ``info`` has the observed ``row`` of the model's data
+        and the ``time`` of that row in microseconds since 1970, or its number if there are no times. Its ``distance`` is the distance
+        from the previous state to the recorded state whose transition was taken. With actions it also has whether the step is ``covered``. The ``displacement``
+        of each observed column is the sum of the jumps of the episode, from the agent's states to the sources of the transitions that were taken.
 
     Raises:
-        ValueError: There is no such column, an argument is for models of the other kind, or the model has no such action space.
-        IndexError: There is no such member.
-        TypeError: This is no model. A number that is to be whole is not.
+        ValueError: A column does not exist, an argument is for models of the other kind, or the model does not have this action space.
+        IndexError: The member does not exist.
+        TypeError: ``model`` is not a model, or a number is not a whole number.
 
     Examples:
         >>> import tempfile
@@ -425,13 +425,13 @@ def make_vec(
     live: bool = False,
     kind: ModelKind = "neighbors",
 ) -> CalibrationVectorEnv | ActingVectorEnv:
-    """Many walks through members of a model as a vector environment, without Python between them.
+    """Make a vector environment of ensemble members of a model, which steps all environments in compiled code.
 
     Args:
         model: The model, with actions or without.
-        num_envs: Walks.
-        members: The member of all walks, or a list that is dealt to them in turn.
-        observe: As in `make`. So are the others.
+        num_envs: Number of environments.
+        members: The ensemble member of all environments, or a list that is assigned to them in turn.
+        observe: See `make`.
         reward: See `make`.
         max_steps: See `make`.
         units: See `make`.
@@ -443,13 +443,13 @@ def make_vec(
         kind: See `make`.
 
     Returns:
-        The vector environment: observations ``float32 [num_envs, columns]``, rewards ``float64 [num_envs]``. Episodes begin anew in the
-        step after the one that ended them.
+        The vector environment: observations ``float32 [num_envs, columns]``, rewards ``float64 [num_envs]``. Episodes are reset in the
+        step after their end.
 
     Raises:
-        ValueError: As `make`, or there are no members, or no walks.
-        IndexError: There is no such member.
-        MemoryError: There is no memory for so many walks.
+        ValueError: As in `make`, or there are no members or no environments.
+        IndexError: The member does not exist.
+        MemoryError: There is not enough memory for the environments.
 
     Examples:
         >>> import numpy as np
@@ -486,11 +486,11 @@ def _opened(path: str | os.PathLike[str]) -> Model | ActionModel:
 
 
 def of_path(path: str | os.PathLike[str], **arguments: Any) -> CalibrationEnv | ActingEnv:
-    """The environment of a model in a folder: what ``gymnasium.make("calib_rl.gym:calib/Model-v0", path=…)`` calls.
+    """Make the environment of a model in a folder. ``gymnasium.make("calib_rl.gym:calib/Model-v0", path=…)`` calls this function.
 
     Args:
         path: The folder of a model, with actions or without.
-        arguments: Those of `make`.
+        arguments: The arguments of `make`.
 
     Returns:
         The environment.
@@ -506,12 +506,12 @@ def of_path(path: str | os.PathLike[str], **arguments: Any) -> CalibrationEnv | 
 
 
 def vector_of_path(path: str | os.PathLike[str], num_envs: int, **arguments: Any) -> CalibrationVectorEnv | ActingVectorEnv:
-    """The vector environment of a model in a folder: what ``gymnasium.make_vec("calib_rl.gym:calib/Model-v0", path=…)`` calls.
+    """Make the vector environment of a model in a folder. ``gymnasium.make_vec("calib_rl.gym:calib/Model-v0", path=…)`` calls this function.
 
     Args:
         path: The folder of a model, with actions or without.
-        num_envs: Walks.
-        arguments: Those of `make_vec`.
+        num_envs: Number of environments.
+        arguments: The arguments of `make_vec`.
 
     Returns:
         The vector environment.
