@@ -225,7 +225,7 @@ class ActionModel:
             ``uint32 [t, actions, k]``, a read-only view. It is 4294967295 where there are fewer than ``k`` neighbours, and for transitions that the member lacks.
 
         Raises:
-            IndexError: There is no such member.
+            IndexError: The member does not exist.
 
         Examples:
             >>> model = _example_model()
@@ -244,7 +244,7 @@ class ActionModel:
             ``float32 [t, actions, k]``, a read-only view; +∞ where there is no neighbour.
 
         Raises:
-            IndexError: There is no such member.
+            IndexError: The member does not exist.
 
         Examples:
             >>> model = _example_model()

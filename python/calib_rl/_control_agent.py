@@ -267,7 +267,7 @@ class ControlAgent:
         Raises:
             ValueError: The model has other columns or actions.
             TypeError: ``model`` is not an `ActionModel`.
-            IndexError: There is no such member.
+            IndexError: The member does not exist.
             CalibError: The agent has diverged.
 
         Examples:
