@@ -33,8 +33,8 @@ pub use environment::LearningEnvironment;
 pub use error::ReportError;
 pub use figures::{
     Dimension, ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS,
-    PeriodUse, RankCurve, RecordedFigure, RecordedPeriod, RolloutFigure, RolloutGrid, RolloutRow,
-    Samples, Sensitivity, Trajectory,
+    PeriodUse, RankCurve, RecordedFigure, RecordedLevel, RecordedPeriod, RolloutFigure,
+    RolloutGrid, RolloutRow, Samples, Sensitivity, Trajectory,
 };
 pub use number::{count, duration, number, percent, setting};
 pub use overview::{Decision, Overview, OverviewFigure, Support};

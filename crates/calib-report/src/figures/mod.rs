@@ -9,7 +9,7 @@ mod sensitivity;
 
 pub use figure::Figure;
 pub use learning::{LearningCurve, LearningCurves};
-pub use recorded::{PeriodUse, RecordedFigure, RecordedPeriod};
+pub use recorded::{PeriodUse, RecordedFigure, RecordedLevel, RecordedPeriod};
 pub use rollout::{MAX_POINTS, RolloutFigure, Trajectory};
 pub use rollout_grid::{RolloutGrid, RolloutRow};
 pub use sensitivity::{Dimension, ErrorCurve, ErrorSource, RankCurve, Samples, Sensitivity};

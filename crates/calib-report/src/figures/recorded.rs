@@ -1,5 +1,7 @@
 //! Recorded values of a sensor, period by period: the training range and each deployment.
 
+use calib_stats::{median, quantile};
+
 use super::rollout::axis_label;
 use crate::chart::{Axis, Chart, Colour, Dash, GridCell, Point, Rule, Scale, Series, Side, extent};
 use crate::number::{duration, number};
@@ -10,6 +12,11 @@ const HEIGHT: f64 = 110.0;
 const LONG_GAP: f64 = 0.1;
 /// Most gaps whose lengths are shown: more labels would hide each other.
 const NAMED_GAPS: usize = 3;
+/// A median that is this many training spreads from the training median is another level: our choice, as for the error
+/// of the training mean.
+const OTHER_LEVEL: f64 = 2.0;
+/// Values that deviate this many times as much from their median are far more spread: our choice.
+const FAR_MORE_SPREAD: f64 = 2.0;
 
 /// One sensor in several periods, in plots below each other with the same vertical axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +51,31 @@ pub enum PeriodUse {
     Deployment,
 }
 
+/// Level of a sensor's values, by the middles between neighbouring values that are drawn. These are the smallest and
+/// the largest value of each stretch of time, so excursions count more than in all values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecordedLevel {
+    /// Median.
+    pub median: f64,
+    /// Half the range between the 16 % and the 84 % quantile. Excursions hardly count.
+    pub spread: f64,
+    /// Root of the mean square distance from the median. Excursions count.
+    pub deviation: f64,
+}
+
+impl RecordedLevel {
+    /// Whether the median is at least two spreads of `learned` away from that of `learned`.
+    pub fn is_apart_from(&self, learned: &Self) -> bool {
+        let distance = (self.median - learned.median).abs();
+        distance > 0.0 && distance >= OTHER_LEVEL * learned.spread
+    }
+
+    /// Whether values deviate at least twice as much from their median as those of `learned`.
+    pub fn is_far_more_spread_than(&self, learned: &Self) -> bool {
+        self.deviation > 0.0 && self.deviation >= FAR_MORE_SPREAD * learned.deviation
+    }
+}
+
 impl RecordedFigure {
     /// Returns the share of deployment values outside the range of all training
     /// values; `None` if there are no values of either kind.
@@ -61,19 +93,23 @@ impl RecordedFigure {
         (all > 0).then(|| outside as f64 / all as f64)
     }
 
-    /// Returns the means of the drawn training values and of the drawn held-out
-    /// values; `None` if there are no values of either kind.
-    pub fn means(&self) -> Option<[f64; 2]> {
-        let learned = self.mean(PeriodUse::Learning)?;
-        Some([learned, self.mean(PeriodUse::Deployment)?])
+    /// Returns the level of the training values and that of the held-out values; `None` if
+    /// there are no values of either kind.
+    pub fn levels(&self) -> Option<[RecordedLevel; 2]> {
+        let learned = self.level(PeriodUse::Learning)?;
+        Some([learned, self.level(PeriodUse::Deployment)?])
     }
 
-    /// Returns the mean of the drawn values of this use: the smallest and the largest value per stretch of time.
-    fn mean(&self, used_for: PeriodUse) -> Option<f64> {
+    /// Returns the level of all periods of this use.
+    fn level(&self, used_for: PeriodUse) -> Option<RecordedLevel> {
         let periods = self.periods.iter().filter(|period| period.used_for == used_for);
-        let values = periods.flat_map(|period| period.points.iter().map(|(_, value)| *value));
-        let values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+        let middles: Vec<f64> = periods.flat_map(RecordedPeriod::middles).collect();
+        let median = median(&middles).ok()?;
+        let low = quantile(&middles, 0.16).ok()?;
+        let high = quantile(&middles, 0.84).ok()?;
+        let squares = middles.iter().map(|value| (value - median).powi(2));
+        let deviation = (squares.sum::<f64>() / middles.len() as f64).sqrt();
+        Some(RecordedLevel { median, spread: (high - low) / 2.0, deviation })
     }
 
     /// Draws the figure: one plot over its dates per period that has values.
@@ -119,6 +155,19 @@ struct Extent {
 }
 
 impl RecordedPeriod {
+    /// Returns the middles between neighbouring values, and a value without a neighbour as it is.
+    fn middles(&self) -> Vec<f64> {
+        let mut middles = Vec::with_capacity(self.points.len());
+        for unbroken in self.points.split(|(_, value)| !value.is_finite()) {
+            match unbroken {
+                [(_, alone)] => middles.push(*alone),
+                _ => middles
+                    .extend(unbroken.windows(2).map(|pair| f64::midpoint(pair[0].1, pair[1].1))),
+            }
+        }
+        middles
+    }
+
     fn extent(&self) -> Option<Extent> {
         let ends = |pick: fn(&(f64, f64)) -> f64| {
             let known = self.points.iter().filter(|(_, value)| value.is_finite());
@@ -255,18 +304,45 @@ mod tests {
         (from..to).map(|day| f64::from(day) * DAY)
     }
 
-    #[test]
-    fn means_are_of_what_was_learned_from_and_of_the_deployment() {
-        let with = |used_for, values: &[f64]| RecordedPeriod {
+    fn with(used_for: PeriodUse, values: &[f64]) -> RecordedPeriod {
+        RecordedPeriod {
             used_for,
             points: values.iter().map(|value| (0.0, *value)).collect(),
             ..period(std::iter::empty())
-        };
-        let learned = with(PeriodUse::Learning, &[1.0, f64::NAN, 3.0]);
+        }
+    }
+
+    fn figure(periods: Vec<RecordedPeriod>) -> RecordedFigure {
+        RecordedFigure { sensor: "A".to_owned(), unit: None, periods }
+    }
+
+    #[test]
+    fn levels_are_of_what_was_learned_from_and_of_the_deployment() {
+        let learned = with(PeriodUse::Learning, &[1.0, 3.0, f64::NAN, 4.0, f64::NAN, 5.0, 7.0]);
         let held_out = with(PeriodUse::Deployment, &[10.0, 30.0]);
-        let figure = |periods| RecordedFigure { sensor: "A".to_owned(), unit: None, periods };
-        assert_eq!(figure(vec![learned.clone(), held_out]).means(), Some([2.0, 20.0]));
-        assert_eq!(figure(vec![learned]).means(), None, "nothing is held out");
+        let levels = figure(vec![learned.clone(), held_out]).levels().expect("values of both");
+        assert_eq!(levels.map(|level| level.median), [4.0, 20.0], "middles 2, 4, 6 and 20");
+        assert!((levels[0].spread - 1.36).abs() < 1e-12, "{levels:?}");
+        assert!((levels[0].deviation - (8.0_f64 / 3.0).sqrt()).abs() < 1e-12, "{levels:?}");
+        assert_eq!(figure(vec![learned]).levels(), None, "nothing is held out");
+    }
+
+    #[test]
+    fn excursions_are_no_other_level() {
+        let quiet: Vec<f64> = (0_u32..100).map(|at| f64::from(at % 4)).collect();
+        let learned = with(PeriodUse::Learning, &quiet);
+        let beside = |held_out: &[f64]| {
+            let held_out = with(PeriodUse::Deployment, held_out);
+            let [learned, held_out] =
+                figure(vec![learned.clone(), held_out]).levels().expect("values of both");
+            [held_out.is_apart_from(&learned), held_out.is_far_more_spread_than(&learned)]
+        };
+        let excursions: Vec<f64> =
+            (0..quiet.len()).map(|at| if at % 10 == 0 { -200.0 } else { quiet[at] }).collect();
+        let shifted: Vec<f64> = quiet.iter().map(|value| value + 10.0).collect();
+        assert_eq!(beside(&excursions), [false, true]);
+        assert_eq!(beside(&shifted), [true, false]);
+        assert_eq!(beside(&quiet), [false, false]);
     }
 
     #[test]

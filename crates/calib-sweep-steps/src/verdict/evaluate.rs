@@ -311,19 +311,27 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows, clock })
 }
 
-/// That a sensor has another level than in training, with both levels in its unit: the means of what the report draws.
+/// That a sensor has another level than in training, with both medians in its unit; or, if the medians are alike, that its
+/// values are far more spread.
 fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<String> {
-    let [learned, held_out] = recorded.means().filter(|_| verdict.level_has_changed())?;
+    let [learned, held_out] = recorded.levels().filter(|_| verdict.level_may_have_changed())?;
+    if !held_out.is_apart_from(&learned) {
+        return held_out.is_far_more_spread_than(&learned).then(|| {
+            "held-out values are far more spread than training values, around about the same median, so a few excursions may decide the errors; \
+             look at what happened then, in the figure of recorded values"
+                .to_owned()
+        });
+    }
     let unit = if verdict.unit_may_have_changed() {
         ", or the unit or the zero of the sensor"
     } else {
         ""
     };
     Some(format!(
-        "values lie around {} in the training range and around {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
+        "half of the values lie above {} in the training range and above {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
          train on a time that is like the present (data.train)",
-        significant(learned),
-        significant(held_out)
+        significant(learned.median),
+        significant(held_out.median)
     ))
 }
 

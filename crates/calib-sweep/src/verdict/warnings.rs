@@ -14,14 +14,15 @@ const FEW_HORIZONS: f64 = 50.0;
 /// tenth of its error there.
 const MUCH_AT_THE_START: f64 = 0.3;
 
-/// Held-out values further than this from the training mean, in spreads of the training range, are at another level.
+/// Held-out values further than this from the training mean, in spreads of the training range, may be at another level.
 /// Our choice.
 const OTHER_LEVEL: f64 = 2.0;
 
 impl SensorVerdict {
-    /// Whether the sensor has another level than in training, by the error of the training mean.
-    pub fn level_has_changed(&self) -> bool {
-        level_has_changed(&self.simple)
+    /// Whether the sensor may have another level than in training, by the error of the training mean. Excursions make
+    /// this error as large as another level does.
+    pub fn level_may_have_changed(&self) -> bool {
+        level_may_have_changed(&self.simple)
     }
 
     /// Whether the level is so far from that of training that the unit may have changed.
@@ -30,7 +31,7 @@ impl SensorVerdict {
     }
 }
 
-pub(super) fn level_has_changed(simple: &[SimpleComparison]) -> bool {
+pub(super) fn level_may_have_changed(simple: &[SimpleComparison]) -> bool {
     let mut means = simple.iter().filter(|row| row.predictor == SimplePredictor::Mean);
     means.any(|row| row.online_error > OTHER_LEVEL && row.online_error.is_finite())
 }

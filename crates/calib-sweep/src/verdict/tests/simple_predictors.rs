@@ -233,8 +233,8 @@ fn mean(online: f64) -> SimpleComparison {
 #[test]
 fn another_level_than_in_training_is_known() {
     let persistence = simple(SimplePredictor::Persistence, 1.0, 9.0, [1.0, 0.9, 1.1]);
-    assert!(warnings::level_has_changed(&[persistence.clone(), mean(3.32)]));
+    assert!(warnings::level_may_have_changed(&[persistence.clone(), mean(3.32)]));
     for quiet in [vec![persistence], vec![mean(1.9)], vec![mean(f64::INFINITY)]] {
-        assert!(!warnings::level_has_changed(&quiet));
+        assert!(!warnings::level_may_have_changed(&quiet));
     }
 }
