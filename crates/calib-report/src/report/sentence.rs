@@ -1,5 +1,6 @@
 //! A verdict in sentences for readers without knowledge of statistics.
 
+use calib_agent::SimplePredictor;
 use calib_stats::{Bounded, Estimate, Interval};
 
 use super::{Alternative, ChoiceBaseline, Grade, HeldOutResult, Reason, Separation, Verdict};
@@ -105,7 +106,8 @@ impl Verdict {
         self.outside_training.filter(|share| *share > 0.5)
     }
 
-    /// Returns NRMSE and skill of the best setting on held-out data as a sentence, if they are known.
+    /// Returns NRMSE and skill of the best setting on held-out data, and the NRMSE of the training mean there, as far as
+    /// they are known.
     pub(super) fn best_numbers(&self) -> Option<String> {
         let online = self.online.as_ref()?;
         if !online.best_error.is_finite() {
@@ -116,9 +118,11 @@ impl Verdict {
             format!(" and a skill of {} against the mean of each window", signed(skill))
         });
         let best = &online.best;
-        Some(format!(
-            "The best setting, {best}, has an NRMSE of {error} against the mean of the training range{skill}."
-        ))
+        let mut means = self.simple.iter().filter(|row| row.predictor == SimplePredictor::Mean);
+        let mean = means.find(|row| row.error.is_finite()).map_or_else(String::new, |row| {
+            format!(" The NRMSE of the training mean is {}.", number(row.error))
+        });
+        Some(format!("The best setting, {best}, has an NRMSE of {error}{skill}.{mean}"))
     }
 
     /// Returns the choice as it is typed.
@@ -391,13 +395,25 @@ pub(super) fn changed(ratio: f64) -> String {
     }
 }
 
-/// Formats an interval of ratios: "10 % to 30 % less", "9 % less to 2 % more".
+/// Ratios from this one on are given as a factor in an interval: our choice.
+const FACTOR: f64 = 10.0;
+
+/// Formats an interval of ratios: "10 % to 30 % less", "9 % less to 2 % more", "5 % less to 55 times as much".
 fn between(Interval { low, high }: Interval) -> String {
     match (low, high) {
+        (low, high) if high >= FACTOR && high.is_finite() => {
+            let low = if low >= FACTOR { factor(low) } else { changed(low) };
+            format!("{low} to {} times as much", factor(high))
+        }
         (low, high) if high <= 1.0 => format!("{} to {}", percent(1.0 - high), changed(low)),
         (low, high) if low >= 1.0 => format!("{} to {}", percent(low - 1.0), changed(high)),
         _ => format!("{} to {}", changed(low), changed(high)),
     }
+}
+
+/// Formats a ratio: "55", "more than 1,000".
+fn factor(ratio: f64) -> String {
+    if is_many_times(ratio) { "more than 1,000".to_owned() } else { number(ratio) }
 }
 
 /// Formats the interval of a ratio of errors: " (95 %: 10 % to 30 % less)"; empty without an interval.

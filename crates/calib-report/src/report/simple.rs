@@ -75,12 +75,14 @@ impl Simpler {
         self.ratio.is_some_and(|ratio| ratio.value < AS_WELL)
     }
 
-    /// Whether a few windows make the mean over windows disagree with the geometric mean.
+    /// Whether a few windows make the mean over windows disagree with the geometric mean: in size, or about which of
+    /// the two is better.
     fn is_decided_by_few(&self) -> bool {
         let means = self.typical_errors.map(|[predictor, agent]| agent / predictor);
         means.zip(self.ratio).is_some_and(|(means, ratio)| {
             let apart = means / ratio.value;
-            !(1.0 / FEW_DECIDE..=FEW_DECIDE).contains(&apart)
+            let disagree = (means < 1.0 && ratio.value > 1.0) || (means > 1.0 && ratio.value < 1.0);
+            disagree || !(1.0 / FEW_DECIDE..=FEW_DECIDE).contains(&apart)
         })
     }
 

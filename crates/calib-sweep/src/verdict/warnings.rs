@@ -145,7 +145,7 @@ pub const ENOUGH_WINDOWS: usize = 4;
 fn little_held_out(truth: &Truth, part: Part) -> Option<String> {
     let count = truth.windows.len();
     let windows = if count == 1 { "window" } else { "windows" };
-    let each = if count == 1 { "" } else { "each " };
+    let shortest = if count == 1 { "" } else { "the shortest " };
     let horizons = truth.horizons;
     // 500 · (1 − 0.9) is slightly less than 50 in binary.
     let are_short = horizons < FEW_HORIZONS - 1e-6;
@@ -156,7 +156,7 @@ fn little_held_out(truth: &Truth, part: Part) -> Option<String> {
              data.train_fraction), or use shorter runs (sweep.steps)"
         )),
         (true, true) => Some(format!(
-            "the held-out data has {count} {windows}, {each}only {horizons:.1} times as long as what an agent predicts ahead, so little tells a difference from \
+            "the held-out data has {count} {windows}, {shortest}only {horizons:.1} times as long as what an agent predicts ahead, so little tells a difference from \
              chance; hold out more (data.held_out, or data.train_fraction), or predict less far ahead (agent.gamma)"
         )),
         (false, true) => {
@@ -165,7 +165,7 @@ fn little_held_out(truth: &Truth, part: Part) -> Option<String> {
                 Part::AfterFirstQuarter | Part::FinalQuarter => ", or sweep.scored = \"whole_run\"",
             };
             Some(format!(
-                "each held-out window is only {horizons:.1} times as long as what an agent predicts ahead, so the verdict depends on what happened in \
+                "the shortest held-out window is only {horizons:.1} times as long as what an agent predicts ahead, so the verdict depends on what happened in \
                  those {count} as much as on the settings; use longer runs (sweep.steps), and hold out enough for them{whole}"
             ))
         }

@@ -572,11 +572,40 @@ fn bounds_without_a_meaning_have_no_number() {
 }
 
 #[test]
+fn large_bounds_are_factors() {
+    let told = |low, high| between(Interval { low, high });
+    assert_eq!(told(0.003, 55.98), "100 % less to 56 times as much");
+    assert_eq!(told(1.2, 55.0), "20 % more to 55 times as much");
+    assert_eq!(told(12.0, 55.0), "12 to 55 times as much");
+    assert_eq!(told(0.9, 2.71e19), "10 % less to more than 1,000 times as much");
+    assert_eq!(told(0.9, f64::INFINITY), "10 % less to divergence");
+    assert_eq!(told(0.9, 9.0), "10 % less to 800 % more");
+}
+
+#[test]
+fn means_that_disagree_about_the_better_one_are_told() {
+    let mut verdict = beaten(true);
+    let simpler = verdict.simpler.as_mut().unwrap();
+    // The predictor has 1.9 % more error as a geometric mean, and less as a mean over windows.
+    simpler.ratio = Some(estimate(0.981, 0.9, 1.1));
+    simpler.typical_errors = Some([420.0, 425.0]);
+    let told = verdict.plain();
+    assert!(
+        told.contains("which the worst of them decide: persistence 420, the agent 425."),
+        "{told}"
+    );
+    verdict.simpler.as_mut().unwrap().typical_errors = Some([425.0, 420.0]);
+    assert!(!verdict.plain().contains("the worst of them"), "{}", verdict.plain());
+}
+
+#[test]
 fn what_is_not_shown_to_be_predictable_is_called_so() {
     let mut verdict = Verdict { grade: Grade::NotLearnt, ..beaten(true) };
     verdict.simpler = None;
     insta::assert_snapshot!(verdict.headline(), @"Do not deploy an agent for PIT300: at this horizon, nothing is shown to predict it better than its training mean.");
-    assert!(verdict.plain().contains(" Deploy that mean, or nothing;"), "{}", verdict.plain());
+    let told = verdict.plain();
+    assert!(told.contains(" The NRMSE of the training mean is 1.02."), "{told}");
+    assert!(told.contains(" Deploy that mean, or nothing;"), "{told}");
 }
 
 #[test]
