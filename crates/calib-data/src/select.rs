@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Normalisation, PreprocessConfig,
     channel::{Moments, is_same, quantile},
+    switches::Switch,
 };
 
 /// Why a channel is not a sensor of the states.
@@ -42,6 +43,9 @@ pub enum DropReason {
     Constant {
         /// Its value.
         value: f64,
+        /// The word that is read as this value. Default: it is recorded as a number.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        word: Option<String>,
     },
     /// The values that normalisation maps to 0 and 1 are equal, or too far apart to represent.
     NoSpread {
@@ -58,6 +62,19 @@ pub enum DropReason {
     },
 }
 
+impl DropReason {
+    /// Adds the word that `switch` reads as the value of a constant channel.
+    pub(crate) fn with_word(self, switch: Option<&Switch>) -> Self {
+        match self {
+            Self::Constant { value, word: None } => {
+                let word = switch.and_then(|switch| switch.word(value)).map(str::to_owned);
+                Self::Constant { value, word }
+            }
+            other => other,
+        }
+    }
+}
+
 impl fmt::Display for DropReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -71,8 +88,11 @@ impl fmt::Display for DropReason {
                 "{:.1} % missing in the training range, more than preprocess.max_missing = {limit}",
                 fraction * 100.0
             ),
-            Self::Constant { value } => {
+            Self::Constant { value, word: None } => {
                 write!(f, "constant at {} in the training range", Short(*value))
+            }
+            Self::Constant { value, word: Some(word) } => {
+                write!(f, "constant at {word} (read as {}) in the training range", Short(*value))
             }
             Self::NoSpread { low, high } => {
                 write!(f, "its normalisation range is from {} to {}", Short(*low), Short(*high))
@@ -112,7 +132,7 @@ pub(crate) fn fit(
         return Err(DropReason::Missing { fraction, limit });
     }
     if is_same(moments.min, moments.max) {
-        return Err(DropReason::Constant { value: moments.min });
+        return Err(DropReason::Constant { value: moments.min, word: None });
     }
     let (offset, scale) = match preprocess.normalise {
         Normalisation::Standard => (moments.mean, moments.std()),
@@ -148,8 +168,20 @@ mod tests {
         fit(values, Moments::of(values), false, preprocess)
     }
 
+    fn constant(value: f64) -> DropReason {
+        DropReason::Constant { value, word: None }
+    }
+
+    #[test]
+    fn a_constant_switch_is_told_with_its_word() {
+        let switch = Switch::of(["RUN"].into_iter());
+        let reason = constant(1.0).with_word(switch.as_ref());
+        assert_eq!(reason.to_string(), "constant at RUN (read as 1) in the training range");
+        assert_eq!(constant(1.0).with_word(None), constant(1.0));
+    }
+
     fn told(value: f64) -> String {
-        DropReason::Constant { value }.to_string()
+        constant(value).to_string()
     }
 
     #[test]
@@ -165,10 +197,10 @@ mod tests {
     fn channels_are_dropped_with_a_reason() {
         let preprocess = PreprocessConfig { max_missing: 0.25, ..PreprocessConfig::default() };
         let reason = |values: &[f64]| fitted(values, 0..4, &preprocess).expect_err("dropped");
-        assert_eq!(reason(&[2.0, NAN, 2.0, 2.0, 5.0]), DropReason::Constant { value: 2.0 });
+        assert_eq!(reason(&[2.0, NAN, 2.0, 2.0, 5.0]), constant(2.0));
         assert_eq!(reason(&[NAN, NAN, NAN, NAN, 5.0]), DropReason::AllMissing);
         let noise = reason(&[0.05, 0.050_000_000_000_000_01, 0.05, 0.05]);
-        assert_eq!(noise, DropReason::Constant { value: 0.05 }, "as a controller writes 0.05");
+        assert_eq!(noise, constant(0.05), "as a controller writes 0.05");
         let missing = reason(&[1.0, NAN, NAN, 2.0]);
         assert_eq!(
             missing.to_string(),

@@ -279,6 +279,8 @@ impl Scan<'_> {
                 let bounds = fit(in_train, summary.in_train, has_words, self.preprocess);
                 (summary, bounds)
             };
+        let switch = channel.not_numbers.switch.as_ref();
+        let bounds = bounds.map_err(|reason| reason.with_word(switch));
         let mut imputed = 0;
         let mut unfilled = 0;
         if bounds.is_ok() && summary.missing > 0 {

@@ -71,6 +71,12 @@ impl Switch {
         }
     }
 
+    /// Returns the word that is read as this value.
+    pub(crate) fn word(&self, value: f64) -> Option<&str> {
+        let words = [self.on.as_deref(), self.off.as_deref()];
+        words.into_iter().flatten().find(|word| self.value(word) == Some(value))
+    }
+
     /// Describes a channel and its words, if it has both.
     pub(crate) fn told(&self, channel: &str) -> Option<String> {
         let (on, off) = self.on.as_ref().zip(self.off.as_ref())?;
@@ -103,6 +109,7 @@ mod tests {
     fn a_switch_that_never_moves_has_its_value() {
         let [on, off] = ["ON", "OFF"].map(|word| switch(&[word]).expect("of a pair"));
         assert_eq!((on.value("ON"), on.value("OFF")), (Some(1.0), None));
+        assert_eq!((on.word(1.0), on.word(0.0), off.word(0.0)), (Some("ON"), None, Some("OFF")));
         assert_eq!((off.value("OFF"), off.told("XV")), (Some(0.0), None));
     }
 }

@@ -38,7 +38,7 @@ fn every_dropped_channel_has_its_reason() {
     let reason = |name| profile.channel(name).expect("a channel").dropped.clone();
     assert_eq!(reason("FIT1"), None);
     assert_eq!(reason("FIT2"), Some(DropReason::Excluded { pattern: "*2".to_owned() }));
-    assert_eq!(reason("constant"), Some(DropReason::Constant { value: 2.0 }));
+    assert_eq!(reason("constant"), Some(DropReason::Constant { value: 2.0, word: None }));
     assert_eq!(reason("dead"), Some(DropReason::AllMissing));
     assert!(matches!(reason("gappy"), Some(DropReason::Missing { limit: 0.1, .. })));
     assert_eq!(reason("other"), Some(DropReason::NotIncluded));
@@ -72,7 +72,7 @@ fn selection_and_bounds_come_from_the_training_range() {
     let data = DataConfig { train_fraction: 0.8, ..folder.data() };
     let dataset = load_with(&data, &PreprocessConfig::default());
     let late = dataset.profile.channel("late").expect("a channel");
-    assert_eq!(late.dropped, Some(DropReason::Constant { value: 1.0 }));
+    assert_eq!(late.dropped, Some(DropReason::Constant { value: 1.0, word: None }));
     assert!(!late.values.as_ref().expect("values").constant);
     let column = &dataset.normaliser.columns()[0];
     assert_eq!(column.bounds, Bounds { offset: 0.0, scale: 7.0 });

@@ -351,7 +351,7 @@ fn one_row_needs_a_period() {
     let profile = profile(&data);
     assert_eq!((profile.rows, profile.train.transitions), (1, 0));
     let constant = profile.channel("a").expect("a channel").dropped.clone();
-    assert_eq!(constant, Some(DropReason::Constant { value: 1.0 }));
+    assert_eq!(constant, Some(DropReason::Constant { value: 1.0, word: None }));
 }
 
 #[test]
