@@ -114,7 +114,7 @@ fn without_own_column(channel: &ChannelProfile) -> String {
     format!("{}: {why}{}", channel.name, notes(channel))
 }
 
-/// Columns of numbers in a table of channels. Each column has one notation.
+/// Columns of numbers in a table of channels.
 struct NumberColumns {
     min: Vec<String>,
     max: Vec<String>,
@@ -127,7 +127,7 @@ impl NumberColumns {
     fn of(channels: &[&ChannelProfile]) -> Self {
         let column = |pick: fn(&ValueProfile) -> Option<f64>| {
             let values = channels.iter().map(|channel| channel.values.as_ref().and_then(pick));
-            in_one_notation(&values.collect::<Vec<_>>())
+            readable(&values.collect::<Vec<_>>())
         };
         Self {
             min: column(|values| Some(values.min)),
@@ -159,14 +159,15 @@ impl NumberColumns {
     }
 }
 
-/// Formats numbers with three digits; a dash stands for a missing one. All have an exponent if some would be long without it.
-fn in_one_notation(values: &[Option<f64>]) -> Vec<String> {
-    let mut sizes = values.iter().flatten().map(|value| value.abs()).filter(|size| *size > 0.0);
-    let is_short = sizes.all(|size| (1e-6..1e9).contains(&size));
+/// Formats numbers with three digits or all digits before the point; a dash stands for a missing one. Only those outside of
+/// 1e-4 to 1e6 have an exponent, so that one tiny number leaves the others readable.
+fn readable(values: &[Option<f64>]) -> Vec<String> {
     let written = |value: f64| {
+        // Single precision of 0.0001 is slightly less.
+        let size = rounded(value, 3).abs();
         if value == 0.0 {
             "0".to_owned()
-        } else if is_short {
+        } else if (1e-4..=1e6).contains(&size) {
             let digits_before_point = value.abs().log10().floor().max(2.0) as usize + 1;
             rounded(value, digits_before_point).to_string()
         } else {
@@ -181,9 +182,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_column_has_one_notation() {
+    fn only_very_large_and_small_numbers_have_an_exponent() {
         let plain = [1e-4, 0.009_999_999_8, 0.1, 2.0, 1_237.4, 0.0, -33.41].map(Some);
-        assert_eq!(in_one_notation(&plain), ["0.0001", "0.01", "0.1", "2", "1237", "0", "-33.4"]);
-        assert_eq!(in_one_notation(&[Some(1e-9), Some(0.25), None]), ["1.00e-9", "2.50e-1", "–"]);
+        assert_eq!(readable(&plain), ["0.0001", "0.01", "0.1", "2", "1237", "0", "-33.4"]);
+        let mixed = [Some(1e-9), Some(1.0), Some(f64::from(1e-4_f32)), Some(-2.5e7), None];
+        assert_eq!(readable(&mixed), ["1.00e-9", "1", "0.0001", "-2.50e7", "–"]);
     }
 }
