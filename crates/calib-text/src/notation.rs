@@ -271,21 +271,52 @@ impl Candidates {
         self.left.len() > 1
     }
 
-    /// Of those that are left, the one that is meant in practice; `cells` are the first of the column. Dates with points are day first wherever
-    /// they are written. Days of a spreadsheet from 2000 to 2064 would be seconds of the first day of 1970; whole numbers may be seconds of a day.
-    pub fn likely(&self, cells: &[&str]) -> Option<Likely> {
-        let day_first = self.left.iter().find(|notation| {
-            matches!(notation, Notation::Pattern(pattern) if pattern.starts_with("%d.%m."))
-        });
-        if let Some(notation) = day_first {
-            let month_first = self.left.iter().find(|other| notation.swaps_days(other))?;
-            let told = format!(
-                "dates with points, such as {}, are read as day, month, year: set data.timestamp_format = \"{}\" if the month comes first",
-                self.example,
-                month_first.name()
-            );
-            return Some(Likely { notation: notation.clone(), told });
+    /// Returns the notation that is meant in practice, of those that are left. `cells` are the first of the column.
+    /// `days` are the cells of all rows whose date is not that of the row before.
+    pub fn likely(&self, cells: &[&str], days: &[String]) -> Option<Likely> {
+        self.likely_order(days).or_else(|| self.likely_spreadsheet(cells))
+    }
+
+    /// Dates with points are day first wherever they are written. If the year has two digits, it may come first: the
+    /// order whose days follow each other is meant, if that is clear.
+    fn likely_order(&self, days: &[String]) -> Option<Likely> {
+        let day_first = self.starting("%d.%m.")?;
+        let month_first = self.left.iter().find(|other| day_first.swaps_days(other));
+        let Some(year_first) = self.starting("%y.%m.") else {
+            return Some(self.chosen(day_first, month_first?));
+        };
+        let [by_day, by_year] = [day_first, year_first].map(|notation| travel(notation, days));
+        if CLEARLY * by_day < by_year {
+            Some(self.chosen(day_first, month_first.unwrap_or(year_first)))
+        } else if CLEARLY * by_year < by_day {
+            Some(self.chosen(year_first, day_first))
+        } else {
+            None
         }
+    }
+
+    /// Returns the notation left whose pattern starts with `start`.
+    fn starting(&self, start: &str) -> Option<&Notation> {
+        self.left.iter().find(
+            |notation| matches!(notation, Notation::Pattern(pattern) if pattern.starts_with(start)),
+        )
+    }
+
+    /// Chooses an order of the fields of dates with points, and tells of the `other` one.
+    fn chosen(&self, notation: &Notation, other: &Notation) -> Likely {
+        let told = format!(
+            "dates with points, such as {}, are read as {}: set data.timestamp_format = \"{}\" if the {} comes first",
+            self.example,
+            order(notation),
+            other.name(),
+            order(other).split(',').next().unwrap_or_default()
+        );
+        Likely { notation: notation.clone(), told }
+    }
+
+    /// Days of a spreadsheet from 2000 to 2064 would be seconds of the first day of 1970. Whole numbers may be seconds
+    /// of a day.
+    fn likely_spreadsheet(&self, cells: &[&str]) -> Option<Likely> {
         let excel = Notation::Number(TimestampUnit::Excel);
         let days = numbers(cells)?;
         let are_days = days.iter().all(|day| SPREADSHEET_DAYS.contains(day))
@@ -306,6 +337,25 @@ impl Candidates {
     pub fn readings(&self) -> String {
         let readings = self.left.iter().map(|notation| notation.reading(&self.example));
         readings.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// One order of the fields of dates is clear if the steps of the other are so many times as long. Our choice.
+const CLEARLY: f64 = 4.0;
+
+/// Returns the sum of the steps between successive `cells`, in microseconds.
+fn travel(notation: &Notation, cells: &[String]) -> f64 {
+    let times: Vec<i64> =
+        cells.iter().filter_map(|cell| notation.read(cell).map(ParsedTime::as_it_stands)).collect();
+    times.windows(2).map(|pair| pair[0].abs_diff(pair[1]) as f64).sum()
+}
+
+/// Returns the order of the fields of numeric dates, in words.
+fn order(notation: &Notation) -> &'static str {
+    match notation {
+        Notation::Pattern(pattern) if pattern.starts_with("%d") => "day, month, year",
+        Notation::Pattern(pattern) if pattern.starts_with("%m") => "month, day, year",
+        _ => "year, month, day",
     }
 }
 

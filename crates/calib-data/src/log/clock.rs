@@ -223,7 +223,8 @@ fn decided(
         found = by_all_rows(file, time, found, monitor)?;
     }
     if found.is_ambiguous() {
-        let Some(likely) = found.likely(&cells) else {
+        let days = days_of(file, time, monitor)?;
+        let Some(likely) = found.likely(&cells, &days) else {
             return Err(DataError::AmbiguousTimes {
                 path: file.path.clone(),
                 example: found.example.clone(),
@@ -234,6 +235,26 @@ fn decided(
         return Ok(likely.notation);
     }
     Ok(found.left.swap_remove(0))
+}
+
+/// Number of days that show the order of the fields of dates. Our choice.
+const ENOUGH_DAYS: usize = 1_000;
+
+/// Returns the times of the first rows whose date is not that of the row before.
+fn days_of(file: &TextFile, time: usize, monitor: &dyn Monitor) -> Result<Vec<String>, DataError> {
+    let mut days: Vec<String> = Vec::new();
+    for_each_time(file, time, monitor, |text| {
+        if days.last().is_none_or(|last| date_in(last) != date_in(text)) {
+            days.push(text.to_owned());
+        }
+        days.len() < ENOUGH_DAYS
+    })?;
+    Ok(days)
+}
+
+/// Returns the part of a time before the time of day.
+fn date_in(text: &str) -> &str {
+    text.split([' ', 'T']).next().unwrap_or_default()
 }
 
 /// Minimum step, in microseconds, that counts as a sign of swapped day and month: 20 days. A swap turns one day into
@@ -255,7 +276,7 @@ fn refuse_far_days(
     let mut is_dense = false;
     for_each_time(file, time, monitor, |text| {
         // Most rows are of the day of the row before them.
-        let date = text.split([' ', 'T']).next().unwrap_or_default();
+        let date = date_in(text);
         if date == last_date {
             is_dense = true;
         } else {
@@ -277,8 +298,8 @@ fn refuse_far_days(
         None => Ok(()),
         Some((near, _)) => Err(DataError::Shape {
             reason: format!(
-                "{} has times as {}, and with it days of {} are months apart, which are not as {}: if the day and the month change places from file to file, write them alike, \
-                 or read one kind of files with data.path and data.timestamp_format",
+                "{} has times as {}, and with it days of {} are months apart, which are not as {}: if all files have one order, set data.timestamp_format to it; \
+                 if the day and the month change places from file to file, write them alike, or read one kind of files with data.path and data.timestamp_format",
                 told.path.display(),
                 told.notation.name(),
                 file.path.display(),

@@ -291,7 +291,11 @@ fn the_order_of_day_and_month_is_that_of_all_files() {
     assert_refused(&folder.data(), &told);
     // In the notation of the second file, the days of the first one would be months apart.
     folder.write_file("a.csv", &half_days(6, day_first));
-    let told = ["b.csv has times as %m/%d/%Y", "a.csv are months apart", "not as %d/%m/%Y"];
+    let told = [
+        "b.csv has times as %m/%d/%Y",
+        "a.csv are months apart",
+        "one order, set data.timestamp_format",
+    ];
     assert_refused(&folder.data(), &told);
     folder.write_file("a.csv", &half_days(6, month_first));
     assert_eq!((folder.load().train.rows(), folder.inspect().gaps.count), (20, 1));
@@ -309,6 +313,14 @@ fn dates_with_points_are_day_first() {
     let doubts = folder.inspect().clock_doubts().join("\n");
     let told = "are read as day, month, year: set data.timestamp_format = \"%m.%d.%Y %H:%M\"";
     assert!(doubts.contains(told), "{doubts}");
+    // If the year has two digits, it may come first.
+    let short = Folder::of_text("a.csv", &half_days(11, |day| format!("{day:02}.03.24")));
+    assert_eq!(train_seconds(&short.load())[0], 1_710_115_200.0);
+    let year_first = Folder::of_text("a.csv", &half_days(11, |day| format!("24.03.{day:02}")));
+    assert_eq!(train_seconds(&year_first.load())[0], 1_710_115_200.0);
+    let one_day = "time,a\n24.03.11 00:00,1\n24.03.11 12:00,2\n";
+    let told = ["data.timestamp_format = \"%y.%m.%d %H:%M\"", "\"%d.%m.%y %H:%M\""];
+    assert_refused(&Folder::of_text("a.csv", one_day).data(), &told);
     // A later row that contradicts the first ones counts.
     let month_first = half_days(10, |day| format!("03.{day:02}.2024"));
     assert_eq!(train_seconds(&Folder::of_text("a.csv", &month_first).load())[0], 1_710_028_800.0);

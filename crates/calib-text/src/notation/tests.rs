@@ -160,3 +160,28 @@ fn days_of_a_spreadsheet_are_asked_for_and_read_when_told() {
     let rounded = excel.read("45292.0006944444");
     assert_eq!(rounded, Some(ParsedTime::Wall(1_704_067_260_000_000)), "a minute");
 }
+
+/// Returns the notation chosen for `cells`, each of another day, and what is told of it.
+fn likely(cells: &[&str]) -> Option<[String; 2]> {
+    let days: Vec<String> = cells.iter().map(|&cell| cell.to_owned()).collect();
+    let likely = Candidates::of(cells, None).likely(cells, &days)?;
+    Some([likely.notation.name(), likely.told])
+}
+
+#[test]
+fn dates_with_points_and_two_digits_of_the_year_follow_each_other() {
+    for cells in [["11.03.24", "12.03.24", "13.03.24"], ["01.03.24", "02.03.24", "03.03.24"]] {
+        let [name, told] = likely(&cells).expect("day first");
+        assert_eq!(name, "%d.%m.%y");
+        assert!(told.contains("are read as day, month, year"), "{told}");
+    }
+    for cells in [["10.01.04", "10.01.05", "10.01.06"], ["24.03.16", "24.03.15", "24.03.14"]] {
+        let [name, told] = likely(&cells).expect("year first");
+        assert_eq!(name, "%y.%m.%d");
+        let other = "year, month, day: set data.timestamp_format = \"%d.%m.%y\" if the day";
+        assert!(told.contains(other), "{told}");
+    }
+    // One day, and one day of each month, have the same steps in both orders.
+    assert_eq!(likely(&["24.03.16", "24.03.16"]), None);
+    assert_eq!(likely(&["15.01.24", "15.02.24", "15.03.24"]), None);
+}
