@@ -154,7 +154,7 @@ pub enum DataError {
         if *too_many_to_skip {
             "That is more than one line in a hundred, which data.bad_rows = \"skip\" would leave out: are data.separator, data.decimal and data.timestamp_format right?"
         } else {
-            "Correct or remove such lines, or say how times are written with data.timestamp_format; data.bad_rows = \"skip\" leaves such lines out"
+            found.remedy()
         }
     )]
     BadRows {

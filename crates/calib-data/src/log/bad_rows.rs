@@ -9,6 +9,8 @@ use crate::{BadRows, DataConfig, DataError};
 const SHOWN: usize = 5;
 /// The largest share of the lines that `data.bad_rows = "skip"` skips. With more, the log is read wrongly.
 const MOST: f64 = 0.01;
+/// What is said of a time in another notation.
+pub(crate) const NO_TIME: &str = "is no time as the others are";
 
 /// Lines that cannot be read.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -38,6 +40,15 @@ impl BadRowsFound {
         self.count += later.count;
         let room = SHOWN - self.examples.len();
         self.examples.extend(later.examples.into_iter().take(room));
+    }
+
+    /// Returns what to do about these lines.
+    pub(crate) fn remedy(&self) -> &'static str {
+        if self.examples.iter().any(|example| example.contains(NO_TIME)) {
+            "Correct or remove such lines, or say how times are written with data.timestamp_format; data.bad_rows = \"skip\" leaves such lines out"
+        } else {
+            "Restore the file, or correct or remove such lines; data.bad_rows = \"skip\" leaves such lines out"
+        }
     }
 
     /// Rejects a log with such lines and `rows` good ones, unless the study skips them and they are few.

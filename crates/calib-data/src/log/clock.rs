@@ -351,7 +351,7 @@ fn for_each_time(
     while let Some(block) = blocks.next(1)? {
         monitor.check()?;
         for (range, line) in &block.parts {
-            let mut records = file.records(&block.bytes[range.clone()], *line);
+            let mut records = file.records(&block, range.clone(), *line);
             while advance(&mut records)? {
                 let text = records.time(time);
                 let text = text.trim();

@@ -7,7 +7,7 @@ use calib_files::{FileError, Spill};
 use calib_text::ParsedTime;
 
 use super::{
-    bad_rows::BadRowsFound,
+    bad_rows::{BadRowsFound, NO_TIME},
     clock::{Clock, Fractions, Instants},
     memory_limit::MemoryLimit,
 };
@@ -246,13 +246,10 @@ pub(crate) fn stamp(
     if text.is_empty() {
         return Ok(None);
     }
-    notation.read(text).map(Some).ok_or_else(|| {
-        records.refused(format!(
-            "{} is no time as the others are ({})",
-            shown(text),
-            notation.name()
-        ))
-    })
+    notation
+        .read(text)
+        .map(Some)
+        .ok_or_else(|| records.refused(format!("{} {NO_TIME} ({})", shown(text), notation.name())))
 }
 
 /// Reads a cell of a record that may be a number.

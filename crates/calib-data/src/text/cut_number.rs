@@ -28,6 +28,13 @@ pub(super) fn decimals_before_cut(last: &str, before: &[&str], decimal: Decimal)
     (are_padded && rest.len() < usual).then_some(usual)
 }
 
+/// Whether `cell` is a plain number with so many decimals, or no number.
+pub(super) fn has_decimals(cell: &str, decimals: usize, decimal: Decimal) -> bool {
+    let sign = if decimal == Decimal::Comma { ',' } else { '.' };
+    !cell.contains(|c: char| c.is_ascii_digit())
+        || fraction(cell, sign).is_some_and(|fraction| fraction.len() == decimals)
+}
+
 /// Returns the decimals of a plain number, possibly empty; `None` for another format.
 fn fraction(cell: &str, sign: char) -> Option<&str> {
     let number = cell.strip_prefix(['-', '+']).unwrap_or(cell);
@@ -73,6 +80,17 @@ mod tests {
         let above_a_thousand =
             decimals("998", |value| format!("1.{:03}", 10.0 * value.floor()), Decimal::Comma);
         assert_eq!(above_a_thousand, None, "1.120 has no decimals");
+    }
+
+    #[test]
+    fn another_number_of_decimals_is_seen() {
+        for cell in ["1.50", "-0.00", "Bad", ""] {
+            assert!(has_decimals(cell, 2, Decimal::Point), "{cell}");
+        }
+        for cell in ["1", "0", "1.5", "1,50", "1.50e0"] {
+            assert!(!has_decimals(cell, 2, Decimal::Point), "{cell}");
+        }
+        assert!(has_decimals("1,50", 2, Decimal::Comma));
     }
 
     #[test]

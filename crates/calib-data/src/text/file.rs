@@ -1,6 +1,9 @@
 //! One text file of the log.
 
-use std::path::{Path, PathBuf};
+use std::{
+    ops::Range,
+    path::{Path, PathBuf},
+};
 
 use calib_core::Monitor;
 use calib_text::{Decimal, Dialect};
@@ -8,8 +11,8 @@ use rayon::prelude::*;
 
 use super::{
     RecordReader, TextColumn,
-    blocks::Blocks,
-    cut_number::decimals_before_cut,
+    blocks::{Block, Blocks},
+    cut_number::{decimals_before_cut, has_decimals},
     decode,
     input::{self, Compression, fill, unreadable},
     shown,
@@ -119,7 +122,7 @@ impl TextFile {
             let parts = block
                 .parts
                 .par_iter()
-                .map(|(range, line)| read(self.records(&block.bytes[range.clone()], *line)));
+                .map(|(range, line)| read(self.records(&block, range.clone(), *line)));
             for part in parts.collect::<Result<Vec<Part>, DataError>>()? {
                 take(part)?;
             }
@@ -133,9 +136,15 @@ impl TextFile {
         Blocks::new(input, self.path.clone(), self.dialect.marks, self.dialect.skip)
     }
 
-    /// Returns the records of a part of a block, which `line` lines precede.
-    pub(crate) fn records<'a>(&'a self, bytes: &'a [u8], line: u64) -> Records<'a> {
-        Records { reader: RecordReader::new(bytes, self.dialect.marks), file: self, line }
+    /// Returns the records of the part `range` of a block, which `line` lines precede.
+    pub(crate) fn records<'a>(
+        &'a self,
+        block: &'a Block,
+        range: Range<usize>,
+        line: u64,
+    ) -> Records<'a> {
+        let reader = RecordReader::new(&block.bytes[range], self.dialect.marks);
+        Records { reader, file: self, block: &block.bytes, line }
     }
 }
 
@@ -259,6 +268,8 @@ pub(crate) fn joined_fields(fields: impl Iterator<Item = impl AsRef<str>>) -> St
 pub(crate) struct Records<'a> {
     reader: RecordReader<'a>,
     file: &'a TextFile,
+    /// All records of the block.
+    block: &'a [u8],
     line: u64,
 }
 
@@ -305,12 +316,26 @@ impl Records<'_> {
             before.pop();
         }
         match decimals_before_cut(last, &before, decimal) {
-            None => Ok(()),
-            Some(decimals) => Err(self.refused(format!(
+            Some(decimals) if self.are_padded(decimals, decimal) => Err(self.refused(format!(
                 "no line break follows {}, and numbers above it have {decimals} decimals; is the file cut off?",
                 shown(last)
             ))),
+            _ => Ok(()),
         }
+    }
+
+    /// Whether all numbers of the last column have so many decimals, in the block of the last record without it.
+    fn are_padded(&self, decimals: usize, decimal: Decimal) -> bool {
+        let last = self.file.columns().len() - 1;
+        let mut records = RecordReader::new(self.block, self.file.dialect.marks);
+        while records.advance() && !records.lacks_line_break() {
+            if records.count() > last
+                && !has_decimals(decode(records.cell(last)).trim(), decimals, decimal)
+            {
+                return false;
+            }
+        }
+        true
     }
 
     /// Returns the raw bytes of a cell of the record.

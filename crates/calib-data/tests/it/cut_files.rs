@@ -56,7 +56,7 @@ fn files_of_a_tag_each_may_be_cut() {
     let folder = Folder::of_text("FIT100.csv", &text);
     folder.write_file("PIT300.csv", &text[..last + "2024-03-11 00:39:00,121".len()]);
     let told = ["PIT300.csv, line 41: no line break follows \"121\"", "have 2 decimals"];
-    assert_refused(&folder.data(), &told);
+    assert_refused(&folder.data(), &[&told[..], &["Restore the file", "data.bad_rows"]].concat());
 }
 
 #[test]
@@ -71,6 +71,16 @@ fn a_short_last_number_may_be_whole() {
     let shorter = format!("{}2024-03-11 00:39:00,120", &text[..last]);
     assert_eq!(read_to(&format!("{shorter}\n")), (40, 0));
     assert_refused(&Folder::of_text("a.csv", &shorter).data(), &["is the file cut off"]);
+    // A channel that is switched off late writes 0.
+    let mut late = text;
+    for row in 0..500 {
+        let [hour, minute] = [1 + row / 60, row % 60];
+        writeln!(late, "2024-03-11 {hour:02}:{minute:02}:00,120.50").expect("memory");
+    }
+    let [off, cut] = ["0\n2024-03-11 10:00:00,0", "120.50\n2024-03-11 10:00:00,0"];
+    assert_eq!(read_to(&format!("{late}2024-03-11 09:59:00,{off}")), (542, 0));
+    let cut = format!("{late}2024-03-11 09:59:00,{cut}");
+    assert_refused(&Folder::of_text("a.csv", &cut).data(), &["is the file cut off"]);
     // Each tag of a long table may have its own format.
     let mut long = "time,tag,value\n".to_owned();
     for tag in ["PIT300", "valve"] {
