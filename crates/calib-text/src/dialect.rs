@@ -211,7 +211,7 @@ impl Dialect {
     pub fn signs(&self, time: usize, path: &Path) -> Signs {
         let mut signs = Signs::default();
         for column in (0..self.columns.len()).filter(|&column| column != time) {
-            signs.note_column(&self.cells(column), self.marks.separator == b';', path);
+            signs.note_column(&self.cells(column), self.marks.separator, path);
         }
         signs
     }

@@ -93,11 +93,12 @@ impl Signs {
         seen.get_or_insert_with(|| Shown::of(cell, path));
     }
 
-    /// Records the cells of a column of the file at `path`. Where `semicolons` separate cells, points may separate
-    /// thousands: programs whose decimal sign is the comma write so.
-    pub(crate) fn note_column(&mut self, cells: &[&str], semicolons: bool, path: &Path) {
-        let are_grouped = are_grouped(cells);
-        let are_open = semicolons && are_grouped && may_be_thousands(cells);
+    /// Records the cells of a column of the file at `path`. Where semicolons separate cells, points may separate
+    /// thousands: programs whose decimal sign is the comma write so. Where commas separate cells, a point is a decimal
+    /// sign.
+    pub(crate) fn note_column(&mut self, cells: &[&str], separator: u8, path: &Path) {
+        let are_grouped = separator != b',' && are_grouped(cells);
+        let are_open = separator == b';' && are_grouped && may_be_thousands(cells);
         for cell in cells {
             let point = match sign_of(cell.trim()) {
                 Sign::Point if are_open => &mut self.either,

@@ -252,6 +252,10 @@ fn points_and_commas_that_may_both_be_of_thousands_are_asked_about() {
     assert_eq!(train_values(&alone.load(), "Menge"), [3.611, 3.622]);
     let doubts = alone.inspect().clock_doubts().join("\n");
     assert!(doubts.contains("points such as that of 3.611"), "{doubts}");
+    let quoted = "time,ratio,power\n2024-03-01 00:00,1.243,\"5,284\"\n2024-03-01 00:01,1.251,999\n";
+    let quoted = Folder::of_text("a.csv", quoted).load();
+    assert_eq!(train_values(&quoted, "ratio"), [1.243, 1.251]);
+    assert_eq!(train_values(&quoted, "power"), [5284.0, 999.0]);
     // If the first rows have no point, a later one is ambiguous.
     let rows: Vec<String> =
         (0..500).map(|row| format!("{};{}\n", 1_704_067_200 + row, 400 + row)).collect();

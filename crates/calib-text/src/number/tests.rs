@@ -100,10 +100,10 @@ fn a_decimal_sign_that_nothing_tells_is_asked_for() {
 }
 
 /// Returns the decimal sign of a file whose columns have these cells.
-fn told_by_columns(columns: &[&[&str]], semicolons: bool) -> Result<Decimal, String> {
+fn told_by_columns(columns: &[&[&str]], separator: u8) -> Result<Decimal, String> {
     let mut signs = Signs::default();
     for cells in columns {
-        signs.note_column(cells, semicolons, Path::new("a.csv"));
+        signs.note_column(cells, separator, Path::new("a.csv"));
     }
     signs.decimal().map_err(|error| error.to_string())
 }
@@ -111,13 +111,13 @@ fn told_by_columns(columns: &[&[&str]], semicolons: bool) -> Result<Decimal, Str
 #[test]
 fn points_that_may_be_of_thousands_are_asked_about() {
     let flow: &[&str] = &["1.001", "998", "12.500", "n.a.", "997"];
-    let asked = told_by_columns(&[flow, &["434"]], true).expect_err("asked");
+    let asked = told_by_columns(&[flow, &["434"]], b';').expect_err("asked");
     let told =
         "1.001 is a fraction if data.decimal = \".\" and above a thousand if data.decimal = \",\"";
     assert!(asked.contains(told), "{asked}");
-    assert_eq!(told_by_columns(&[flow, &["434,5"]], true), Ok(Decimal::Comma));
-    assert_eq!(told_by_columns(&[flow, &["434.5"]], true), Ok(Decimal::Point));
-    assert_eq!(told_by_columns(&[flow], false), Ok(Decimal::Point), "commas separate cells");
+    assert_eq!(told_by_columns(&[flow, &["434,5"]], b';'), Ok(Decimal::Comma));
+    assert_eq!(told_by_columns(&[flow, &["434.5"]], b';'), Ok(Decimal::Point));
+    assert_eq!(told_by_columns(&[flow], b','), Ok(Decimal::Point), "commas separate cells");
     for fractions in [
         ["1.001", "998.5", "998", "997"],
         ["0.123", "1.250", "120", "130"],
@@ -126,30 +126,33 @@ fn points_that_may_be_of_thousands_are_asked_about() {
         ["21.503", "22.018", "100", "100"],
         ["21.503", "22.018", "-999", "999"],
     ] {
-        assert_eq!(told_by_columns(&[&fractions], true), Ok(Decimal::Point), "{fractions:?}");
+        assert_eq!(told_by_columns(&[&fractions], b';'), Ok(Decimal::Point), "{fractions:?}");
     }
     // A number with two points has no decimal point, whatever the other cells are.
     let millions: &[&str] = &["1.234.567", "1.001", "998", "997"];
-    assert_eq!(told_by_columns(&[millions], true), Ok(Decimal::Comma));
+    assert_eq!(told_by_columns(&[millions], b';'), Ok(Decimal::Comma));
 }
 
 #[test]
 fn points_and_commas_that_may_both_be_of_thousands_are_asked_about() {
     let amount: &[&str] = &["3.611", "3.622", "3.645"];
-    for semicolons in [true, false] {
-        let asked = told_by_columns(&[amount, &["10,710", "11,246"]], semicolons);
+    for separator in [b';', b'\t'] {
+        let asked = told_by_columns(&[amount, &["10,710", "11,246"]], separator);
         let asked = asked.expect_err("asked");
         assert!(asked.contains("a.csv: it has 3.611 and 10,710: say with data.decimal"), "{asked}");
-        assert_eq!(told_by_columns(&[amount], semicolons), Ok(Decimal::Point));
+        assert_eq!(told_by_columns(&[amount], separator), Ok(Decimal::Point));
     }
+    // Where commas separate cells, those in quotes separate thousands.
+    assert_eq!(told_by_columns(&[amount, &["5,284"]], b','), Ok(Decimal::Point));
+    assert!(told_by_columns(&[amount, &["5,28"]], b',').is_err());
     // Other numbers of decimals, and leading zeros, settle it.
     for settled in [&["3.61", "3.622"][..], &["0.611", "3.622"]] {
-        assert_eq!(told_by_columns(&[settled, &["10,710"]], true), Ok(Decimal::Point));
+        assert_eq!(told_by_columns(&[settled, &["10,710"]], b';'), Ok(Decimal::Point));
     }
     let both: &[&str] = &["3.611", "1,234.567"];
-    assert_eq!(told_by_columns(&[both, &["10,710"]], true), Ok(Decimal::Point));
-    assert!(told_by_columns(&[amount, &["10,71"]], true).is_err(), "3.611 is above a thousand?");
-    assert_eq!(told_by_columns(&[&["1.210,5"], &["10,710"]], true), Ok(Decimal::Comma));
+    assert_eq!(told_by_columns(&[both, &["10,710"]], b';'), Ok(Decimal::Point));
+    assert!(told_by_columns(&[amount, &["10,71"]], b';').is_err(), "3.611 is above a thousand?");
+    assert_eq!(told_by_columns(&[&["1.210,5"], &["10,710"]], b';'), Ok(Decimal::Comma));
 }
 
 #[test]
