@@ -151,13 +151,19 @@ impl Profile {
     /// What is said of channels that are dropped because most rows have no value of them, where several files at the same time or tags are not on
     /// one clock. Files that follow each other are of one clock.
     fn seldom_doubt(&self) -> Option<String> {
-        if self.resampled || self.shape == Shape::Wide && self.overlapping_files == 0 {
+        if self.resampled || self.shape == Shape::Wide && !self.has_files_at_once() {
             return None;
         }
         let seldom = self.channels.iter().filter(|channel| {
             matches!(channel.dropped, Some(DropReason::Missing { fraction, .. }) if fraction > 1.0 - SELDOM)
         });
         recorded_less_often(&seldom.map(|channel| channel.name.clone()).collect::<Vec<String>>())
+    }
+
+    /// Whether files are of the same times. Files of a day each may only share a row at midnight.
+    fn has_files_at_once(&self) -> bool {
+        let shared = self.duplicates.identical + self.duplicates.conflicting + self.merged_rows;
+        self.overlapping_files > 0 && shared != self.overlapping_files
     }
 
     /// Returns the warning for the hour that clocks in Europe skip in spring; `None` if no gap of a log without a zone

@@ -327,6 +327,11 @@ fn files_of_two_periods_are_told_to_go_on_one_clock() {
     days.write("b.parquet", &log(START + 600, &[("level", &fast), ("flow", &fast)]));
     days.write("c.parquet", &log(START + 1_200, &[("level", &fast)]));
     assert_eq!(days.inspect().clock_doubts(), Vec::<String>::new());
+    // They may share the row at midnight.
+    let later: Vec<f64> = (599..1_200).map(|row| f64::from(row % 11)).collect();
+    days.write("c.parquet", &log(START + 1_199, &[("level", &later)]));
+    let shared = days.inspect();
+    assert_eq!((shared.overlapping_files, shared.clock_doubts()), (1, Vec::new()));
     let seldom = |folder: &Folder| sketch(&folder.data(), &Silent).expect("a log").seldom_doubt();
     assert_eq!(seldom(&days), None);
     assert!(seldom(&folder).is_some_and(|told| told.contains("flow has no value in most rows")));
