@@ -105,6 +105,8 @@ impl Moments {
 pub(crate) struct Movement {
     /// Longest time for which the value stayed exactly the same, in microseconds.
     pub(crate) longest_stuck: i64,
+    /// The value of that time.
+    pub(crate) stuck_at: Option<f64>,
     /// Smallest change between successive rows.
     pub(crate) smallest_change: Option<f64>,
     /// Share of successive rows without a change.
@@ -136,7 +138,7 @@ impl Movement {
                     pairs += 1;
                     smallest = smallest.min(change);
                 }
-                movement.note_run(timestamps, since..row);
+                movement.note_run(timestamps, since..row, before);
                 since = row;
                 before = value;
                 if !value.is_nan() && distinct.len() <= DISTINCT {
@@ -146,7 +148,7 @@ impl Movement {
                     since = row + 1;
                 }
             }
-            movement.note_run(timestamps, since..stretch.end);
+            movement.note_run(timestamps, since..stretch.end, before);
         }
         movement.smallest_change = smallest.is_finite().then_some(smallest);
         movement.unchanged = if pairs == 0 { 0.0 } else { same as f64 / pairs as f64 };
@@ -154,10 +156,13 @@ impl Movement {
         movement
     }
 
-    fn note_run(&mut self, timestamps: &[Timestamp], run: Range<usize>) {
+    fn note_run(&mut self, timestamps: &[Timestamp], run: Range<usize>, value: f64) {
         if run.len() > 1 {
             let span = timestamps[run.end - 1].micros_since(timestamps[run.start]);
-            self.longest_stuck = self.longest_stuck.max(span);
+            if span > self.longest_stuck {
+                self.longest_stuck = span;
+                self.stuck_at = Some(value);
+            }
         }
     }
 }
@@ -251,7 +256,7 @@ mod tests {
         // Pairs: 0-1, 1-2, 2-3, 5-6 | 7-8, 8-9.
         assert!((movement.unchanged - 4.0 / 6.0).abs() < 1e-15);
         let one = Movement::of(&values, &timestamps, from_ref(&(0..10)));
-        assert_eq!(one.longest_stuck, 3);
+        assert_eq!((one.longest_stuck, one.stuck_at), (3, Some(1.5)));
         assert_eq!(
             Movement::of(&[NAN], &timestamps, from_ref(&(0..1))),
             Movement { distinct: Some(0), ..Movement::default() }

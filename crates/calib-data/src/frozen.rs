@@ -1,9 +1,13 @@
 //! Warns of channels whose instrument was probably frozen.
 
-use crate::{Profile, Sketch, doubts::first_few};
+use crate::{Profile, Sketch, channel::is_same, doubts::first_few};
 
 /// A frozen channel keeps one value for at least this share of the rows. Our choice.
 const CONSTANT: f64 = 0.02;
+/// It does so in at most this share of the rows: a channel that seldom changes is not frozen. Our choice.
+const MOST: f64 = 0.5;
+/// It does so in at least so many rows. Our choice.
+const LEAST_ROWS: f64 = 60.0;
 /// A frozen channel keeps its value in at most this share of the other rows: flows that stop every night are not
 /// frozen. Our choice.
 const UNCHANGED: f64 = 0.1;
@@ -17,6 +21,9 @@ struct Constancy<'a> {
     longest_secs: f64,
     /// Share of successive rows without a change.
     unchanged: f64,
+    /// Whether the longest constant value is 0, or the smallest or largest of the channel: it is switched off, or at a
+    /// limit.
+    rests: bool,
     /// Number of distinct values, if there are few.
     distinct: Option<u32>,
 }
@@ -29,7 +36,9 @@ impl Constancy<'_> {
         let constant = (self.longest_secs / period_secs).min(self.unchanged * rows);
         let others = (self.unchanged * rows - constant) / (rows - constant).max(1.0);
         self.distinct.is_none_or(|distinct| distinct >= LEAST_VALUES)
-            && constant >= CONSTANT * rows
+            && !self.rests
+            && constant >= LEAST_ROWS.max(CONSTANT * rows)
+            && constant <= MOST * rows
             && others <= UNCHANGED
     }
 }
@@ -43,6 +52,7 @@ impl Profile {
                 name: &channel.name,
                 longest_secs: values.longest_stuck_secs,
                 unchanged: values.unchanged,
+                rests: is_rest(values.stuck_at, Some([values.min, values.max])),
                 distinct: values.distinct,
             })
         });
@@ -58,10 +68,17 @@ impl Sketch {
             name: &channel.name,
             longest_secs: channel.longest_stuck_secs,
             unchanged: channel.unchanged,
+            rests: is_rest(channel.stuck_at, channel.range),
             distinct: channel.distinct,
         });
         told(moving, self.timestamps.len(), self.period_secs)
     }
+}
+
+/// Whether a constant value is 0, or an end of the `range` of its channel.
+fn is_rest(value: Option<f64>, range: Option<[f64; 2]>) -> bool {
+    let ends = range.into_iter().flatten();
+    value.is_some_and(|value| ends.chain([0.0]).any(|end| is_same(value, end)))
 }
 
 fn told<'a>(
@@ -95,7 +112,8 @@ mod tests {
     fn is_frozen(constant: f64, unchanged: f64, distinct: Option<u32>) -> bool {
         let longest_secs = 60.0 * constant;
         let unchanged = unchanged / 1_000.0;
-        Constancy { name: "A", longest_secs, unchanged, distinct }.is_frozen(1_000, 60.0)
+        Constancy { name: "A", longest_secs, unchanged, rests: false, distinct }
+            .is_frozen(1_000, 60.0)
     }
 
     #[test]
@@ -106,6 +124,25 @@ mod tests {
         assert!(!is_frozen(1_000.0, 1_000.0, Some(1)), "a constant");
         assert!(!is_frozen(110.0, 330.0, None), "at night, three times");
         assert!(!is_frozen(100.0, 1.0, None), "one step of many periods");
+        assert!(!is_frozen(50.0, 55.0, None), "few rows");
+        assert!(!is_frozen(900.0, 923.0, None), "it seldom changes");
+    }
+
+    #[test]
+    fn channels_that_rest_are_not_frozen() {
+        for rest in [0.0, -3.0, 8.0] {
+            assert!(is_rest(Some(rest), Some([-3.0, 8.0])), "{rest}");
+        }
+        assert!(!is_rest(Some(1.5), Some([-3.0, 8.0])));
+        assert!(!is_rest(None, None));
+        let off = Constancy {
+            name: "A",
+            longest_secs: 18_000.0,
+            unchanged: 0.305,
+            rests: true,
+            distinct: None,
+        };
+        assert!(!off.is_frozen(1_000, 60.0));
     }
 
     #[test]

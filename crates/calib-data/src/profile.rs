@@ -321,6 +321,9 @@ pub struct ValueProfile {
     pub constant: bool,
     /// Longest time without any change, in seconds.
     pub longest_stuck_secs: f64,
+    /// The value of that time. Default: not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stuck_at: Option<f64>,
     /// Smallest change between successive rows: the quantisation step, if the channel is quantised.
     pub smallest_change: Option<f64>,
     /// Share of successive rows without a change: near 1 for dead-band logging and modes.

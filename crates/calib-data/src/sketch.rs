@@ -100,6 +100,8 @@ pub struct ChannelSketch {
     pub unchanged: f64,
     /// Longest time without any change, in seconds.
     pub longest_stuck_secs: f64,
+    /// The value of that time.
+    pub stuck_at: Option<f64>,
     /// Autocorrelation at each of these lags, in rows: `1 - mean((x[i + lag] - x[i])²) / (2 variance)`, from rows of
     /// the same stretch without a gap (Matheron's variogram, 1963: gaps do not disturb it). Empty for a constant.
     pub autocorrelation: Vec<(usize, f64)>,
@@ -320,6 +322,7 @@ fn moving(
         wraps: changes.wraps,
         unchanged: movement.unchanged,
         longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
+        stuck_at: movement.stuck_at,
         autocorrelation: Vec::new(),
         spikes,
         unit_change: UnitChange::find(values, timestamps, LEAST_ROWS),

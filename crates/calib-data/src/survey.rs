@@ -354,6 +354,7 @@ impl Scan<'_> {
                 std: moments.std(),
                 constant: is_same(moments.min, moments.max),
                 longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
+                stuck_at: movement.stuck_at,
                 smallest_change: movement.smallest_change,
                 unchanged: movement.unchanged,
                 distinct: movement.distinct,

@@ -85,6 +85,7 @@ fn channel(name: &str, value_at: &Channel, rows: usize, bins: &[Range<usize>]) -
         restarts: false,
         wraps: None,
         longest_stuck_secs: 0.0,
+        stuck_at: None,
         unchanged: share(changes.len() - changed.len(), changes.len()),
         autocorrelation: lags
             .into_iter()
