@@ -297,7 +297,7 @@ fn unnamed_roles(
         if has_states || !is_value && !have_levels_of_their_own(head, time, tag, value)? {
             return refuse(asked_for_tag(head, columns, tag, value));
         }
-        by_words = (!is_value).then(|| columns[tag].name.clone());
+        by_words = Some(columns[tag].name.clone());
     }
     let quality = quality_of(head, quality_column(head, columns, time, data)?, data)?;
     let mut known = vec![time, tag, value];

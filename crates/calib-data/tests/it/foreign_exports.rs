@@ -50,6 +50,10 @@ fn words_that_alternate_are_tags_or_asked_about() {
     assert!(told.contains("words in \"Wo\" change from row to row and are read as tags"), "{told}");
     let long = DataConfig { shape: Some(Shape::Long), ..folder.data() };
     assert_eq!(profile(&long).read_as, [""; 0]);
+    // A name of the values does not say what the words are.
+    let weather = Folder::of_text("a.csv", &same.replace(";Wo;Ist;", ";Wetter;Wert;")).inspect();
+    assert_eq!(weather.shape, Shape::Long);
+    assert!(weather.read_as.join("\n").contains("words in \"Wetter\""), "{:?}", weather.read_as);
     let open = in_turn("Zeitpunkt;Wo;Ist;Was", 20, |tag, number| {
         format!("{};{tag},{number:02};{}", TAGS[tag], ["m", "m3/h", "C"][tag])
     });
