@@ -1,4 +1,4 @@
-//! Clock changes in Europe: on the last Sundays of March and October, at two or three o'clock in the night.
+//! Clock changes in Europe: on the last Sundays of March and October, at one to four o'clock in the night.
 
 use calib_core::Timestamp;
 use calib_text::format_time;
@@ -12,12 +12,19 @@ pub(crate) fn comes_twice(time: Timestamp) -> Option<String> {
     if hour(time) == 2 { last_sunday(time, "10") } else { None }
 }
 
-/// Returns the date of two successive rows between which the clocks of Central Europe were set forward. The rows must
-/// be more than an hour and less than an hour and two periods apart.
+/// Returns the hour that clocks in Europe skip between two successive rows, such as `02:00 on 2024-03-31`. It begins at
+/// one o'clock in Western Europe, at two in Central and at three in Eastern Europe. The rows must be more than an hour
+/// and less than an hour and two periods apart.
 pub(crate) fn was_left_out(from: Timestamp, to: Timestamp, period_secs: f64) -> Option<String> {
     let step = to.micros_since(from) as f64;
     let is_hour = step > HOUR as f64 && step < HOUR as f64 + 2.0 * period_secs * 1e6;
-    if is_hour && hour(from) == 1 && hour(to) == 3 { last_sunday(to, "03") } else { None }
+    let skipped = hour(from) + 1;
+    if is_hour && (1..=3).contains(&skipped) && hour(to) == skipped + 1 {
+        let date = last_sunday(to, "03")?;
+        Some(format!("{skipped:02}:00 on {date}"))
+    } else {
+        None
+    }
 }
 
 fn hour(time: Timestamp) -> i64 {
@@ -50,7 +57,14 @@ mod tests {
             assert_eq!(comes_twice(time(other)), None, "{other}");
         }
         let skipped = |from: &str, to: &str| was_left_out(time(from), time(to), 60.0);
-        assert!(skipped("2024-03-31 01:59:00", "2024-03-31 03:00:00").is_some());
+        for first in 1..=3 {
+            let left_out = skipped(
+                &format!("2024-03-31 {:02}:59:00", first - 1),
+                &format!("2024-03-31 {:02}:00:00", first + 1),
+            );
+            assert_eq!(left_out, Some(format!("{first:02}:00 on 2024-03-31")));
+        }
+        assert_eq!(skipped("2024-03-31 03:59:00", "2024-03-31 05:00:00"), None);
         assert_eq!(skipped("2024-03-31 01:59:00", "2024-03-31 03:30:00"), None);
         assert_eq!(skipped("2024-03-24 01:59:00", "2024-03-24 03:00:00"), None);
     }

@@ -170,10 +170,10 @@ impl Profile {
     /// is this hour.
     fn left_out_hour(&self) -> Option<String> {
         let mut gaps = self.gaps.examples.iter().filter(|_| !self.utc);
-        let date = gaps.find_map(|&(from, to)| was_left_out(from, to, self.period_secs))?;
+        let hour = gaps.find_map(|&(from, to)| was_left_out(from, to, self.period_secs))?;
         Some(format!(
-            "the hour from 02:00 on {date} is missing: on the last Sunday of March clocks in Europe are set forward. If the log has such times, set data.time_zone, such as \
-             \"Europe/Berlin\" (on the command line, --set data.time_zone=Europe/Berlin)"
+            "the hour from {hour} is missing: on the last Sunday of March clocks in Europe are set forward. If the log has such times, set data.time_zone, such as \
+             \"Europe/Berlin\", \"Europe/London\" or \"Europe/Helsinki\" (on the command line, --set data.time_zone=Europe/Berlin)"
         ))
     }
 
