@@ -37,14 +37,21 @@ pub(crate) struct Switch {
 }
 
 impl Switch {
-    /// Recognises the pair of a channel that has only these words; `None` if they are neither a pair nor one word of a
-    /// pair.
+    /// Recognises the pair of a channel that has only these words, in capital letters or not; `None` if they are
+    /// neither a pair nor one word of a pair.
     pub(crate) fn of<'a>(words: impl Iterator<Item = &'a str>) -> Option<Self> {
-        let distinct: Vec<&str> = words.take(3).collect();
+        let mut distinct: Vec<&str> = Vec::new();
+        for word in words {
+            if !distinct.iter().any(|known| is_same(known, word)) {
+                distinct.push(word);
+            }
+            if distinct.len() > 2 {
+                return None;
+            }
+        }
         match distinct[..] {
             [one] => {
-                let word = one.to_lowercase();
-                let is = |side: usize| PAIRS.iter().any(|pair| pair[side] == word);
+                let is = |side: usize| PAIRS.iter().any(|pair| is_same(pair[side], one));
                 match [is(0), is(1)] {
                     [true, false] => Some(Self { on: Some(one.to_owned()), off: None }),
                     [false, true] => Some(Self { on: None, off: Some(one.to_owned()) }),
@@ -52,10 +59,9 @@ impl Switch {
                 }
             }
             [one, other] => [[one, other], [other, one]].into_iter().find_map(|[on, off]| {
-                let small = [on, off].map(str::to_lowercase);
                 PAIRS
                     .iter()
-                    .any(|pair| pair[0] == small[0] && pair[1] == small[1])
+                    .any(|pair| is_same(pair[0], on) && is_same(pair[1], off))
                     .then(|| Self { on: Some(on.to_owned()), off: Some(off.to_owned()) })
             }),
             _ => None,
@@ -64,11 +70,10 @@ impl Switch {
 
     /// Returns 1 or 0; `None` for another word.
     pub(crate) fn value(&self, word: &str) -> Option<f64> {
-        match Some(word) {
-            word if word == self.on.as_deref() => Some(1.0),
-            word if word == self.off.as_deref() => Some(0.0),
-            _ => None,
-        }
+        [(&self.on, 1.0), (&self.off, 0.0)]
+            .into_iter()
+            .find(|(known, _)| known.as_deref().is_some_and(|known| is_same(known, word)))
+            .map(|(_, value)| value)
     }
 
     /// Returns the word that is read as this value.
@@ -82,6 +87,12 @@ impl Switch {
         let (on, off) = self.on.as_ref().zip(self.off.as_ref())?;
         Some(format!("{channel} ({on:?} and {off:?})"))
     }
+}
+
+/// Whether two words differ in nothing but capital letters.
+fn is_same(one: &str, other: &str) -> bool {
+    // Most words are ASCII, and cells are many.
+    one.eq_ignore_ascii_case(other) || !one.is_ascii() && one.to_lowercase() == other.to_lowercase()
 }
 
 #[cfg(test)]
@@ -99,8 +110,17 @@ mod tests {
         assert_eq!(told(&["Ein", "Aus"]).as_deref(), Some("XV (\"Ein\" and \"Aus\")"));
         let valve = switch(&["closed", "open"]).expect("a pair");
         assert_eq!((valve.value("open"), valve.value("closed")), (Some(1.0), Some(0.0)));
-        assert_eq!(valve.value("Open"), None);
-        for others in [&["CIP"][..], &["ON", "AUS"], &["RUN", "CIP"], &["ON", "OFF", "Bad"]] {
+        assert_eq!(valve.value("opened"), None);
+        let pump = switch(&["OFF", "ON", "Off", "On"]).expect("a pair");
+        assert_eq!(["on", "ON", "Off"].map(|word| pump.value(word)), [1.0, 1.0, 0.0].map(Some));
+        let others: [&[&str]; 5] = [
+            &["CIP"],
+            &["ON", "AUS"],
+            &["RUN", "CIP"],
+            &["ON", "OFF", "Bad"],
+            &["ON", "On", "Bad"],
+        ];
+        for others in others {
             assert_eq!(switch(others), None, "{others:?}");
         }
     }
