@@ -109,7 +109,7 @@ def test_a_study_of_somebody_is_not_replaced(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", [None, "time", "when"])
 def test_an_index_of_times_is_the_time(name: str | None) -> None:
     indexed = tank().set_index("time").rename_axis(name)
-    for index in (indexed, indexed.set_axis(indexed.index.to_period("min"))):
+    for index in (indexed, indexed.set_axis(pandas.PeriodIndex(indexed.index, freq="min"))):
         table = table_of(index)
         assert table is not None and list(table.columns.columns) == [name or "time", "level", "valve", "reward"]
         assert table.columns.iloc[1, 0] == pandas.Timestamp("2024-03-01 00:01") and not table.left_out

@@ -178,10 +178,13 @@ def test_values_of_settings_are_kept_by_value(acting: calib_rl.ActionModel, tmp_
     def values() -> list[Any]:
         return [lambda left: 0.1, lambda left: 0.2, _Held(1), _Held(2), np.arange(2000), np.arange(2000) % 1999, {"a": [1]}]
 
-    for _ in range(2):
-        tuned = run(Always, {"value": values()}, acting, folder=tmp_path, default=None, environment={"observe": np.array(["level"])})
-        assert len(tuned.settings) == 7 and tuned.failures == [] and len(list(tmp_path.iterdir())) == 14
-    labels = tuned.runs_frame()["setting"].unique().to_list()
+    def tuned() -> calib_rl.Tuned:
+        made = run(Always, {"value": values()}, acting, folder=tmp_path, default=None, environment={"observe": np.array(["level"])})
+        assert len(made.settings) == 7 and made.failures == [] and len(list(tmp_path.iterdir())) == 14
+        return made
+
+    tuned()
+    labels = tuned().runs_frame()["setting"].unique().to_list()
     assert len(labels) == 7 and "value=<lambda> #1" in labels, labels
 
 
