@@ -132,7 +132,7 @@ fn a_hint_that_asks_has_no_full_stop() {
     text.push_str("end of export\n");
     let folder = Folder::of_text("a.csv", &text);
     let told = refusal(&folder.data());
-    assert!(told.contains("notes below the table? Correct"), "{told}");
+    assert!(told.contains("notes below the table? Restore"), "{told}");
 }
 
 #[test]
