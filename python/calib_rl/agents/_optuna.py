@@ -24,7 +24,7 @@ def optuna_objective(
         sweep: Where agents are run.
         factory: Makes an agent: ``factory(task, **values)``.
         suggest: Draws the values of a trial, such as ``lambda trial: {"learning_rate": trial.suggest_float("learning_rate", 1e-4, 1, log=True)}``.
-        sensor: What is predicted. The study's first, unless given.
+        sensor: The sensor to predict. Default: the first of the study.
         environments: Which environments count. The held-out period (``"online"``) does not by default: the choice is judged by it.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What an agent is, and what it is asked."""
+"""The protocol of an agent that predicts, and its task."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Values = Mapping[str, Any]
 
 @runtime_checkable
 class Agent(Protocol):
-    """What can be swept: any object with these three methods.
+    """An agent that can be swept: any object with these three methods.
 
     A method ``begin()``, if there is one, is called where an unbroken piece of a stream begins.
 
@@ -51,7 +51,7 @@ class Agent(Protocol):
         """
 
     def state_dict(self) -> Mapping[str, Any]:
-        """Say what was learned.
+        """Return what was learned.
 
         Returns:
             Arrays or numbers by name. They are kept beside the runs if `Sweep.run` is asked to.
@@ -59,7 +59,7 @@ class Agent(Protocol):
 
 
 class Task(NamedTuple):
-    """What an agent is to predict. A factory is given it.
+    """The task of an agent: what it predicts. Factories get it as an argument.
 
     Examples:
         >>> task = Task(sensor="PIT300", column=3, columns=8, gamma=0.9, seed=42)

@@ -31,7 +31,7 @@ class AgentRuns(Runs):
         self._study = study
 
     def states(self) -> list[Path]:
-        """What agents had learned.
+        """The state that agents had at the end of their runs.
 
         Returns:
             Pickles, if they were kept (``keep_states=True``).
@@ -50,7 +50,7 @@ class AgentRuns(Runs):
         """Choose a setting by the study's ``[evaluate]``, and judge the choice by held-out data, as ``calib evaluate STUDY --runs FILE``.
 
         Args:
-            progress: Whether to print what is done, or an observer.
+            progress: Whether to print the progress, or an observer.
 
         Returns:
             The verdict.
@@ -78,7 +78,7 @@ def evaluate(
         runs: Parquet with the columns ``environment``, ``sensor``, ``run``, ``candidate`` and ``rmse``. See docs/formats.md for the others.
         study: How to judge. By the defaults, unless given.
         folder: Where the summary, figures and ``report.html`` go. ``evaluate`` beside the table, unless given.
-        progress: Whether to print what is done, or an observer.
+        progress: Whether to print the progress, or an observer.
 
     Returns:
         The verdict.

@@ -16,7 +16,7 @@ from ._protocol import Agent, Factory, Task, is_number, made
 def serve(factory: Factory) -> None:
     """Be the program of a study with ``agent.kind = "external"``: answer on standard output what comes on standard input, until it ends.
 
-    What the agents print goes to standard error. An exception of an agent is told to calib, which then ends with it.
+    Output that agents print goes to standard error. If an agent raises an exception, calib ends with its message.
 
     Args:
         factory: Makes an agent: ``factory(task, **parameters)``, with the parameters of ``[agent.parameters]`` and ``[sweep.grid]``.

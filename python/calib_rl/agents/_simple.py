@@ -67,7 +67,7 @@ class SimplePredictor:
             self._latest: deque[float] = deque(maxlen=len(self.lags))
 
     def begin(self) -> None:
-        """Forget what was before a gap.
+        """Forget the values before a gap.
 
         Examples:
             >>> from calib_rl._study import _example_study

@@ -71,7 +71,7 @@ class Streams:
 
     Args:
         study: The study.
-        progress: Whether to print what is done, or an observer.
+        progress: Whether to print the progress, or an observer.
 
     Attributes:
         all: Every `Stream`. Sensors with discount factors of their own (``agent.gammas``) have streams of their own.
@@ -97,11 +97,11 @@ class Streams:
         self.part: str = self._native.part
 
     def task(self, stream: Stream, sensor: str, columns: int) -> Task:
-        """What an agent of this stream is to predict.
+        """The task of an agent on this stream.
 
         Args:
             stream: One of `all`.
-            sensor: What to predict.
+            sensor: The sensor to predict.
             columns: Columns of the states.
 
         Returns:
@@ -130,9 +130,9 @@ class Streams:
         Args:
             factory: Makes the agent: ``factory(task, **values)``.
             stream: One of `all`.
-            sensor: What to predict.
+            sensor: The sensor to predict.
             values: Hyperparameters.
-            candidate: Their position among those that are compared.
+            candidate: The position of the setting among those that are compared.
 
         Returns:
             Its score, and the agent as it was at the end. ``score.nrmse`` and ``score.rmse`` are +∞ where a prediction
@@ -161,7 +161,7 @@ class Streams:
 def predicted(
     agent: Agent, states: NDArray[np.float32], pieces: list[tuple[int, int]], column: int, steps: int
 ) -> tuple[NDArray[np.float32], int]:
-    """What an agent predicts on ``steps`` states, learning from each. Up to the first that is no number, and how often it learned."""
+    """The predictions of an agent on ``steps`` states, and how often it learned. It stops at the first that is not a number."""
     predictions = np.zeros(steps, np.float32)
     rewards = states[:, column].astype(float).tolist()
     predict, update = agent.predict, agent.update

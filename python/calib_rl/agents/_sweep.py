@@ -59,10 +59,10 @@ class Sweep:
     """Runs of agents in the environments of a study.
 
     Args:
-        study: The study. Its model, if it has one, is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs. ``agent.gamma`` and
+        study: The study. Its model, if it has one, is built if it is missing. ``[sweep]`` names the sensors, steps and runs. ``agent.gamma`` and
             ``agent.gammas`` say which returns are predicted. Its grid and the rest of ``[agent]`` are those of calib's own agents, and do not matter here.
         folder: Where results go. ``agents`` in the results of the study, unless given.
-        progress: Whether to print what is done, or an observer.
+        progress: Whether to print the progress, or an observer.
 
     Examples:
         >>> from calib_rl._study import _example_study
@@ -110,13 +110,13 @@ class Sweep:
             default: The setting that you would use without calib. The first, unless given. It is added if ``values`` lacks it.
             processes: Processes to run in. Their results are the same.
             version: Change it when the agent's code changes.
-            keep_states: Whether what each agent has learned is pickled beside the runs.
+            keep_states: Whether to pickle what each agent has learned beside the runs.
 
         Returns:
             The runs.
 
         Raises:
-            Exception: What an agent raised. Runs that were finished are kept.
+            Exception: An agent raised it. Finished runs are kept.
 
         Examples:
             >>> from calib_rl._study import _example_study
