@@ -14,7 +14,6 @@ use crate::{
     outliers::Fences,
     sentinels::{Extremes, sentinels},
     survey::switches_in,
-    unit_change::LEAST_ROWS,
 };
 
 mod counting;
@@ -325,7 +324,7 @@ fn moving(
         stuck_at: movement.stuck_at,
         autocorrelation: Vec::new(),
         spikes,
-        unit_change: UnitChange::find(values, timestamps, LEAST_ROWS),
+        unit_change: UnitChange::find(values, timestamps),
         contradicting,
         bridged: BridgedStops::default(),
         thinned: Vec::new(),

@@ -28,7 +28,6 @@ use crate::{
     sample::Samples,
     select::fit,
     sentinels::{Extremes, sentinels},
-    unit_change::LEAST_ROWS,
 };
 
 /// The result of the first pass: everything but the values.
@@ -337,13 +336,8 @@ impl Scan<'_> {
         if let (Some(moments), Some(held_out)) = (in_train, held_out) {
             note_held_out(&values[held_out.clone()], moments, &mut far_out);
         }
-        let trained = train.clone();
         ValueSummary {
-            unit_change: UnitChange::find(
-                &values[trained.clone()],
-                &timestamps[trained],
-                LEAST_ROWS,
-            ),
+            unit_change: UnitChange::find(&values[train.clone()], &timestamps[train.clone()]),
             in_train,
             missing: self.log.rows.timestamps.len() - present,
             missing_fraction: 1.0 - present_in_train as f64 / self.log.train.len() as f64,

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::channel::quantile;
 
 /// Minimum number of rows on either side, which must also have a twentieth of all rows.
-pub(crate) const LEAST_ROWS: usize = 200;
+const LEAST_ROWS: usize = 200;
 /// Number of blocks whose medians are compared, so that a few bad samples hide nothing.
 const BLOCKS: usize = 200;
 /// Maximum share of the values on the wrong side.
@@ -61,13 +61,13 @@ pub struct UnitChange {
 }
 
 impl UnitChange {
-    /// Searches these values, where NaN means missing, with their times. Each side must have at least `least` rows.
-    pub(crate) fn find(values: &[f64], timestamps: &[Timestamp], least: usize) -> Option<Self> {
+    /// Searches these values, where NaN means missing, with their times.
+    pub(crate) fn find(values: &[f64], timestamps: &[Timestamp]) -> Option<Self> {
         let step = values.len() / LOOKED_AT + 1;
         let looked_at = values.iter().copied().enumerate().step_by(step);
         let (rows, there): (Vec<usize>, Vec<f64>) =
             looked_at.filter(|(_, value)| !value.is_nan()).unzip();
-        let least = least.max(there.len() / 20);
+        let least = LEAST_ROWS.max(there.len() / 20);
         if there.len() < 2 * least {
             return None;
         }
@@ -268,7 +268,7 @@ mod tests {
         let values: Vec<f64> = (0..ROWS).map(value_at).collect();
         let timestamps: Vec<Timestamp> =
             (0..ROWS as i64).map(|row| Timestamp::from_micros(60_000_000 * row)).collect();
-        UnitChange::find(&values, &timestamps, LEAST_ROWS)
+        UnitChange::find(&values, &timestamps)
     }
 
     /// Returns the row at which a unit changes.
