@@ -6,8 +6,6 @@ use crate::{ProposeError, Scope};
 
 /// Number of proposed sensors.
 const PROPOSED: usize = 3;
-/// A channel with fewer distinct values is a mode, not a measurement.
-const FEW: u32 = 20;
 /// A sensor that is unchanged in more than this share of steps gives little to predict.
 const MOST_RESTING: f64 = 0.95;
 /// Smallest share of bins in which a sensor must move.
@@ -63,7 +61,8 @@ impl Sensors {
                 };
                 // The sine or cosine of an angle is useful as an input, but not as a prediction.
                 let is_sensor = sketched.angle.is_none()
-                    && sketched.distinct.is_none_or(|distinct| distinct > FEW)
+                    // A channel with few values is a mode, not a measurement.
+                    && sketched.has_many_values()
                     && sketched.unchanged <= MOST_RESTING
                     && moving(&bins) >= LEAST_MOVING
                     && moving(held_out) >= LEAST_MOVING;
