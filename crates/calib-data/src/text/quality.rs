@@ -46,11 +46,12 @@ impl Quality {
         let mut unknown: BTreeMap<&str, usize> = BTreeMap::new();
         let mut has_bad_word = false;
         for code in codes.iter().map(|code| code.trim()).filter(|code| !code.is_empty()) {
-            let first = first_word(&lower(code));
-            if is_good_word(&first) {
+            let lowered = lower(code);
+            let first = first_word(&lowered);
+            if is_good_word(first) {
                 return Ok(Self::Words);
             }
-            has_bad_word |= is_bad_word(&first);
+            has_bad_word |= is_bad_word(first);
             *unknown.entry(code).or_default() += 1;
         }
         if let Some(code) = unknown.keys().find(|code| number(code).is_some()) {
@@ -91,7 +92,7 @@ impl Quality {
         }
         match (self, number(code)) {
             (Self::Given(good), _) => Ok(good.contains(&lower(code))),
-            (Self::Words, _) => Ok(is_good_word(&first_word(&lower(code)))),
+            (Self::Words, _) => Ok(is_good_word(first_word(&lower(code)))),
             (Self::OpcClassic, Some(code)) => Ok(code & 0xC0 == 0xC0),
             (Self::OpcUa | Self::Zeros, Some(code)) if code == 0 || code >= UA_UNCERTAIN => {
                 Ok(code >> 30 == 0)
@@ -159,8 +160,8 @@ const BAD: [&str; 26] = [
     "zły",
 ];
 
-fn first_word(code: &str) -> String {
-    code.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default().to_owned()
+fn first_word(code: &str) -> &str {
+    code.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default()
 }
 
 fn is_good_word(first: &str) -> bool {
