@@ -108,9 +108,8 @@ impl Survey {
         };
         let (train, train_profile) = part(&log.train)?;
         let (held_out, held_out_profile) = log.held_out.as_ref().map(part).transpose()?.unzip();
-        let described = describe_rows(&log, conflicting);
-        let switched = read_as_switches(&switches);
-        let read_as: Vec<String> = described.read_as.iter().cloned().chain(switched).collect();
+        let mut described = describe_rows(&log, conflicting);
+        described.read_as.extend(read_as_switches(&switches));
         let columns = sensors.len() * (1 + preprocess.traces.len())
             + if preprocess.time_of_day { 2 } else { 0 }
             + modes.as_ref().map_or(0, |modes| modes.labels.len());
@@ -126,7 +125,6 @@ impl Survey {
             unseen_modes: unseen_modes(&log, modes.as_ref()),
             sentinels: sentinels(&log.by_recorded_name(&extremes)),
             contradictions: contradictions_found(&log, contradictions, monitor)?,
-            read_as,
             ..described
         };
         Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
