@@ -11,6 +11,7 @@ from typing import Any
 
 from . import _calib
 from ._errors import StudyError
+from ._files import write_whole
 from ._study import write_study
 
 # The first line of such a file, followed by a digest of the other lines. A user who edits them owns the file.
@@ -52,9 +53,7 @@ def write_built_study(path: Path, text: str, output: str | None) -> None:
         if job is None:
             raise FileExistsError(f"{path.parent} holds results of a study that this version cannot read. Choose another folder, or delete this one")
         raise FileExistsError(_refusal(path, job, wanted))
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    unfinished.write_text(whole, encoding="utf-8")
-    os.replace(unfinished, path)
+    write_whole(path, whole.encode())
 
 
 def _digest(text: str) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 
 from ._calib import __version__
 from ._errors import CalibError
+from ._files import write_whole
 
 # Runtimes of 2022 and later read these versions.
 _OPSET, _IR_VERSION = 17, 8
@@ -43,7 +42,10 @@ def written(agent: Path, path: Path) -> None:
     model = graph.model(len(described["columns"]), len(described["actions"]))
     onnx.helper.set_model_props(model, {name: json.dumps(told) for name, told in kinds.items()} | {"fingerprint": texts["fingerprint"]})
     onnx.checker.check_model(model)
-    _write(path, model.SerializeToString())
+    try:
+        write_whole(path, model.SerializeToString())
+    except OSError as error:
+        raise CalibError(f"{path} cannot be written: {error.strerror}; name another place") from error
 
 
 def _saved(path: Path) -> tuple[Arrays, dict[str, str]]:
@@ -134,15 +136,3 @@ def _network_values(graph: _Graph, values: str, arrays: Arrays) -> str:
         weight, bias = (graph.constant(arrays[f"online.layers.{layer}.{part}"]) for part in ("weight", "bias"))
         values = graph.node("Gemm", values, weight, bias, transB=1)
     return values
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Writes the whole file, or leaves the previous one unchanged."""
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        unfinished.write_bytes(content)
-        os.replace(unfinished, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            unfinished.unlink()
-        raise CalibError(f"{path} cannot be written: {error.strerror}; name another place") from error

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._acting import ActionModel
 from ._errors import CalibError, CalibWarning
+from ._files import write_whole
 from ._identity import Unstable, identity
 from ._tune_settings import Names, Setting
 
@@ -95,10 +96,8 @@ class Kept:
         if path is None:
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         told = {"setting": {name: repr(value) for name, value in unit.setting.items()}, **came}
-        unfinished.write_text(json.dumps(told), encoding="utf-8")
-        os.replace(unfinished, path)
+        write_whole(path, json.dumps(told).encode())
 
 
 def _made(folder: Path) -> Path:
