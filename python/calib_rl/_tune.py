@@ -132,7 +132,7 @@ def tune(
         progress=progress,
     )
     if folder is not None:
-        work.kept = Kept(folder, make_agent, model, settings, work.environment)
+        work.kept = Kept(folder, make_agent, model, settings, work.labels, work.environment)
     alive, halved = list(range(len(settings))), []
     for part in parts:
         results = work.run_all(alive, max(1, steps // part))

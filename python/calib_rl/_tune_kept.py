@@ -15,7 +15,7 @@ from ._acting import ActionModel
 from ._errors import CalibError, CalibWarning
 from ._files import write_whole
 from ._identity import Unstable, identity
-from ._tune_settings import Names, Setting
+from ._tune_settings import Setting
 
 if TYPE_CHECKING:
     from ._tune_unit import Unit
@@ -31,17 +31,27 @@ class Kept:
 
     Args:
         folder: The folder. It is made if it is missing.
+        make_agent: The function that makes an agent.
+        model: The model with actions.
+        settings: All settings.
+        labels: The name of each setting, for the warning.
+        environment: Further arguments of the environment.
 
     Raises:
         CalibError: The folder is a file, or cannot be made.
     """
 
     def __init__(
-        self, folder: str | os.PathLike[str], make_agent: Callable[..., Any], model: ActionModel, settings: Sequence[Setting], environment: Mapping[str, Any]
+        self,
+        folder: str | os.PathLike[str],
+        make_agent: Callable[..., Any],
+        model: ActionModel,
+        settings: Sequence[Setting],
+        labels: Sequence[str],
+        environment: Mapping[str, Any],
     ) -> None:
         self._folder = _made(Path(folder))
         self._settings: list[str | None] = [None] * len(settings)
-        labels = Names(settings).labels
         unstable = []
         try:
             self._common = [
@@ -53,9 +63,9 @@ class Kept:
         except Unstable as error:
             unstable.append(str(error))
         else:
-            for place, setting in enumerate(settings):
+            for place, (setting, label) in enumerate(zip(settings, labels)):
                 try:
-                    self._settings[place] = identity(setting, labels[place])
+                    self._settings[place] = identity(setting, label)
                 except Unstable as error:
                     unstable.append(str(error))
         if unstable:
