@@ -99,14 +99,15 @@ def _with_column(frame: Any, name: Any, values: Any) -> Any:
 
 def _are_row_numbers(name: str, values: Any) -> bool:
     """Whether a column has no name of its own, and numbers the rows."""
-    if _WRITTEN_INDEX.fullmatch(name) is None and _NO_HEADING.fullmatch(name) is None:
+    is_written_index = _WRITTEN_INDEX.fullmatch(name) is not None
+    if not is_written_index and _NO_HEADING.fullmatch(name) is None:
         return False
     numbers: NDArray[Any] = np.asarray(values.to_numpy())
     if numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all() or (numbers % 1 != 0).any():
         return False
     # Differences of unsigned numbers would wrap around.
     steps = np.diff(numbers.astype(np.float64))
-    return _WRITTEN_INDEX.fullmatch(name) is not None or bool(len(steps) == 0 or (steps == 1.0).mean() >= _COUNTS)
+    return is_written_index or bool(len(steps) == 0 or (steps == 1.0).mean() >= _COUNTS)
 
 
 def _told(name: str) -> str:
