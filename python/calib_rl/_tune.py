@@ -135,16 +135,17 @@ def tune(
         work.kept = Kept(folder, make_agent, model, settings, work.labels, work.environment)
     alive, halved = list(range(len(settings))), []
     for part in parts:
-        results = work.run_all(alive, max(1, steps // part))
+        part_steps = max(1, steps // part)
+        results = work.run_all(alive, part_steps)
         alive = [place for place in alive if place not in work.failed]
         if part == 1 or not alive:
             break
-        verdict = work.judged(alive, results, limits, max(1, steps // part))
+        verdict = work.judged(alive, results, limits, part_steps)
         ranks = verdict["selection"]
         order = sorted(range(len(alive)), key=lambda place: (ranks["mean_ranks"][place], ranks["worst_ranks"][place]))
         kept = {alive[place] for place in order[: max(1, -(-len(alive) // (halving or 1)))]}
         kept |= {place for place in alive if place == standard}
-        halved.append((max(1, steps // part), [settings[place] for place in alive if place not in kept]))
+        halved.append((part_steps, [settings[place] for place in alive if place not in kept]))
         alive = [place for place in alive if place in kept]
     shown = None if standard is None else settings[standard]
     failures = [work.failed[place] for place in sorted(work.failed)]
