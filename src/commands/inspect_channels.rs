@@ -1,6 +1,6 @@
 //! Output of `calib inspect` about each channel.
 
-use calib_data::{AngleOf, ChannelProfile, DropReason, Profile, ValueProfile};
+use calib_data::{AngleOf, ChannelProfile, DropReason, Profile};
 
 use calib_pipeline::{
     Descriptions, Printer, StepError,
@@ -60,12 +60,10 @@ pub(super) fn show_channels(
         let described = kept.iter().any(|channel| descriptions.words(&channel.name).is_some());
         let columns = if described { header.len() } else { header.len() - 1 };
         let listed = &kept[..kept.len().min(limit)];
-        let numbers = NumberColumns::of(listed);
         let rows: Vec<Vec<String>> = listed
             .iter()
-            .enumerate()
-            .map(|(position, channel)| {
-                let mut row = numbers.channel_row(position, channel, profile.rows);
+            .map(|channel| {
+                let mut row = channel_row(channel, profile.rows);
                 row.push(descriptions.words(&channel.name).unwrap_or_default());
                 row.truncate(columns);
                 row
@@ -114,67 +112,39 @@ fn without_own_column(channel: &ChannelProfile) -> String {
     format!("{}: {why}{}", channel.name, notes(channel))
 }
 
-/// Columns of numbers in a table of channels.
-struct NumberColumns {
-    min: Vec<String>,
-    max: Vec<String>,
-    mean: Vec<String>,
-    smallest_change: Vec<String>,
+/// Returns the row of a channel in the table; the log has `rows` rows.
+fn channel_row(channel: &ChannelProfile, rows: u64) -> Vec<String> {
+    let values = channel.values.as_ref();
+    let distinct = values.map_or_else(
+        || "0".to_owned(),
+        |values| values.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
+    );
+    vec![
+        channel.name.clone(),
+        readable(values.map(|values| values.min)),
+        readable(values.map(|values| values.max)),
+        readable(values.map(|values| values.mean)),
+        percent(channel.missing as f64 / rows as f64),
+        values.map_or_else(|| "–".to_owned(), |values| span(values.longest_stuck_secs)),
+        readable(values.and_then(|values| values.smallest_change)),
+        distinct,
+    ]
 }
 
-impl NumberColumns {
-    /// Formats the columns, with one entry per channel.
-    fn of(channels: &[&ChannelProfile]) -> Self {
-        let column = |pick: fn(&ValueProfile) -> Option<f64>| {
-            let values = channels.iter().map(|channel| channel.values.as_ref().and_then(pick));
-            readable(&values.collect::<Vec<_>>())
-        };
-        Self {
-            min: column(|values| Some(values.min)),
-            max: column(|values| Some(values.max)),
-            mean: column(|values| Some(values.mean)),
-            smallest_change: column(|values| values.smallest_change),
-        }
-    }
-
-    /// Returns the row of the channel at this position; the log has `rows` rows.
-    fn channel_row(&self, position: usize, channel: &ChannelProfile, rows: u64) -> Vec<String> {
-        let values = channel.values.as_ref();
-        let distinct = values.map_or_else(
-            || "0".to_owned(),
-            |values| {
-                values.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string())
-            },
-        );
-        vec![
-            channel.name.clone(),
-            self.min[position].clone(),
-            self.max[position].clone(),
-            self.mean[position].clone(),
-            percent(channel.missing as f64 / rows as f64),
-            values.map_or_else(|| "–".to_owned(), |values| span(values.longest_stuck_secs)),
-            self.smallest_change[position].clone(),
-            distinct,
-        ]
-    }
-}
-
-/// Formats numbers with three digits or all digits before the point; a dash stands for a missing one. Only those outside of
+/// Formats a number with three digits or all digits before the point; a dash stands for a missing one. Only those outside of
 /// 1e-4 to 1e6 have an exponent, so that one tiny number leaves the others readable.
-fn readable(values: &[Option<f64>]) -> Vec<String> {
-    let written = |value: f64| {
-        // Single precision of 0.0001 is slightly less.
-        let size = rounded(value, 3).abs();
-        if value == 0.0 {
-            "0".to_owned()
-        } else if (1e-4..=1e6).contains(&size) {
-            let digits_before_point = value.abs().log10().floor().max(2.0) as usize + 1;
-            rounded(value, digits_before_point).to_string()
-        } else {
-            format!("{value:.2e}")
-        }
-    };
-    values.iter().map(|value| value.map_or_else(|| "–".to_owned(), written)).collect()
+fn readable(value: Option<f64>) -> String {
+    let Some(value) = value else { return "–".to_owned() };
+    // Single precision of 0.0001 is slightly less.
+    let size = rounded(value, 3).abs();
+    if value == 0.0 {
+        "0".to_owned()
+    } else if (1e-4..=1e6).contains(&size) {
+        let digits_before_point = value.abs().log10().floor().max(2.0) as usize + 1;
+        rounded(value, digits_before_point).to_string()
+    } else {
+        format!("{value:.2e}")
+    }
 }
 
 #[cfg(test)]
@@ -184,8 +154,8 @@ mod tests {
     #[test]
     fn only_very_large_and_small_numbers_have_an_exponent() {
         let plain = [1e-4, 0.009_999_999_8, 0.1, 2.0, 1_237.4, 0.0, -33.41].map(Some);
-        assert_eq!(readable(&plain), ["0.0001", "0.01", "0.1", "2", "1237", "0", "-33.4"]);
+        assert_eq!(plain.map(readable), ["0.0001", "0.01", "0.1", "2", "1237", "0", "-33.4"]);
         let mixed = [Some(1e-9), Some(1.0), Some(f64::from(1e-4_f32)), Some(-2.5e7), None];
-        assert_eq!(readable(&mixed), ["1.00e-9", "1", "0.0001", "-2.50e7", "–"]);
+        assert_eq!(mixed.map(readable), ["1.00e-9", "1", "0.0001", "-2.50e7", "–"]);
     }
 }
