@@ -322,11 +322,8 @@ fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<S
                 .to_owned()
         });
     }
-    let unit = if verdict.unit_may_have_changed() {
-        ", or the unit or the zero of the sensor"
-    } else {
-        ""
-    };
+    let unit =
+        if verdict.elsewhere().is_some() { ", or the unit or the zero of the sensor" } else { "" };
     Some(format!(
         "half of the values lie above {} in the training range and above {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
          train on a time that is like the present (data.train)",

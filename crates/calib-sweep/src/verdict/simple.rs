@@ -178,7 +178,8 @@ pub(super) fn elsewhere(compared: &[SimpleComparison]) -> Option<f64> {
     (away > ELSEWHERE && away.is_finite()).then_some(away)
 }
 
-fn mean_of(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
+/// Returns the comparison with the training mean.
+pub(super) fn mean_of(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
     compared.iter().find(|own| own.predictor == SimplePredictor::Mean)
 }
 

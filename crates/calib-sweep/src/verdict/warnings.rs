@@ -1,9 +1,9 @@
-use calib_agent::{Part, SimplePredictor};
+use calib_agent::Part;
 use calib_stats::Selection;
 
 use super::{
     Dropped, Judging, PartChoice, Rule, SensorVerdict, SimpleComparison, differ,
-    rule::ChoiceStanding, simple::elsewhere, told_apart, truth::Truth,
+    rule::ChoiceStanding, simple::mean_of, told_apart, truth::Truth,
 };
 use crate::{Candidate, UnitResult};
 
@@ -24,16 +24,11 @@ impl SensorVerdict {
     pub fn level_may_have_changed(&self) -> bool {
         level_may_have_changed(&self.simple)
     }
-
-    /// Whether the level is so far from that of training that the unit may have changed.
-    pub fn unit_may_have_changed(&self) -> bool {
-        elsewhere(&self.simple).is_some()
-    }
 }
 
 pub(super) fn level_may_have_changed(simple: &[SimpleComparison]) -> bool {
-    let mut means = simple.iter().filter(|row| row.predictor == SimplePredictor::Mean);
-    means.any(|row| row.online_error > OTHER_LEVEL && row.online_error.is_finite())
+    mean_of(simple)
+        .is_some_and(|mean| mean.online_error > OTHER_LEVEL && mean.online_error.is_finite())
 }
 
 /// Returns warnings about the part of a run that errors measure: its start-up, or the rest.
