@@ -28,12 +28,16 @@ pub fn percent(share: f64) -> String {
         size if size < 0.1 => "<0.1 %".to_owned(),
         size if size < 9.95 => format!("{} %", trimmed(format!("{percent:.1}"))),
         size if size < 1e4 => format!("{percent:.0} %"),
-        _ if is_many_times(share) => format!("more than {} times", number(MANY_TIMES)),
-        _ => format!("{} times", number(share)),
+        _ => format!("{} times", factor(share)),
     }
 }
 
-/// Whether a share is above the largest multiple that [`percent`] gives as a number.
+/// Formats a ratio: `55`, `more than 1,000`; `diverged` if it is not finite.
+pub(crate) fn factor(ratio: f64) -> String {
+    if is_many_times(ratio) { format!("more than {}", number(MANY_TIMES)) } else { number(ratio) }
+}
+
+/// Whether a share is above the largest multiple that [`factor`] gives as a number.
 pub(crate) fn is_many_times(share: f64) -> bool {
     share > MANY_TIMES && share.is_finite()
 }

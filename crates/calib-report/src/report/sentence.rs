@@ -4,7 +4,7 @@ use calib_agent::SimplePredictor;
 use calib_stats::{Bounded, Estimate, Interval};
 
 use super::{Alternative, ChoiceBaseline, Grade, HeldOutResult, Reason, Separation, Verdict};
-use crate::number::{is_many_times, number, percent};
+use crate::number::{factor, is_many_times, number, percent};
 use crate::{Setting, figures::NRMSE};
 
 mod words;
@@ -409,11 +409,6 @@ fn between(Interval { low, high }: Interval) -> String {
         (low, high) if low >= 1.0 => format!("{} to {}", percent(low - 1.0), changed(high)),
         _ => format!("{} to {}", changed(low), changed(high)),
     }
-}
-
-/// Formats a ratio: "55", "more than 1,000".
-fn factor(ratio: f64) -> String {
-    if is_many_times(ratio) { "more than 1,000".to_owned() } else { number(ratio) }
 }
 
 /// Formats the interval of a ratio of errors: " (95 %: 10 % to 30 % less)"; empty without an interval.
