@@ -7,7 +7,7 @@ use calib_sweep_steps::sweep::{
     planned::{PlannedSweep, StoredRun},
 };
 
-use super::StepStanding;
+use super::{StepStanding, show::in_brackets};
 
 /// The sweep of one model and deployment, finished or not.
 pub(super) struct BegunSweep {
@@ -63,11 +63,9 @@ impl BegunSweep {
         let made = self.stored().len();
         let sensors = self.planned.sensors().into_iter();
         let all: usize = sensors.map(|sensor| self.planned.runs_of(sensor)).sum();
-        let (model, deployment) = self.names();
-        let names: Vec<&str> = model.into_iter().chain(deployment).collect();
-        let part =
-            if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
         (made < all).then(|| {
+            let (model, deployment) = self.names();
+            let part = in_brackets(model, deployment);
             format!("sweep{part}: {} of {} training runs are made", count(made), count(all))
         })
     }

@@ -162,12 +162,15 @@ fn first_and_default<'a>(settings: impl Iterator<Item = SettingRow<'a>>) -> Vec<
         .collect()
 }
 
+/// Returns " (laplacian, april)", or nothing for a sweep without names.
+pub(super) fn in_brackets(model: Option<&str>, deployment: Option<&str>) -> String {
+    let names: Vec<&str> = model.into_iter().chain(deployment).collect();
+    if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) }
+}
+
 fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepError> {
     for ranking in rankings.iter().filter(|ranking| !ranking.settings.is_empty()) {
-        let names = [ranking.model.as_deref(), ranking.deployment.as_deref()];
-        let names: Vec<&str> = names.into_iter().flatten().collect();
-        let part =
-            if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
+        let part = in_brackets(ranking.model.as_deref(), ranking.deployment.as_deref());
         let [runs, all] = ranking.runs;
         let provisional = if runs < all { "provisional, " } else { "" };
         let by = format!("{} of {} training runs", count(runs), count(all));
