@@ -165,7 +165,7 @@ impl Signs {
             format!("and {} has {}", comma.path.display(), comma.cell)
         };
         let reason = format!(
-            "it has {} {elsewhere}: say with data.decimal = \".\" or \",\" which sign separates fractions",
+            "it has {} {elsewhere}: set data.decimal to \".\" or \",\", the sign that separates fractions",
             point.cell
         );
         Err(SignError { path: point.path.clone(), reason })

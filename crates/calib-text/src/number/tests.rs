@@ -96,7 +96,7 @@ fn a_decimal_sign_that_nothing_tells_is_asked_for() {
     let files = told(&["1.210,5", "1.310"]).expect_err("a thousandth of the other");
     assert!(files.contains("it has 1.310 and a.csv has 1.210,5"), "{files}");
     let one = told(&["1,5", "7", "2.5"]).expect_err("asked");
-    assert!(one.contains("it has 2.5 and 1,5: say with data.decimal"), "{one}");
+    assert!(one.contains("it has 2.5 and 1,5: set data.decimal"), "{one}");
 }
 
 /// Returns the decimal sign of a file whose columns have these cells.
@@ -139,7 +139,7 @@ fn points_and_commas_that_may_both_be_of_thousands_are_asked_about() {
     for separator in [b';', b'\t'] {
         let asked = told_by_columns(&[amount, &["10,710", "11,246"]], separator);
         let asked = asked.expect_err("asked");
-        assert!(asked.contains("a.csv: it has 3.611 and 10,710: say with data.decimal"), "{asked}");
+        assert!(asked.contains("a.csv: it has 3.611 and 10,710: set data.decimal"), "{asked}");
         assert_eq!(told_by_columns(&[amount], separator), Ok(Decimal::Point));
     }
     // Where commas separate cells, those in quotes separate thousands.
