@@ -3,7 +3,7 @@
     pip install calib-rl[gym,frames,tune] pcgym gymchem box2d bsm2-python
     python3 scripts/public_environments.py DIR [--environments cstr,lunar] [--logs FIRST END]
     python3 scripts/public_environments.py DIR --report
-    python3 scripts/public_environments.py DIR --fitted-q
+    python3 scripts/public_environments.py DIR --fitted-q [d3rlpy]
     python3 scripts/public_environments.py DIR --random-actions wastewater-7,four_tank-1
 
 For each environment and each number of a log: a rule of the plant acts, a quarter of its actions are at random, and what
@@ -21,7 +21,9 @@ over those where that share is at least RELIABLE.
 --fitted-q makes the logs again, and chooses by fitted Q evaluation instead, which needs no model: each setting learns from as many
 recorded transitions, in their order, as its agent has steps. What its policy would get then is estimated by 200 passes of ridge
 regression on the features of the agent itself (Le, Voloshin and Yue 2019). It needs only the logs, and keeps the values of all
-settings in DIR/fitted-q.json; --report has a row of it. It was added after the choices of calib were known.
+settings in DIR/fitted-q.json; --report has a row of it. It was added after the choices of calib were known. `--fitted-q d3rlpy` asks
+the estimator of d3rlpy 2.8.1 about the same policies in the same logs: `DiscreteFQE` with its usual network and constants, 5,000
+gradient steps, and its own predictions in the first states. Its values are kept in DIR/fitted-q-d3rlpy.json.
 
 --agent dqn is the same question for Stable-Baselines3's DQN with its usual network, in the first five logs of pc-gym's reactor and
 four tanks, whose settings the linear agent told apart. It has eight settings. Before its runs it was decided: the choice is better
@@ -56,6 +58,7 @@ LENGTHS = [1_000, 2_000, 5_000, 10_000, 20_000]
 RANDOM_SHARE = 0.25
 GAMMA = 0.97
 PASSES = 200
+D3RLPY_STEPS = 5_000
 GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.8]}
 DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
 SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
@@ -543,29 +546,63 @@ def beside_random_actions(log, folder):
     )
 
 
-def fitted_q(name, number):
-    """Estimates the value of each setting's policy in the first states of episodes, from the log alone."""
+@dataclasses.dataclass
+class LoggedTransitions:
+    """The transitions of a log: row i is from states[rows[i]] to states[rows[i] + 1]."""
+
+    states: np.ndarray
+    rows: np.ndarray
+    actions: np.ndarray
+    rewards: np.ndarray
+    goes_on: np.ndarray
+    begins: np.ndarray
+    levels: int
+    limit: int
+
+
+def logged_transitions(name, number):
     frame, columns = log_of(name, number)
     env = ENVIRONMENTS[name][0]()
-    limit = env.limit
-    states = frame.select(columns).to_numpy()
     taken = frame["action"].to_numpy()
-    here = np.flatnonzero(np.isfinite(taken))
-    actions = taken[here].astype(int)
-    rewards = frame["reward"].to_numpy()[here + 1].astype(float)
-    goes_on = frame["terminal"].to_numpy()[here + 1] == 0
-    begins = np.flatnonzero(~np.isfinite(frame["reward"].to_numpy().astype(float)))
+    rows = np.flatnonzero(np.isfinite(taken))
+    rewards = frame["reward"].to_numpy().astype(float)
+    return LoggedTransitions(
+        states=frame.select(columns).to_numpy(),
+        rows=rows,
+        actions=taken[rows].astype(int),
+        rewards=rewards[rows + 1],
+        goes_on=frame["terminal"].to_numpy()[rows + 1] == 0,
+        begins=np.flatnonzero(~np.isfinite(rewards)),
+        levels=len(env.levels),
+        limit=env.limit,
+    )
+
+
+def fitted_q(name, number, value_of_policy):
+    """Estimates the value of each setting's policy in the first states of episodes, from the log alone."""
+    log = logged_transitions(name, number)
     values = []
     for setting in SETTINGS:
-        agent = Agent(Spaces(states.shape[1], len(env.levels)), **setting)
-        features = np.cos(states @ agent.directions.T + agent.offsets) * 0.14
-        before, after = features[here], features[here + 1]
+        agent = Agent(Spaces(log.states.shape[1], log.levels), **setting)
+        features = agent_features(agent, log.states)
+        before, after = features[log.rows], features[log.rows + 1]
         for update in range(STEPS):
-            at = update % len(here)
-            value = agent.weights[actions[at]] @ before[at]
-            agent.update(before[at], actions[at], value, rewards[at], after[at], not goes_on[at])
-        values.append(policy_value(agent, before, after, actions, rewards, goes_on, features[begins], limit))
+            at = update % len(log.rows)
+            value = agent.weights[log.actions[at]] @ before[at]
+            agent.update(before[at], log.actions[at], value, log.rewards[at], after[at], not log.goes_on[at])
+        values.append(value_of_policy(agent, log) if np.isfinite(agent.weights).all() else -np.inf)
     return values
+
+
+def agent_features(agent, states):
+    return np.cos(states @ agent.directions.T + agent.offsets) * 0.14
+
+
+def probabilities_of_actions(agent, features):
+    count = len(agent.weights)
+    probabilities = np.full((len(features), count), agent.epsilon / count)
+    probabilities[np.arange(len(features)), (features @ agent.weights.T).argmax(1)] += 1.0 - agent.epsilon
+    return probabilities
 
 
 class Spaces:
@@ -576,39 +613,88 @@ class Spaces:
         self.action_space = type("Discrete", (), {"n": actions})
 
 
-def policy_value(agent, before, after, actions, rewards, goes_on, begins, limit):
-    """Estimates the mean return of the agent's policy from `begins`: repeated least squares, with targets limited to possible returns."""
+def value_by_ridge(agent, log):
+    """Estimates the mean return of the agent's policy: repeated least squares, with targets limited to possible returns."""
+    features = agent_features(agent, log.states)
+    before, after, begins = features[log.rows], features[log.rows + 1], features[log.begins]
     count, width = agent.weights.shape
-    if not np.isfinite(agent.weights).all():
-        return -np.inf
-
-    def policy(features):
-        probabilities = np.full((len(features), count), agent.epsilon / count)
-        probabilities[np.arange(len(features)), (features @ agent.weights.T).argmax(1)] += 1.0 - agent.epsilon
-        return probabilities
-
-    low, high = min(rewards.min(), limit * rewards.min()), max(rewards.max(), limit * rewards.max())
-    probabilities, discount = policy(after), GAMMA * goes_on
-    rows = [np.flatnonzero(actions == action) for action in range(count)]
+    low = min(log.rewards.min(), log.limit * log.rewards.min())
+    high = max(log.rewards.max(), log.limit * log.rewards.max())
+    probabilities, discount = probabilities_of_actions(agent, after), GAMMA * log.goes_on
+    rows = [np.flatnonzero(log.actions == action) for action in range(count)]
     solvers = [np.linalg.solve(before[own].T @ before[own] + np.eye(width), before[own].T) for own in rows]
     weights = np.zeros((count, width))
     for _ in range(PASSES):
-        targets = (rewards + discount * (probabilities * (after @ weights.T)).sum(1)).clip(low, high)
+        targets = (log.rewards + discount * (probabilities * (after @ weights.T)).sum(1)).clip(low, high)
         weights = np.array([solver @ targets[own] for solver, own in zip(solvers, rows)])
-    return float((policy(begins) * (begins @ weights.T)).sum(1).mean())
+    return float((probabilities_of_actions(agent, begins) * (begins @ weights.T)).sum(1).mean())
+
+
+def value_by_d3rlpy(agent, log):
+    """Estimates the mean return of the agent's policy by d3rlpy's network, which sees states and rewards divided by their spreads."""
+    import d3rlpy
+    import structlog
+    import torch
+
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(40))
+    torch.set_num_threads(1)
+    d3rlpy.seed(0)
+
+    class Policy:
+        """What d3rlpy asks of an algorithm: the actions that the agent takes next."""
+
+        impl = property(lambda self: self)
+
+        def predict_best_action(self, states):
+            features = agent_features(agent, states.numpy() * spreads + means)
+            probabilities = torch.from_numpy(probabilities_of_actions(agent, features))
+            return torch.multinomial(probabilities, 1).squeeze(1)
+
+    means, spreads = log.states.mean(0), log.states.std(0).clip(1e-9)
+    states = ((log.states - means) / spreads).astype(np.float32)
+    rewards = (log.rewards / max(log.rewards.std(), 1e-9)).astype(np.float32)
+    # An episode is a run of rows with actions. Where it was cut off, d3rlpy needs the row after it too, with any action.
+    ends = np.flatnonzero(np.append(np.diff(log.rows) > 1, True))
+    episodes = []
+    for first, last in zip(np.append(0, ends[:-1] + 1), ends):
+        own = slice(first, last + 1)
+        seen, actions, got = states[log.rows[own]], log.actions[own], rewards[own]
+        if log.goes_on[last]:
+            seen = np.append(seen, states[[log.rows[last] + 1]], axis=0)
+            actions, got = np.append(actions, 0), np.append(got, np.float32(0))
+        episodes.append(d3rlpy.dataset.Episode(seen, actions[:, None], got[:, None], not log.goes_on[last]))
+    buffer = d3rlpy.dataset.ReplayBuffer(
+        d3rlpy.dataset.InfiniteBuffer(), episodes=episodes, action_space=d3rlpy.ActionSpace.DISCRETE, action_size=log.levels
+    )  # fmt: skip
+    estimator = d3rlpy.ope.DiscreteFQE(Policy(), d3rlpy.ope.FQEConfig(gamma=GAMMA))
+    estimator.build_with_dataset(buffer)
+    for _ in range(D3RLPY_STEPS):
+        estimator.update(buffer.sample_transition_batch(estimator.batch_size))
+    begins = states[log.begins]
+    values = [estimator.predict_value(begins, np.full(len(begins), action)) for action in range(log.levels)]
+    probabilities = probabilities_of_actions(agent, agent_features(agent, log.states[log.begins]))
+    return float((probabilities * np.stack(values, axis=1)).sum(1).mean())
+
+
+# The file of each estimator of the values of policies, and its name in the report.
+ESTIMATORS = {
+    "calib": (value_by_ridge, "fitted-q.json", "by fitted Q"),
+    "d3rlpy": (value_by_d3rlpy, "fitted-q-d3rlpy.json", "by d3rlpy's fitted Q"),
+}
 
 
 def make_fitted_q(args, folder):
-    path = folder / "fitted-q.json"
+    value_of_policy, file, label = ESTIMATORS[args.fitted_q]
+    path = folder / file
     found = json.loads(path.read_text()) if path.exists() else {}
     names = args.environments.split(",") if args.environments else list(ENVIRONMENTS)
-    for name in names:
-        for number in range(*(args.logs or [0, 10])):
+    for number in range(*(args.logs or [0, 10])):
+        for name in names:
             log = f"{name}-{number}"
             if log not in found:
-                found[log] = [round(value, 4) for value in fitted_q(name, number)]
+                found[log] = [round(value, 4) for value in fitted_q(name, number, value_of_policy)]
                 write(path, found)
-                print(f"{log}: fitted Q is done", file=sys.stderr, flush=True)
+                print(f"{log}: {label} is done", file=sys.stderr, flush=True)
 
 
 def make(args, folder, agent):
@@ -687,10 +773,11 @@ def report(folder, agent):
     default = agent.settings.index(agent.default)
     labels = ["choice", "what calib advises", "choice if ahead of the default", "default", "best of the other environments"]
     rows = {row: {} for row in [*labels, *(f"default less {label}" for label in labels[:3])]}
-    path = folder / "fitted-q.json"
-    values = json.loads(path.read_text()) if path.exists() and not agent.suffix else {}
-    if values:
-        rows |= {"by fitted Q": {}, "by fitted Q, less the choice": {}}
+    estimates = {}
+    for _, file, label in ESTIMATORS.values() if not agent.suffix else ():
+        if (folder / file).exists():
+            estimates[label] = json.loads((folder / file).read_text())
+            rows |= {label: {}, f"{label}, less the choice": {}}
     correlations, groups = {}, {"calib says to deploy the choice": {}, "it is only ahead of the default": {}, "neither": {}}
     agreements = {}
     print("| environment | logs | random | best | told apart | choice: regret | advice: regret | default: regret | best of the others: regret | Spearman | kinds agree | deploy, keep, nothing |")
@@ -709,13 +796,14 @@ def report(folder, agent):
         rows["best of the other environments"][name] = [regret(name, fixed)] * len(found)
         is_ahead = [not NOT_AHEAD & set(one["reasons"]) for one in found]
         logs = [path.stem for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
-        # They are made after the choices, one log at a time.
-        if values and all(log in values for log in logs):
-            by_values = [values[log] for log in logs]
-            rows["by fitted Q"][name] = [regret(name, own.index(max(own))) for own in by_values]
-            rows["by fitted Q, less the choice"][name] = [one - other for one, other in zip(rows["by fitted Q"][name], chosen)]
-            told = f"{name} by fitted Q: {statistics.fmean(rows['by fitted Q'][name]):.1f} %, worst {max(rows['by fitted Q'][name]):.0f}"
-            print(told, file=sys.stderr)
+        for label, values in estimates.items():
+            # They are made after the choices, one log at a time.
+            done = [place for place, log in enumerate(logs) if log in values]
+            if done:
+                own = [regret(name, values[logs[place]].index(max(values[logs[place]]))) for place in done]
+                rows[label][name] = own
+                rows[f"{label}, less the choice"][name] = [one - chosen[place] for one, place in zip(own, done)]
+                print(f"{name} {label}: {statistics.fmean(own):.1f} %, worst {max(own):.0f}, {len(done)} logs", file=sys.stderr)
         rows["choice if ahead of the default"][name] = [one if ahead else regret(name, default) for one, ahead in zip(chosen, is_ahead)]
         for label in labels[:3]:
             rows[f"default less {label}"][name] = [regret(name, default) - one for one in rows[label][name]]
@@ -764,7 +852,7 @@ def main():
     parser.add_argument("--agent", choices=list(AGENTS), default="linear")
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--random-actions", metavar="LOG,LOG")
-    parser.add_argument("--fitted-q", action="store_true")
+    parser.add_argument("--fitted-q", nargs="?", const="calib", choices=list(ESTIMATORS))
     args = parser.parse_args()
     if args.random_actions:
         for log in args.random_actions.split(","):

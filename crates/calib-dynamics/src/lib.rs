@@ -10,7 +10,7 @@
 //! - [`Trainer`], [`FeedForwardTrainer`], [`RecurrentTrainer`], [`TrainingRecord`], [`TrainingState`]: training by epochs. It can be
 //!   interrupted and resumed, with the same bytes as the result.
 //! - [`predict`], [`Rollouts`], [`Prediction`], [`Ended`]: rollouts in lockstep, with one matrix product for many.
-//! - [`Residuals`], [`Noise`]: the prediction errors of a network, which rollouts can add as noise.
+//! - [`Residuals`], [`Noise`], [`ResidualNoise`]: the prediction errors of a network, which rollouts can add as noise.
 //!
 //! ```
 //! use calib_core::{RowIndex, Seed, Segments, Silent, States, Transitions};
@@ -51,7 +51,7 @@ pub use data::{Transitioning, sequences};
 pub use error::DynamicsError;
 pub use feed_forward::FeedForward;
 pub use model::{Dynamics, LANES, Walk};
-pub use noise::{Noise, Residuals, Rollouts};
+pub use noise::{NOISE_VERSION, Noise, ResidualNoise, Residuals, Rollouts};
 pub use predict::{Ended, PredictedStream, Prediction, Start, predict};
 pub use record::{EpochLoss, Trainer, TrainingRecord, seed_of_parameters};
 pub use recurrent::{GruLayer, Recurrent};

@@ -3,7 +3,10 @@
 //! A network that is trained on squared errors predicts conditional means. When means are fed back, rollouts become
 //! constant where the plant does not. Adding recorded residuals to each prediction keeps the variance of one step.
 
-use std::{collections::BTreeMap, ops::Range};
+use std::{
+    collections::BTreeMap,
+    ops::{Range, RangeInclusive},
+};
 
 use calib_core::{Rng, RowIndex, Segments, Silent, States};
 use calib_files::{Tensor, Tensors};
@@ -12,6 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Dynamics, DynamicsError, Transitioning, predict};
 
+/// Version of rollouts with noise. Raise it whenever the same inputs give other bytes, so that results of different
+/// versions are never mixed.
+pub const NOISE_VERSION: u32 = 2;
 /// Mean number of steps in a block.
 const BLOCK: f64 = 36.0;
 
@@ -119,37 +125,69 @@ fn not_residuals() -> DynamicsError {
     DynamicsError::Weights { reason: "they are no residuals of it".to_owned() }
 }
 
+/// The noise that rollouts of a network add to its predictions, and the range of the log, to which they cut the sums.
+///
+/// Without the cut a network that is a little unstable drifts away from the states that it was trained on, and its rollouts
+/// diverge.
+#[derive(Debug)]
+pub struct ResidualNoise {
+    kind: Noise,
+    residuals: Residuals,
+    /// The lowest and the highest recorded value of each column.
+    recorded: Vec<RangeInclusive<f32>>,
+}
+
+impl ResidualNoise {
+    /// Returns the noise of a network that was trained on `states`.
+    ///
+    /// # Panics
+    /// If the residuals have another number of columns.
+    pub fn new(kind: Noise, residuals: Residuals, states: &States) -> Self {
+        assert_eq!(residuals.columns, states.columns(), "residuals of these states");
+        let mut recorded = vec![f32::INFINITY..=f32::NEG_INFINITY; states.columns()];
+        for row in states.as_slice().chunks_exact(states.columns()) {
+            for (range, value) in recorded.iter_mut().zip(row) {
+                *range = range.start().min(*value)..=range.end().max(*value);
+            }
+        }
+        Self { kind, residuals, recorded }
+    }
+
+    /// Returns the noise of one rollout.
+    pub(crate) fn source(&self, rng: Rng) -> NoiseSource<'_> {
+        NoiseSource { noise: self, rng, next: 0..0 }
+    }
+}
+
 /// The noise of one rollout.
 pub(crate) struct NoiseSource<'a> {
-    noise: Noise,
-    residuals: &'a Residuals,
+    noise: &'a ResidualNoise,
     rng: Rng,
     /// The next row of a block, and the end of its piece.
     next: Range<usize>,
 }
 
-impl<'a> NoiseSource<'a> {
-    pub(crate) fn new(noise: Noise, residuals: &'a Residuals, rng: Rng) -> Self {
-        Self { noise, residuals, rng, next: 0..0 }
-    }
-
-    /// Adds the next residual to a predicted state.
+impl NoiseSource<'_> {
+    /// Adds the next residual to a predicted state, and cuts the sum to the range of the log.
     pub(crate) fn add_to(&mut self, predicted: &mut [f32]) {
-        let row = match self.noise {
+        let ResidualNoise { kind, residuals, recorded } = self.noise;
+        let row = match kind {
             Noise::None => return,
-            Noise::Residual => self.rng.below(self.residuals.rows()),
+            Noise::Residual => self.rng.below(residuals.rows()),
             Noise::Block => self.next_of_block(),
         };
-        for (value, residual) in predicted.iter_mut().zip(self.residuals.row(row)) {
-            *value += residual;
+        for ((value, residual), range) in predicted.iter_mut().zip(residuals.row(row)).zip(recorded)
+        {
+            *value = (*value + residual).clamp(*range.start(), *range.end());
         }
     }
 
     fn next_of_block(&mut self) -> usize {
+        let residuals = &self.noise.residuals;
         if self.next.is_empty() || self.rng.unit() < 1.0 / BLOCK {
-            let row = self.rng.below(self.residuals.rows());
-            let piece = self.residuals.pieces.partition_point(|piece| piece.end <= row);
-            self.next = row..self.residuals.pieces[piece].end;
+            let row = self.rng.below(residuals.rows());
+            let piece = residuals.pieces.partition_point(|piece| piece.end <= row);
+            self.next = row..residuals.pieces[piece].end;
         }
         let row = self.next.start;
         self.next.start += 1;
@@ -166,10 +204,8 @@ pub struct Rollouts<'a> {
     pub states: &'a States,
     /// The segments of the states.
     pub segments: &'a Segments,
-    /// The noise that is added to predictions.
-    pub noise: Noise,
-    /// The residuals from which noise is drawn. Without them no noise is added.
-    pub residuals: Option<&'a Residuals>,
+    /// The noise that is added to predictions, if any.
+    pub noise: Option<&'a ResidualNoise>,
 }
 
 #[cfg(test)]
@@ -208,13 +244,13 @@ mod tests {
         assert_eq!((residuals.rows(), residuals.pieces.len()), (3198, 2));
         let back = Residuals::from_tensors(&residuals.to_tensors(), 1).expect("ours");
         assert_eq!(back, residuals);
-        let roll = |noise: Noise, seed: u64| {
+        let roll = |kind: Noise, seed: u64| {
+            let noise = ResidualNoise::new(kind, residuals.clone(), &states);
             let rollouts = Rollouts {
                 model: &model,
                 states: &states,
                 segments: transitions.segments(),
-                noise,
-                residuals: Some(&residuals),
+                noise: Some(&noise),
             };
             let start = Start { row: RowIndex::new(7), seed: Seed::new(seed) };
             rollouts.predict(&[start], 3000, &Silent).expect("it runs").remove(0)
@@ -232,8 +268,10 @@ mod tests {
     #[test]
     fn blocks_follow_the_record_and_end_with_it() {
         let values: Vec<f32> = (0..200_u8).map(f32::from).collect();
+        let states = States::new(values.clone(), 200, 1).expect("finite");
         let residuals = Residuals { columns: 1, values, pieces: vec![0..50, 50..200] };
-        let mut source = NoiseSource::new(Noise::Block, &residuals, Seed::new(5).rng());
+        let noise = ResidualNoise::new(Noise::Block, residuals, &states);
+        let mut source = noise.source(Seed::new(5).rng());
         let mut drawn = Vec::new();
         for _ in 0..20_000 {
             let mut state = [0.0];
@@ -245,5 +283,26 @@ mod tests {
             / 19_999.0;
         assert!((0.94..0.99).contains(&share), "{share}");
         assert!(!drawn.windows(2).any(|pair| pair[0] == 49.0 && pair[1] == 50.0), "a gap");
+    }
+
+    #[test]
+    fn rollouts_of_an_unstable_network_stay_in_the_range_of_the_log() {
+        let (states, transitions, _) = plant(400);
+        let network = Mlp::from_parameters(&[1, 1], &[1.5, 0.0]).expect("two parameters");
+        let model = FeedForward::new(network).expect("square");
+        let data = Transitioning::new(&states, &transitions, 0.5).expect("enough");
+        let residuals = Residuals::of(&model, &data).expect("finite");
+        let roll = |noise: Option<&ResidualNoise>| {
+            let segments = transitions.segments();
+            let rollouts = Rollouts { model: &model, states: &states, segments, noise };
+            let start = Start { row: RowIndex::new(9), seed: Seed::new(1) };
+            rollouts.predict(&[start], 1000, &Silent).expect("it runs").remove(0)
+        };
+        assert!(roll(None).steps() < 1000, "it diverges");
+        let rolled = roll(Some(&ResidualNoise::new(Noise::Residual, residuals, &states)));
+        let highest = states.as_slice().iter().copied().fold(f32::MIN, f32::max);
+        let lowest = states.as_slice().iter().copied().fold(f32::MAX, f32::min);
+        assert_eq!(rolled.steps(), 1000);
+        assert!(rolled.column(0).all(|value| (lowest..=highest).contains(&value)));
     }
 }

@@ -3,7 +3,7 @@ use std::{ops::Range, sync::Arc};
 use calib_core::{Monitor, RowIndex, Seed, Segments, States, Stream};
 use rayon::prelude::*;
 
-use crate::{Dynamics, DynamicsError, LANES, Noise, Rollouts, noise::NoiseSource};
+use crate::{Dynamics, DynamicsError, LANES, Rollouts, noise::NoiseSource};
 
 /// Steps between two checks for an interruption.
 const STEPS_PER_LOOK: usize = 256;
@@ -114,7 +114,7 @@ pub fn predict(
     steps: usize,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Prediction>, DynamicsError> {
-    let rollouts = Rollouts { model, states, segments, noise: Noise::None, residuals: None };
+    let rollouts = Rollouts { model, states, segments, noise: None };
     let starts: Vec<Start> = starts.iter().map(|&row| Start { row, seed: Seed::new(0) }).collect();
     rollouts.predict(&starts, steps, monitor)
 }
@@ -174,7 +174,7 @@ impl Rollouts<'_> {
         steps: usize,
         monitor: &dyn Monitor,
     ) -> Result<Vec<Prediction>, DynamicsError> {
-        let Rollouts { model, states, segments, noise, residuals } = *self;
+        let Rollouts { model, states, segments, noise } = *self;
         let columns = states.columns();
         assert!(starts.len() <= LANES, "at most {LANES} rollouts step together");
         assert_eq!(model.columns(), columns, "the model is one of these states");
@@ -183,7 +183,7 @@ impl Rollouts<'_> {
         let mut next = vec![0.0; LANES * columns];
         let mut noises: Vec<Option<NoiseSource<'_>>> = starts
             .iter()
-            .map(|start| Some(NoiseSource::new(noise, residuals?, start.seed.child("noise").rng())))
+            .map(|start| Some(noise?.source(start.seed.child("noise").rng())))
             .collect();
         let histories: Vec<usize> =
             starts.iter().map(|start| history(segments, start.row).min(model.history())).collect();

@@ -2,7 +2,8 @@ use std::{ops::Range, sync::Arc};
 
 use calib_core::{Frames, Monitor, Seed, Segments, Silent, States, Transitions};
 use calib_dynamics::{
-    Dynamics, DynamicsError, LANES, Noise, Prediction, Residuals, Rollouts, Start, predict,
+    Dynamics, DynamicsError, LANES, Noise, Prediction, ResidualNoise, Residuals, Rollouts, Start,
+    predict,
 };
 use calib_knn::Weights;
 
@@ -17,8 +18,7 @@ pub struct NetworkModel {
     dynamics: Box<dyn Dynamics>,
     states: States,
     segments: Segments,
-    noise: Noise,
-    residuals: Option<Residuals>,
+    noise: Option<ResidualNoise>,
 }
 
 impl NetworkModel {
@@ -34,13 +34,13 @@ impl NetworkModel {
         }
         let states = frames.states().clone();
         let segments = frames.segments().clone();
-        Ok(Self { dynamics, states, segments, noise: Noise::None, residuals: None })
+        Ok(Self { dynamics, states, segments, noise: None })
     }
 
-    /// Returns the same model, whose rollouts add these residuals to each prediction.
+    /// Returns the same model, whose rollouts add these residuals to each prediction, and stay in the range of its states.
     #[must_use]
     pub fn with_noise(mut self, noise: Noise, residuals: Residuals) -> Self {
-        (self.noise, self.residuals) = (noise, Some(residuals));
+        self.noise = Some(ResidualNoise::new(noise, residuals, &self.states));
         self
     }
 
@@ -49,8 +49,7 @@ impl NetworkModel {
             model: &*self.dynamics,
             states: &self.states,
             segments: &self.segments,
-            noise: self.noise,
-            residuals: self.residuals.as_ref(),
+            noise: self.noise.as_ref(),
         }
     }
 }

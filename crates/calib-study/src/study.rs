@@ -3,7 +3,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 use calib_agent::{AgentConfig, Part};
 use calib_control::ControlConfig;
 use calib_data::{DataConfig, Description, PreprocessConfig, TimeRange};
-use calib_dynamics::{DynamicsConfig, Noise};
+use calib_dynamics::{DynamicsConfig, NOISE_VERSION, Noise};
 use calib_model::{ModelFamily, RolloutConfig, StartKind};
 use calib_represent::{RepresentationConfig, RepresentationKind};
 use calib_sweep::{Rule, SweepConfig};
@@ -75,6 +75,11 @@ impl Study {
             ModelFamily::Network if noise != Noise::None => Some(noise),
             ModelFamily::Network | ModelFamily::Neighbors | ModelFamily::None => None,
         }
+    }
+
+    /// Returns what keys of rollouts and streams contain about that noise: its kind and its version.
+    pub fn rollout_noise_inputs(&self) -> Option<(Noise, u32)> {
+        self.rollout_noise().map(|noise| (noise, NOISE_VERSION))
     }
 
     /// Whether the study is about an acting agent only, without predictions.

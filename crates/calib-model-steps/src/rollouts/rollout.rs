@@ -169,7 +169,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
         &sensors,
         comparison::settings(),
     );
-    let key = match study.rollout_noise() {
+    let key = match study.rollout_noise_inputs() {
         Some(noise) => artefact::key(&(inputs, noise))?,
         None => artefact::key(&inputs)?,
     };

@@ -196,7 +196,7 @@ impl Members {
             // Not the deployment itself: deployments with the same start states share streams.
             starts.origin(dataset.held_out_fingerprint.as_ref())?,
         );
-        let inputs = match study.rollout_noise() {
+        let inputs = match study.rollout_noise_inputs() {
             Some(noise) => serde_json::to_vec(&(inputs, noise))?,
             None => serde_json::to_vec(&inputs)?,
         };
