@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Run the paper's studies at the sizes of docs/paper-studies.md, and print the tables of that page.
+"""Run the paper's studies in their profiles `tiny`, `small` and `change`, and print the tables of docs/paper-studies.md.
 
     python3 scripts/paper_studies.py --calib BINARY --output FOLDER [--only PART] [--tables]
 

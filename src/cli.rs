@@ -98,7 +98,7 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Train or import representations of the states, score them, and choose one
     Represent(RepresentArgs),
-    /// Build the ensemble of nearest-neighbour calibration models
+    /// Build the calibration model: tables of neighbours, or a network
     BuildModel(BuildModelArgs),
     /// Roll the model out, and compare rollouts with the recorded log
     Rollout(StudyArgs),
