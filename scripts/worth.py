@@ -32,6 +32,7 @@ LOGS = [
     ("3w well 6", "3w-wells/well=WELL-00006", []),
     ("petrobras-historian", "petrobras-historian/2017-12-24_2018-01-04.parquet", []),
     ("solarmed-med", "solarmed-med", []),
+    ("fixture-3h20", "fixture-3h20", []),
 ]
 # The options are those that `calib init` asks for at its first call.
 PUBLIC = [
@@ -41,6 +42,7 @@ PUBLIC = [
     ("wind", "haute/la-haute-borne-data-2014-2015.csv", ["--set", 'data.where={ "Wind_turbine_name" = "R80711" }']),
 ]
 NO_WORSE = 1.02
+PARTS = ["after_first_quarter", "final_quarter", "whole_run"]
 # 97.5 % points of Student's t, by degrees of freedom from 1 on.
 STUDENT = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131]
 
@@ -86,7 +88,7 @@ def deployed(choice, verdict):
 def by_parts(calib, study, summary):
     """Returns the deployment choice for each sensor, by each part of the runs."""
     parts = []
-    for scored in ("after_first_quarter", "final_quarter", "whole_run"):
+    for scored in PARTS:
         # Every run is already scored over all parts, so nothing is trained.
         done = subprocess.run([calib, "run", "-q", str(study), "--set", f"sweep.scored={scored}"], stdout=subprocess.DEVNULL)
         if done.returncode not in (0, 1):
@@ -131,7 +133,9 @@ def main():
         studies.append((name, study))
     print("| log | sensor | to deploy | its error by the best simple predictor's (95 %) | agent's NRMSE | best simple predictor | its NRMSE | agent / predictor (95 %) | by all parts of runs |")
     print("|---|---|---|---|---|---|---|---|---|")
-    sensors = fine = named = chosen_alike = deployed_alike = misled = agents = 0
+    sensors = fine = named = misled = agents = 0
+    # Sensors for which what is deployed, and the agent's setting, are alike by the whole run and after its start-up, and by all parts.
+    deployed_alike, chosen_alike = {"start-up": 0, "all": 0}, {"start-up": 0, "all": 0}
     for name, study in studies:
         if study is None:
             folder = place / "quickstart"
@@ -163,10 +167,13 @@ def main():
             fine += (ratio[1][1] if ratio[1] else ratio[0]) <= NO_WORSE
             named += instead is not None
             misled += instead is None and choice["recommendation"] == "deploy" and bool(interval and interval[0] > 1)
-            chosen = [part["chosen"] for part in verdict["parts"]]
-            chosen_alike += max(chosen) - min(chosen) <= 1
+            chosen = {part["part"]: part["chosen"] for part in verdict["parts"]}
+            after, whole = chosen["after_first_quarter"], chosen["whole_run"]
+            chosen_alike["start-up"] += abs(after - whole) <= 1
+            chosen_alike["all"] += max(chosen.values()) - min(chosen.values()) <= 1
+            deployed_alike["start-up"] += is_alike([of_parts[PARTS.index("after_first_quarter")], of_parts[PARTS.index("whole_run")]])
             alike = is_alike(of_parts)
-            deployed_alike += alike
+            deployed_alike["all"] += alike
             own = verdict["truth"]["choice"]["online_error"]
             values = ", ".join(f"{key} = {value}" for key, value in choice["values"].items())
             advised = instead or (values if choice["recommendation"] == "deploy" else f"({values})")
@@ -180,8 +187,9 @@ def main():
     print(f"It is a simple predictor: {percent(named, sensors)}.")
     print(f"Agents no worse than the best simple predictor (upper end at most {NO_WORSE}): {percent(agents, sensors)}.")
     print(f"Told to deploy what a simple predictor beats beyond chance: {misled}.")
-    print(f"What is deployed is alike by the whole run and by its later parts: {percent(deployed_alike, sensors)}.")
-    print(f"The settings that are chosen for the agent are alike, or neighbours: {percent(chosen_alike, sensors)}.")
+    for parts, name in {"start-up": "by the whole run and after its first quarter", "all": "by the whole run, after its first quarter and in its last"}.items():
+        print(f"What is deployed is alike {name}: {percent(deployed_alike[parts], sensors)}.")
+        print(f"The settings that are chosen for the agent are alike or neighbours {name}: {percent(chosen_alike[parts], sensors)}.")
 
 
 if __name__ == "__main__":
