@@ -190,12 +190,14 @@ def bounds(pairs, of):
 def summary(of):
     regrets = np.array([regret for _, regret in of if regret is not None], dtype=float)
     counted = np.minimum(regrets, CAP)
+    worst = np.sort(counted)[-max(1, (len(counted) + 5) // 10) :]
     return {
         "pairs": len(regrets),
         "diverged": int(np.isinf(regrets).sum()),
         "capped": int((regrets > CAP).sum()),
         "mean": counted.mean(),
         "typical": np.expm1(np.log1p(counted).mean()),
+        "worst_tenth": np.expm1(np.log1p(worst).mean()),
         "median": np.median(counted),
         "good": (regrets <= GOOD).mean(),
     }

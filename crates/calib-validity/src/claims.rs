@@ -154,6 +154,7 @@ mod tests {
             upper,
             typical: 0.03,
             typical_interval: Some(Interval { low, high: 0.2 }),
+            worst_tenth: 0.06,
             median: 0.02,
             good: 0.5,
         })

@@ -34,6 +34,8 @@ pub struct MethodSummary {
     pub typical: f64,
     /// 95 % interval of the typical regret, over plants.
     pub typical_interval: Option<Interval>,
+    /// Typical regret of the tenth of the pairs with the largest regrets, which is at least one pair.
+    pub worst_tenth: f64,
     /// Median regret.
     pub median: f64,
     /// Share of pairs with a regret of at most 5 %.
@@ -78,10 +80,18 @@ impl MethodSummary {
             upper: plants.upper_bound(has, |pairs| mean_of(pairs, value)),
             typical: mean(&logarithms)?.exp_m1(),
             typical_interval: plants.typical_interval(has, |pair: usize| value(pair).ln_1p()),
+            worst_tenth: mean(&worst_tenth(logarithms))?.exp_m1(),
             median: median(&counted)?,
             good: count(|regret| **regret <= GOOD) as f64 / regrets.len() as f64,
         })
     }
+}
+
+/// Returns the largest tenth of `values` `[n]`, n / 10 rounded, and at least one of them.
+fn worst_tenth(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(|a, b| b.total_cmp(a));
+    values.truncate(((values.len() + 5) / 10).max(1));
+    values
 }
 
 /// Limits an interval to the range from −1 to 1.

@@ -41,6 +41,7 @@ struct Summary {
     capped: usize,
     mean: f64,
     typical: f64,
+    worst_tenth: f64,
     median: f64,
     good: f64,
     upper: Option<f64>,
@@ -154,6 +155,7 @@ fn regrets_of_methods_are_those_of_numpy() {
         assert_eq!((summary.pairs, summary.diverged, summary.capped), counts, "{name}");
         near(Some(summary.mean), Some(theirs.mean), &name);
         near(Some(summary.typical), Some(theirs.typical), &name);
+        near(Some(summary.worst_tenth), Some(theirs.worst_tenth), &name);
         near(Some(summary.median), Some(theirs.median), &name);
         near(Some(summary.good), Some(theirs.good), &name);
         near(summary.upper, theirs.upper, &name);

@@ -32,20 +32,20 @@ fn methods(title: &str, methods: &[MethodSummary]) -> Table {
             Cell::Text(method.method.to_string()),
             count(method.pairs),
             Cell::Percent(method.mean),
-            at_most(method.upper),
+            method.upper.map_or(Cell::Missing, Cell::Percent),
             Cell::Percent(method.typical),
             shares(method.typical_interval),
-            Cell::Percent(method.good),
+            Cell::Percent(method.worst_tenth),
             count(method.diverged),
         ]
     });
     table(
         title,
         &format!(
-            "Regret is how much larger the error of the choice on held-out data is than that of the best setting, as a geometric mean over held-out windows. The mean has an upper bound only. Typical: the geometric mean of the errors over the best ones, minus one, which no single pair can dominate. In both, regrets above {} count as that, also those of choices that diverged.",
+            "Regret is how much larger the error of the choice on held-out data is than that of the best setting, as a geometric mean over held-out windows. At most: the 95 % upper bound of the mean, which has no lower one. Typical: the geometric mean of the errors over the best ones, minus one, which no single pair can dominate. Worst tenth: the same over the tenth of the pairs with the largest regrets, at least one pair. In all of them, regrets above {} count as that, also those of choices that diverged.",
             percent(CAP)
         ),
-        &["choice of", "pairs", "mean", "95 %", "typical", "95 %", "≤ 5 %", "diverged"],
+        &["choice of", "pairs", "mean", "at most", "typical", "95 %", "worst tenth", "diverged"],
         rows.collect(),
     )
 }

@@ -78,6 +78,7 @@ fn regrets_of_all_methods_by_hand() {
     near(summary(&validity, "model:a").median, 0.25);
     near(summary(&validity, "model:a").good, 1.0 / 3.0);
     near(summary(&validity, "model:a").typical, 2.5_f64.cbrt() - 1.0);
+    near(summary(&validity, "model:a").worst_tenth, 1.0);
     near(mean("model:b"), 2.5 / 3.0);
     near(mean("best_default"), 1.25 / 3.0);
     near(mean("log_replay"), 1.0);
@@ -188,6 +189,28 @@ fn eight_plants_have_the_interval_of_students_t_on_logarithms() {
 }
 
 #[test]
+fn the_worst_tenth_is_of_pairs_and_never_empty() {
+    // The largest regrets of the model are 8 and 3: quotients of errors of 9 and 4, whose geometric mean is 6.
+    let worst = |count: usize| {
+        let validity = plants(count, |plant: usize| {
+            let regret = match plant {
+                1 => 3.0,
+                2 => 8.0,
+                _ => 0.1,
+            };
+            [0.0, regret, 1.0]
+        });
+        summary(&validity, "model:a").worst_tenth
+    };
+    near(worst(20), 5.0);
+    near(worst(15), 5.0);
+    for count in [4, 10, 14] {
+        near(worst(count), 8.0);
+    }
+    near(worst(25), (36.0_f64 * 1.1).cbrt() - 1.0);
+}
+
+#[test]
 fn what_plants_can_tell_follows_from_their_means() {
     let validity = judged(pairs());
     let power = validity.power.iter();
@@ -286,6 +309,7 @@ fn diverged_choices_count_as_the_cap() {
     assert_eq!((b.diverged, b.capped), (1, 2));
     near(b.mean, 20.0 / 3.0);
     near(b.typical, 121.0_f64.cbrt() - 1.0);
+    near(b.worst_tenth, CAP);
     near(summary(&validity, "random").mean, (11.0 / 3.0 + 10.25 / 3.0 + 1.0) / 3.0);
     let against = comparison(&validity.comparisons, "model:b", "log_replay");
     assert_eq!((against.wins, against.losses, against.pairs), (1, 2, 3));
