@@ -82,6 +82,8 @@ STEPS = (800, 1500)
 MODELS = [
     "blocks-36", "blocks-360", "k-1", "k-10", "k-140-rank", "k-3", "laplacian", "network", "network-block", "network-residual",
 ]
+# Networks by what their rollouts add to each prediction (`dynamics.noise`).
+NOISES = {"none": "network", "residual": "network-residual", "block": "network-block"}
 FEWER = {
     "without the bootstraps": [name for name in MODELS if not name.startswith("blocks")],
     "without the networks": [name for name in MODELS if not name.startswith("network")],
@@ -673,6 +675,21 @@ def report(plants: list[dict]) -> None:
         regret = typical_regret(list(by_plant(own, lambda pair: pair.regrets[name]).values()))
         quality = told(by_plant(own, lambda pair: pair.quality[name]).values())
         row(name, regret, quality, *(f"{value:.3g}" for value in medians))
+    report_noises(pairs)
+
+
+def report_noises(pairs: list[Pair]) -> None:
+    print("\nShares of a network's rollouts that freeze or escape, by its noise, in %: means over plants and sensors:\n")
+    head("noise", "freeze", "escape", "freeze or escape", "plants where some escape")
+    for noise, name in NOISES.items():
+        own = [pair for pair in pairs if name in pair.models]
+        if not own:
+            continue
+        frozen, broken = ([pair.measured(measure)[name] for pair in own] for measure in ("frozen", "broken"))
+        escaped = [both - one for both, one in zip(broken, frozen)]
+        plants = {pair.plant for pair, share in zip(own, escaped) if share > 0}
+        shares = (f"{100 * mean(values):.1f}" for values in (frozen, escaped, broken))
+        row(noise, *shares, f"{len(plants)} of {len({pair.plant for pair in own})}")
 
 
 if __name__ == "__main__":
