@@ -68,7 +68,7 @@ pub(crate) struct BuildModelArgs {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "How it is built")]
 pub(crate) struct BuildOptions {
-    /// Train networks through libtorch, on this device (default: natively where that is possible, else auto)
+    /// Train networks through libtorch, on this device (default: natively)
     #[arg(long, value_name = "DEVICE", value_enum)]
     pub(crate) device: Option<Device>,
     /// Check this many random rows of the tables against brute force in double precision

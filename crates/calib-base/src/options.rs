@@ -31,8 +31,7 @@ pub enum Spill {
 /// Options of building a model. They do not change its tables.
 #[derive(Clone, Debug, Default)]
 pub struct BuildOptions {
-    /// Trains networks through libtorch, on this device. Otherwise natively where that is possible, or on
-    /// [`Device::Auto`].
+    /// Trains networks through libtorch, on this device. Otherwise natively.
     pub device: Option<Device>,
     /// Number of random rows of each member's tables that are compared with brute force in double precision.
     pub verify: usize,
