@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    io,
     ops::{Deref, DerefMut},
     path::{Path, PathBuf},
     sync::{Mutex, MutexGuard, PoisonError},
@@ -416,9 +415,7 @@ pub fn or_read_only(
 
 /// Whether the error means that nothing may be written there.
 pub(crate) fn is_refusal(error: &StepError) -> bool {
-    let StepError::Storage(error) = error.root() else { return false };
-    let FileError::Io { source, .. } = error.as_ref() else { return false };
-    matches!(source.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem)
+    matches!(error.root(), StepError::Storage(error) if error.is_refusal())
 }
 
 /// Writes a table of results, marked as one, so that a search for logs excludes it.

@@ -93,6 +93,12 @@ impl FileError {
         Self::Io { action, path: path.to_owned(), source }
     }
 
+    /// Whether the error means that nothing may be written there.
+    pub fn is_refusal(&self) -> bool {
+        let Self::Io { source, .. } = self else { return false };
+        matches!(source.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem)
+    }
+
     /// Whether the file does not exist.
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
