@@ -335,8 +335,8 @@ def make(
         kind: With actions: the kind of model. ``"neighbors"`` goes to the recorded next state of a neighbour. ``"increments"`` adds the neighbour's recorded
             change to the state, in every column where that predicts better. So it leaves the recorded rows, but never the recorded range. Each step searches
             all transitions with the action. ``row`` in ``info`` is then the row that the neighbour led to, and ``displacement`` is 0.
-            ``"network"`` goes to the prediction of a network trained on the log, as in ``calib control``. It is trained at its first use in a process, in a second or
-            two. ``row`` is then the row at the start of the episode, and every step counts as covered.
+            ``"network"`` goes to the prediction of a network trained on the log, as in ``calib control``. It is trained at its first use, in a second or two, and kept
+            in the model's folder. ``row`` is then the row at the start of the episode, and every step counts as covered.
 
     Returns:
         The environment. Observations are ``float32 [columns]``, within the recorded range. ``info`` has the observed ``row`` of the model's data

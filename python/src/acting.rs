@@ -81,12 +81,9 @@ impl PyActionModel {
         made_once(py, &self.shared.increments, || Increments::new(self.model(), coverage, &Silent))
     }
 
-    /// Returns the networks of the model. They are trained at their first use, as `calib control` trains them.
+    /// Returns the networks of the model. They are read, or trained at their first use.
     fn networks(&self, py: Python<'_>) -> PyResult<Arc<NetworkModel>> {
-        let seed = Seed::new(self.shared.opened.names.seed).child("control");
-        made_once(py, &self.shared.networks, || {
-            NetworkModel::for_model(self.model(), seed, &Silent)
-        })
+        made_once(py, &self.shared.networks, || self.shared.opened.networks(&Silent))
     }
 
     fn check_member(&self, member: usize) -> PyResult<()> {

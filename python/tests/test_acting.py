@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import warnings
@@ -186,6 +187,25 @@ def test_walks_that_leave_recorded_rows(acting: calib_rl.ActionModel, kind: Any)
             many.step(np.ones(4, int))
             seen = other[0]
     assert others > 20
+
+
+def test_networks_are_trained_once(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    folder = tmp_path / "control-model"
+    shutil.copytree(acting.path, folder, ignore=shutil.ignore_patterns("network-*"))
+
+    def walk() -> list[float]:
+        env = calib_rl.gym.make(calib_rl.ActionModel.open(folder), member=1, kind="network")
+        env.reset(seed=1)
+        return [float(env.step(number % 3)[0][0]) for number in range(10)]
+
+    first = walk()
+    networks = sorted(folder.glob("network-*"))
+    assert [path.name for path in networks] == [f"network-{member}.safetensors" for member in range(5)]
+    before, whole = [path.stat().st_mtime_ns for path in networks], networks[1].read_bytes()
+    assert walk() == first and [path.stat().st_mtime_ns for path in networks] == before
+    networks[1].write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    assert walk() == first and networks[1].read_bytes() == whole
+    assert networks[0].stat().st_mtime_ns == before[0]
 
 
 def test_arguments_of_a_model_with_actions_are_named_as_in_python(tmp_path: Path) -> None:

@@ -131,6 +131,46 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
 }
 
 #[test]
+fn networks_are_trained_once_and_kept_with_their_model() {
+    let place = place();
+    let folder = "pole/study-results/control-model";
+    let control = |others: &[&str]| {
+        let args = ["control", "pole/study.toml", "--set", "control.models=['network']"];
+        place.calib(&[&args[..], others].concat()).ends(&[0, 1])
+    };
+    control(&[]);
+    let first = place.content(folder);
+    let network =
+        |member: usize| place.path().join(format!("{folder}/network-{member}.safetensors"));
+    let changed = |member: usize| {
+        fs::metadata(network(member)).and_then(|file| file.modified()).expect("a file")
+    };
+    let before = [0, 1, 2].map(changed);
+    let bytes = [0, 1, 2].map(|member| fs::read(network(member)).expect("readable"));
+    assert!(bytes[0] != bytes[1] && bytes[1] != bytes[2], "each member has its own");
+    // Another grid is swept in the same networks.
+    let grid = ["--set", "control.grid={ step_size = [0.1] }"];
+    control(&grid);
+    assert_eq!([0, 1, 2].map(changed), before);
+    let check = || place.calib(&["check", "pole/study-results"]);
+    check().succeeds();
+    let mut damaged = bytes[1].clone();
+    *damaged.last_mut().expect("not empty") ^= 1;
+    fs::write(network(1), damaged).expect("writable");
+    let told = check().ends(&[1]);
+    assert!(told.contains("network-1.safetensors") && told.contains("`calib control"), "{told}");
+    // The verdict is up to date and needs no network, so the damaged one goes.
+    control(&grid);
+    assert!(!network(1).exists());
+    check().succeeds();
+    control(&[]);
+    assert!(place.content(folder) == first, "the missing one is made again");
+    assert_eq!((changed(0), changed(2)), (before[0], before[2]));
+    control(&["--force"]);
+    assert!(changed(0) > before[0] && place.content(folder) == first, "the same bytes");
+}
+
+#[test]
 fn what_the_log_does_not_support_is_refused() {
     let place = place();
     let study = "pole/study.toml";

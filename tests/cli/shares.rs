@@ -104,20 +104,20 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     let share = started.calib(&["control", study, "--share", "1/20"]).succeeds();
     assert!(share.contains("share 1/20: 1 run made, 0 there before, of 18 in all"), "{share}");
     // This share has the last run of networks. Asked again, it has nothing left to train.
-    let trained = "training the network of ensemble member 2, in which this share has runs";
+    let needed = "this share has runs in the network of ensemble member 2";
     for (counts, is_made) in
         [("1 run made, 0 there before", true), ("0 runs made, 1 there before", false)]
     {
         let ran = started.calib(&["control", study, "--share", "17/18"]);
         let share = ran.succeeds();
         assert!(share.contains(&format!("share 17/18: {counts}, of 18 in all")), "{share}");
-        assert_eq!(ran.stderr().contains(trained), is_made, "{}", ran.stderr());
+        assert_eq!(ran.stderr().contains(needed), is_made, "{}", ran.stderr());
     }
     // Networks have the numbers 12 to 17. The share has runs 12 and 16, in members 0 and 2.
     let ran = started.calib(&["control", study, "--share", "0/4"]);
     ran.succeeds();
-    let trained = "training the networks of ensemble members 0 and 2, in which this share has runs";
-    assert!(ran.stderr().contains(trained), "{}", ran.stderr());
+    let needed = "this share has runs in the networks of ensemble members 0 and 2";
+    assert!(ran.stderr().contains(needed), "{}", ran.stderr());
     // A network that was trained without the others has the same bytes as one trained with them.
     started.calib(&["control", study]).ends(&[1]);
     assert!(alone.content(folder) == started.content(folder));

@@ -54,8 +54,8 @@ pub use log::{Columns, Decisions};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,
     Distance, Ensemble, IncrementModel, IncrementWalk, Increments, ModelEnvironment, NetworkConfig,
-    NetworkModel, NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step, Target, Walk,
-    open_action_model, write_action_model,
+    NetworkFiles, NetworkModel, NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step,
+    Target, Walk, open_action_model, write_action_model,
 };
 pub use off_policy::{OffPolicyValues, off_policy_bytes, off_policy_values};
 pub use outlying::OutlyingActions;

@@ -12,6 +12,7 @@ use calib_base::{
     options::Logs,
     output::Printer,
 };
+use calib_control::NetworkFiles;
 use calib_core::Monitor as _;
 use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
 use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
@@ -135,7 +136,10 @@ impl Check<'_> {
             beside(path, "encoder", "encoder.safetensors")
         } else if is_unit {
             read_sealed_json::<Value>(path).map(drop).map_err(StepError::from)
-        } else if name == "checkpoint.safetensors" || name == ".unfinished.safetensors" {
+        } else if name == "checkpoint.safetensors"
+            || name == ".unfinished.safetensors"
+            || NetworkFiles::is_name(&name)
+        {
             read_sealed_tensors(path).map(drop).map_err(StepError::from)
         } else if name.ends_with(".parquet") {
             table(path)

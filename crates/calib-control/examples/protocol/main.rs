@@ -360,7 +360,7 @@ fn pooled(
 ) -> Outcome<Value> {
     let extent = Extent { runs: 1, span: RunLength { steps: STEPS, timeout } };
     let increments = Increments::new(model, ActionModelConfig::DEFAULT.coverage, &Silent)?;
-    let networks = NetworkModel::for_model(model, seed, &Silent)?;
+    let networks = NetworkModel::for_model(model, seed, None, &Silent)?;
     let seed = seed.child("sweep");
     let by_increments = IncrementModel::new(model, &increments);
     let log = model.log();

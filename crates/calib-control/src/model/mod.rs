@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 pub use ensemble::{ActionModelKind, Ensemble, ModelEnvironment};
 pub use increments::{IncrementModel, IncrementWalk, Increments};
-pub use network::{NetworkConfig, NetworkModel, NetworkWalk, NetworkWorkplace};
+pub use network::{NetworkConfig, NetworkFiles, NetworkModel, NetworkWalk, NetworkWorkplace};
 pub use step::{At, Covered, Rules, Step, Target};
 pub use store::{ActionModelRecord, open_action_model, write_action_model};
 pub use walk::{Coverage, Walk};

@@ -239,11 +239,11 @@ impl FewDecisions {
     ) -> Result<KindCost, StepError> {
         let whole = NetworkConfig { members: config.model.members, ..NetworkConfig::default() };
         let timed = NetworkConfig { updates: UPDATES, ..whole };
-        let starts = self.starts.clone();
+        let Self { log: few, starts } = self;
+        let (starts, seed) = (starts.clone(), Seed::new(0));
         let clock = Stopwatch::start();
-        let model =
-            NetworkModel::train_members(&self.log, starts, &timed, &[0], Seed::new(0), monitor)?;
-        let update = clock.elapsed().as_secs_f64() / updates(&timed, self.log.len());
+        let model = NetworkModel::train_members(few, starts, &timed, &[0], seed, None, monitor)?;
+        let update = clock.elapsed().as_secs_f64() / updates(&timed, few.len());
         let mut random = FixedPolicy::Random(log.levels());
         let step = step_secs(&mut random, &mut model.walk(0), config.timeout);
         Ok(KindCost { making: update * updates(&whole, log.len()), step })

@@ -1,6 +1,10 @@
-//! `control-model/`: the model with actions, which is built once and then memory-mapped.
+//! `control-model/`: the model with actions, which is built once and then memory-mapped. Its networks are trained at
+//! their first use.
 
-use std::{path::Path, sync::Arc};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use calib_base::{
     StepError,
@@ -9,11 +13,11 @@ use calib_base::{
     output::Printer,
 };
 use calib_control::{
-    ActionModel, ActionModelRecord, ControlConfig, Distance, Pessimism, Rules, open_action_model,
-    write_action_model,
+    ActionModel, ActionModelRecord, ControlConfig, ControlError, Distance, NetworkFiles,
+    NetworkModel, Pessimism, Rules, open_action_model, write_action_model,
 };
-use calib_core::{Bounds, Period, States};
-use calib_files::{Fingerprint, map_npy, write_npy};
+use calib_core::{Bounds, Monitor, Period, Seed, States};
+use calib_files::{Fingerprint, map_npy, read_sealed_tensors, remove_known, write_npy};
 use calib_model_steps::represent::decisions;
 use calib_study::{Job, StepKind, Study};
 use serde::{Deserialize, Serialize};
@@ -101,6 +105,10 @@ pub struct ControlModel {
     pub coverage: f64,
     /// Rows from one decision to the next.
     every: usize,
+    /// Absolute path of its folder.
+    directory: PathBuf,
+    /// Fingerprint of its inputs.
+    key: String,
 }
 
 impl ControlModel {
@@ -125,6 +133,17 @@ impl ControlModel {
     pub fn only_action(&self) -> Option<String> {
         rare::only_action(&self.names.actions, self.every)
     }
+
+    /// Returns the networks of the model, which are those of `calib control`. They are trained and stored at their first
+    /// use, and read later.
+    ///
+    /// # Errors
+    /// Returns an error if a network diverged or cannot be stored, or the monitor interrupts.
+    pub fn networks(&self, monitor: &dyn Monitor) -> Result<NetworkModel, ControlError> {
+        let seed = Seed::new(self.names.seed).child("control");
+        let files = files_of_networks(&self.directory, &self.key);
+        NetworkModel::for_model(&self.model, seed, files.as_ref(), monitor)
+    }
 }
 
 fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
@@ -145,7 +164,26 @@ fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
         start_rows: rows.as_slice().to_vec(),
         coverage: manifest.record.config.coverage,
         every: manifest.study.control.map_or(1, |config| config.every),
+        // The process may go to another folder before it needs networks.
+        directory: std::path::absolute(directory).unwrap_or_else(|_| directory.to_owned()),
+        key: manifest.key,
     })
+}
+
+/// Returns the files of the networks of a study's model, if that is stored.
+pub(super) fn network_files(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+) -> Result<Option<NetworkFiles>, StepError> {
+    Ok(files_of_networks(&job.layout().control_model(), &key(job, config, log)?))
+}
+
+/// Returns the files of the networks beside the tables in `directory`, if these have the key `key`. Otherwise the folder
+/// is not this model's to write to.
+fn files_of_networks(directory: &Path, key: &str) -> Option<NetworkFiles> {
+    let manifest: ControlModelManifest = artefact::read(directory)?;
+    (manifest.key == key).then(|| NetworkFiles::new(directory, key))
 }
 
 /// Returns the fingerprint of the model's inputs. The behaviour of agents in it is not an input.
@@ -228,7 +266,8 @@ pub(super) fn open_kept(
     kept(&job.layout().control_model(), &key, rules(config, log)?, log)
 }
 
-/// Builds the model again if it exists and is damaged.
+/// Builds the model again if it exists and is damaged. Damaged networks are removed, and trained again at their next
+/// use.
 pub(super) fn mend(
     job: &Job,
     config: &ControlConfig,
@@ -241,7 +280,15 @@ pub(super) fn mend(
     if directory.exists() && !is_whole {
         open_or_build(job, config, log, printer)?;
     }
-    Ok(())
+    let removed = remove_known(directory, &mut |path: &Path| {
+        is_network(path) && read_sealed_tensors(&directory.join(path)).is_err()
+    });
+    artefact::or_read_only(removed.map_err(StepError::from), directory, printer)
+}
+
+/// Whether a file in the folder of a model is that of a network.
+fn is_network(path: &Path) -> bool {
+    NetworkFiles::is_name(&path.to_string_lossy())
 }
 
 /// Opens the stored model, if it has the same inputs and is intact. It combines the stored tables with the log
@@ -271,6 +318,7 @@ fn write(
 ) -> Result<(), StepError> {
     claim.begin()?;
     let directory = &job.layout().control_model();
+    remove_known(directory, &mut is_network)?;
     let (mut names, record) = write_action_model(directory, model, &config.model)?;
     write_npy(&directory.join(TIMES), &log.times, log.times.len(), 1)?;
     let starts: Vec<u32> = log::start_rows(model.log(), config.start);

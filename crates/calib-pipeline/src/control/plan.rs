@@ -6,8 +6,8 @@ use calib_base::{
     output::{Printer, bytes, count, counted, duration_of_secs},
 };
 use calib_control::{
-    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, FixedWalks, RunLength,
-    off_policy_bytes,
+    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, FixedWalks, NetworkConfig,
+    RunLength, off_policy_bytes,
 };
 use calib_model_steps::represent::{RepresentationCost, decisions};
 use calib_study::Job;
@@ -26,6 +26,8 @@ use super::{
 /// Bytes of a run's file, and of its part for each column.
 const RUN_BYTES: usize = 1_000;
 const COLUMN_BYTES: usize = 50;
+/// Bytes of a network's file beside its weights and biases.
+const NETWORK_BYTES: usize = 1_500;
 /// Size of a disk block. Files take whole blocks on most disks.
 const BLOCK_BYTES: usize = 4_096;
 
@@ -314,13 +316,24 @@ fn tables_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
     ActionModel::bytes(log, log::start_rows(log, config.start).len(), &config.model)
 }
 
+/// Returns the bytes of the files of a model's networks.
+fn networks_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
+    if !config.models.contains(&ActionModelKind::Network) {
+        return 0;
+    }
+    let weights = NetworkConfig::default().parameters(log.states().columns(), log.levels());
+    let file = (4 * weights + NETWORK_BYTES).next_multiple_of(BLOCK_BYTES);
+    (file as u64).saturating_mul(config.model.members as u64)
+}
+
 /// Returns the bytes that the folder of results grows by, without the report.
 fn disk(config: &ControlConfig, log: &Decisions, is_model_kept: bool, runs: usize) -> u64 {
     let run = (RUN_BYTES + COLUMN_BYTES * log.states().columns()).next_multiple_of(BLOCK_BYTES);
     // The lists of one action exist only while they are searched.
     let levels = log.levels() as u64;
     let tables = tables_bytes(config, log) / (levels + 1) * levels;
-    let model = if is_model_kept { 0 } else { tables.saturating_add(log_bytes(log)) };
+    let parts = [tables, log_bytes(log), networks_bytes(config, log)];
+    let model = if is_model_kept { 0 } else { parts.into_iter().fold(0, u64::saturating_add) };
     model.saturating_add((runs as u64).saturating_mul(run as u64))
 }
 
@@ -497,6 +510,10 @@ mod tests {
         assert_eq!(disk(&config, &log, true, 3), runs);
         // 100 transitions and the start, two actions, three neighbours, five members, eight bytes. Then the log.
         let tables = 101 * 2 * 3 * 5 * 8;
-        assert_eq!(disk(&config, &log, false, 3), runs + tables + 101 * 12 + 24 * 100);
+        let whole = runs + tables + 101 * 12 + 24 * 100;
+        // 4,611 weights and biases of four bytes take five blocks in each member.
+        assert_eq!(disk(&config, &log, false, 3), whole + 5 * 5 * 4_096);
+        let without = ControlConfig { models: vec![ActionModelKind::Neighbors], ..config };
+        assert_eq!(disk(&without, &log, false, 3), whole);
     }
 }

@@ -11,8 +11,8 @@ use calib_base::{
 use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
     ControlConfig, ControlError, Distance, Doubt, Ensemble, Extent, IncrementModel, Increments,
-    NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId, RunLength, Support,
-    constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
+    NetworkFiles, NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId, RunLength,
+    Support, constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
@@ -128,10 +128,12 @@ fn run_share(
 ) -> Result<(), StepError> {
     let seed = Seed::new(job.study().seed).child("control");
     let model = model::open_or_build(job, config, log, printer)?;
+    let networks = model::network_files(job, config, log)?;
+    let networks = networks.as_ref();
     let own = agents.own();
     let program = agents.of_program(&log.names);
     let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
-    let runs = swept(config, &model, acting, seed, units, printer)?.runs;
+    let runs = swept(config, &model, networks, acting, seed, units, printer)?.runs;
     let mut failures = Vec::new();
     if let Some(program) = program {
         printer.say_all(&program.reasons());
@@ -249,12 +251,15 @@ fn judged(
     let progress = printer.progress();
     let seed = Seed::new(study.seed).child("control");
     let model = model::open_or_build(job, config, &log, printer)?;
+    let networks = model::network_files(job, config, &log)?;
+    let networks = networks.as_ref();
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
     let own = agents.own();
     let program = agents.of_program(&names);
     let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
-    let SweptSettings { runs, constants } = swept(config, &model, acting, seed, units, printer)?;
+    let SweptSettings { runs, constants } =
+        swept(config, &model, networks, acting, seed, units, printer)?;
     printer.say_all(&program.as_ref().map_or_else(Vec::new, ProgramAgents::reasons));
     let decisions = model.log();
     let default = agents.default(config);
@@ -354,6 +359,7 @@ struct SweepInputs<'a> {
 fn swept(
     config: &ControlConfig,
     model: &ActionModel,
+    networks: Option<&NetworkFiles>,
     agents: &dyn ActingAgents,
     seed: Seed,
     units: &RunFiles,
@@ -396,7 +402,7 @@ fn swept(
                 if members.len() < model.members() {
                     printer.say(&share_of_networks(&members));
                 }
-                match NetworkModel::for_members(model, &members, seed, &progress) {
+                match NetworkModel::for_members(model, &members, seed, networks, &progress) {
                     Ok(model) => {
                         swept.add(&model, ids, &question)?;
                     }
@@ -425,7 +431,7 @@ pub(super) fn members_of(ids: &[RunId]) -> Vec<usize> {
     members.into_iter().collect()
 }
 
-/// Returns a line on the networks that a share trains.
+/// Returns a line on the networks that a share needs.
 fn share_of_networks(members: &[usize]) -> String {
     let names: Vec<String> = members.iter().map(usize::to_string).collect();
     let noun = if members.len() == 1 {
@@ -433,7 +439,7 @@ fn share_of_networks(members: &[usize]) -> String {
     } else {
         "the networks of ensemble members"
     };
-    format!("training {noun} {}, in which this share has runs", listed(&names))
+    format!("this share has runs in {noun} {}", listed(&names))
 }
 
 /// Returns the mean learning curve of each setting over the runs that have one.

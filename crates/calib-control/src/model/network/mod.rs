@@ -1,5 +1,6 @@
 //! A network as the model of a log: the baseline for models of neighbours.
 
+mod files;
 mod train;
 
 use calib_core::{Monitor, Rng, Seed, States};
@@ -9,6 +10,8 @@ use rayon::prelude::*;
 
 use super::{ActionModel, ActionModelKind, Coverage, Ensemble, ModelEnvironment};
 use crate::{ControlError, Decisions, Ending, Environment, Outcome, error::check_fields};
+use files::NetworkFile;
+pub use files::NetworkFiles;
 use train::{Scales, train};
 
 /// The training of networks that predict the next state.
@@ -45,6 +48,17 @@ impl Default for NetworkConfig {
 impl NetworkConfig {
     /// Number of times a network is tried on its left-out block.
     pub const CHECKS: usize = 20;
+
+    /// Returns the number of weights and biases of a network, for a log of this many columns and actions.
+    pub fn parameters(&self, columns: usize, actions: usize) -> usize {
+        self.sizes(columns, actions).windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum()
+    }
+
+    /// Returns the widths of the layers, from the inputs to the outputs.
+    fn sizes(&self, columns: usize, actions: usize) -> Vec<usize> {
+        let hidden = vec![self.hidden_units; self.hidden_layers];
+        [vec![columns + actions], hidden, vec![columns + 2]].concat()
+    }
 
     fn check(&self) -> Result<(), ControlError> {
         let rate = self.learning_rate;
@@ -88,14 +102,14 @@ impl NetworkModel {
     ) -> Result<Self, ControlError> {
         // `Blocks::new` refuses more members than transitions.
         let members: Vec<usize> = (0..config.members.min(log.len())).collect();
-        Self::train_members(log, starts, config, &members, seed, monitor)
+        Self::train_members(log, starts, config, &members, seed, None, monitor)
     }
 
     /// Trains the networks of these ensemble members alone. They equal those of [`train`](Self::train), because each has its own seed and
-    /// its own part of the log. The other members have no network.
+    /// its own part of the log. The other members have no network. Networks that are in `files` are read, and the others are written there.
     ///
     /// # Errors
-    /// As [`train`](Self::train).
+    /// As [`train`](Self::train), and if a file cannot be written.
     ///
     /// # Panics
     /// If there is no such member.
@@ -105,6 +119,7 @@ impl NetworkModel {
         config: &NetworkConfig,
         members: &[usize],
         seed: Seed,
+        files: Option<&NetworkFiles>,
         monitor: &dyn Monitor,
     ) -> Result<Self, ControlError> {
         config.check()?;
@@ -116,9 +131,18 @@ impl NetworkModel {
         monitor.begin("networks", (members.len() * config.updates) as u64);
         let trained = members
             .par_iter()
-            .map(|&member| {
+            .map(|&member: &usize| -> Result<Mlp, ControlError> {
+                let file = files.map(|files| files.of_member(member, config, seed));
+                if let Some(network) = file.as_ref().and_then(NetworkFile::read) {
+                    monitor.advance(config.updates as u64);
+                    return Ok(network);
+                }
                 let seed = seed.child("network").number(member as u64);
-                train(log, &scales, (&blocks, member), config, seed, monitor)
+                let network = train(log, &scales, (&blocks, member), config, seed, monitor)?;
+                if let Some(file) = file {
+                    file.write(&network)?;
+                }
+                Ok(network)
             })
             .collect::<Result<Vec<Mlp>, ControlError>>()?;
         let mut networks = vec![None; config.members];
@@ -178,32 +202,35 @@ impl NetworkModel {
 
 impl NetworkModel {
     /// Trains the networks that belong to a model of neighbours: on the same log, with as many members and the same starts. `seed`
-    /// is the seed of all random numbers for agents in the model.
+    /// is the seed of all random numbers for agents in the model. Networks that are in `files` are read.
     ///
     /// # Errors
-    /// As [`train`](Self::train).
+    /// As [`train_members`](Self::train_members).
     pub fn for_model(
         model: &ActionModel,
         seed: Seed,
+        files: Option<&NetworkFiles>,
         monitor: &dyn Monitor,
     ) -> Result<Self, ControlError> {
         let members: Vec<usize> = (0..model.members()).collect();
-        Self::for_members(model, &members, seed, monitor)
+        Self::for_members(model, &members, seed, files, monitor)
     }
 
     /// Trains the networks of these ensemble members alone, as [`train_members`](Self::train_members) does.
     ///
     /// # Errors
-    /// As [`train`](Self::train).
+    /// As [`train_members`](Self::train_members).
     pub fn for_members(
         model: &ActionModel,
         members: &[usize],
         seed: Seed,
+        files: Option<&NetworkFiles>,
         monitor: &dyn Monitor,
     ) -> Result<Self, ControlError> {
         let config = NetworkConfig { members: model.members(), ..NetworkConfig::default() };
         let starts = model.starts().clone();
-        Self::train_members(model.log(), starts, &config, members, seed.child("networks"), monitor)
+        let seed = seed.child("networks");
+        Self::train_members(model.log(), starts, &config, members, seed, files, monitor)
     }
 }
 

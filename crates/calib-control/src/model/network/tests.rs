@@ -1,3 +1,9 @@
+use std::{
+    fs,
+    path::Path,
+    sync::atomic::{AtomicUsize, Ordering},
+};
+
 use calib_core::{Segments, Silent};
 
 use super::*;
@@ -99,8 +105,9 @@ fn some_members_have_the_networks_that_they_have_among_all() {
     let all = model(config).networks;
     for members in [&[2][..], &[0, 3]] {
         let starts = one_start();
+        let seed = Seed::new(2);
         let some =
-            NetworkModel::train_members(&log(), starts, &config, members, Seed::new(2), &Silent);
+            NetworkModel::train_members(&log(), starts, &config, members, seed, None, &Silent);
         let some = some.expect("learnt");
         assert_eq!(some.members(), 4, "runs have the numbers that they have among all");
         for (member, network) in some.networks.iter().enumerate() {
@@ -110,6 +117,61 @@ fn some_members_have_the_networks_that_they_have_among_all() {
         let mut state = [0.3];
         some.walk(members[0]).step(1, &mut Seed::new(3).rng(), &mut state);
     }
+}
+
+/// Counts the updates of training, before each of which it is asked.
+#[derive(Default)]
+struct Updates(AtomicUsize);
+
+impl Monitor for Updates {
+    fn interrupted(&self) -> bool {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        false
+    }
+}
+
+/// Returns the networks of `members` with the files in `folder`, and the number of updates for them.
+fn stored(folder: &Path, key: &str, members: &[usize], seed: u64) -> (Vec<Option<Mlp>>, usize) {
+    let config = NetworkConfig { updates: 30, members: 3, ..NetworkConfig::default() };
+    let files = &NetworkFiles::new(folder, key);
+    let updates = Updates::default();
+    let starts = one_start();
+    let seed = Seed::new(seed);
+    let trained =
+        NetworkModel::train_members(&log(), starts, &config, members, seed, Some(files), &updates);
+    (trained.expect("learnt").networks, updates.0.into_inner())
+}
+
+#[test]
+fn stored_networks_are_trained_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |member: usize| folder.path().join(format!("network-{member}.safetensors"));
+    let all = model(NetworkConfig { updates: 30, members: 3, ..NetworkConfig::default() }).networks;
+    let (two, updates) = stored(folder.path(), "log", &[0, 2], 2);
+    assert_eq!(updates, 60);
+    assert_eq!(two, [all[0].clone(), None, all[2].clone()]);
+    assert!(at(0).exists() && !at(1).exists() && at(2).exists());
+    // The missing one alone is trained.
+    assert_eq!(stored(folder.path(), "log", &[0, 1, 2], 2), (all.clone(), 30));
+    assert_eq!(stored(folder.path(), "log", &[0, 1, 2], 2), (all.clone(), 0));
+    // A damaged one, or that of another member, is trained again.
+    let whole = fs::read(at(1)).expect("there");
+    let mut damaged = whole.clone();
+    *damaged.last_mut().expect("not empty") ^= 1;
+    fs::write(at(1), damaged).expect("writable");
+    fs::copy(at(0), at(2)).expect("writable");
+    assert_eq!(stored(folder.path(), "log", &[0, 1, 2], 2), (all, 60));
+    assert_eq!(fs::read(at(1)).expect("there"), whole, "the same bytes");
+    // Another log and another seed need other networks.
+    assert_eq!(stored(folder.path(), "another log", &[0, 1, 2], 2).1, 90);
+    assert_eq!(stored(folder.path(), "another log", &[0, 1, 2], 3).1, 90);
+}
+
+#[test]
+fn parameters_are_counted_before_training() {
+    let config = NetworkConfig { updates: 1, members: 2, hidden_layers: 3, ..Default::default() };
+    let network = model(config).networks[1].clone().expect("trained");
+    assert_eq!(network.parameter_count(), config.parameters(1, 2));
 }
 
 fn one_start() -> States {

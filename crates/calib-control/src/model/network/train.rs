@@ -181,9 +181,8 @@ pub(super) fn train(
     if known.len() == 0 || held_back.len() == 0 {
         return Err(ControlError::FewTransitions { members: config.members });
     }
-    let hidden = vec![config.hidden_units; config.hidden_layers];
-    let [inputs, outputs] = known.widths;
-    let mut network = Mlp::new(&[vec![inputs], hidden, vec![outputs]].concat(), seed);
+    let outputs = known.widths[1];
+    let mut network = Mlp::new(&config.sizes(scales.columns.len(), scales.actions), seed);
     let rule = AdamRule { learning_rate: config.learning_rate, ..AdamRule::default() };
     let mut adam = Adam::new(rule, network.parameter_count());
     let mut workspace = Workspace::new(&network, config.batch);
