@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import itertools
 import json
@@ -301,6 +302,7 @@ class _Work:
 
     def _run_missing(self, units: list[Unit], missing: list[int], known: dict[int, dict[str, Any]]) -> None:
         from ._tune_unit import run_unit
+        from .gym import make
 
         failed: set[int] = set()
         lock = threading.Lock()
@@ -324,6 +326,10 @@ class _Work:
                 if units[place].candidate not in failed:
                     end(place, run_unit(self.make_agent, self.model, units[place], self.environment))
             return
+        if any(units[place].kind == "network" for place in missing):
+            # Processes read the networks that this one trains. If that fails, it fails there too, and is told with their settings.
+            with contextlib.suppress(CalibError):
+                make(self.model, kind="network", **self.environment).close()
         waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
         for place in missing:
             waiting.put(place)
