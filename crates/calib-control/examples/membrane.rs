@@ -117,8 +117,8 @@ impl Study {
         let verdict = judge(&runs, &Question { default: untuned, rule, support, ..new }, seed)?;
         let fitted =
             off_policy_values(log, &starts, &candidates, STEPS, span.timeout, &Silent)?.fitted_q;
-        let best_fitted =
-            (0..fitted.len()).max_by(|&a, &b| fitted[a].total_cmp(&fitted[b]).then(b.cmp(&a)));
+        let best_fitted = (0..fitted.len())
+            .max_by(|&a, &b| fitted[a].value.total_cmp(&fitted[b].value).then(b.cmp(&a)));
         let extent = Extent { runs: self.truth_runs, span };
         let lives = truth(make, &candidates, extent, seed, &Silent)?;
         let means: Vec<f64> = (0..candidates.len())

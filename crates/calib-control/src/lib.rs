@@ -57,7 +57,7 @@ pub use model::{
     NetworkFiles, NetworkModel, NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step,
     Target, Walk, open_action_model, write_action_model,
 };
-pub use off_policy::{OffPolicyValues, off_policy_bytes, off_policy_values};
+pub use off_policy::{FittedQValue, OffPolicyValues, off_policy_bytes, off_policy_values};
 pub use outlying::OutlyingActions;
 pub use proposed::{PAIRED_COLUMNS, ProposedSettings, is_beyond_returns, is_random, two_digits};
 pub use recorded::RecordedReturn;

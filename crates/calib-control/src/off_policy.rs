@@ -2,6 +2,8 @@
 
 use calib_core::{Cancelled, Monitor, States, TransitionIndex};
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     Agent, AgentConfig, ControlError, Decisions, Importance, Outcome,
@@ -10,11 +12,29 @@ use crate::{
     importance::{episodes, estimate, log_ratios},
 };
 
+/// The value of a setting's policy by fitted Q evaluation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FittedQValue {
+    /// Mean value of the states in which episodes begin (`"-inf"` if it diverged).
+    #[serde(with = "calib_stats::diverged")]
+    #[schemars(with = "calib_stats::diverged::Stored")]
+    pub value: f64,
+    /// Number of passes over the log that were made.
+    pub passes: usize,
+    /// Whether the values had converged by then. Otherwise more passes would give another value.
+    pub converged: bool,
+}
+
+impl FittedQValue {
+    /// Largest number of passes over the log.
+    pub const MOST_PASSES: usize = FittedQ::MOST_PASSES;
+}
+
 /// The values of all settings, estimated from the log alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OffPolicyValues {
-    /// Estimate by fitted Q evaluation, `[candidates]`; −∞ if the agent diverged.
-    pub fitted_q: Vec<f64>,
+    /// Estimate by fitted Q evaluation, `[candidates]`.
+    pub fitted_q: Vec<FittedQValue>,
     /// Estimate by weighted importance sampling, `[candidates]`; `None` without settings, or for a log without probabilities.
     pub importance: Option<Vec<Importance>>,
     /// Estimate by the weighted doubly robust estimator, `[candidates]`, on the same episodes; `None` where importance sampling is `None`.
@@ -24,7 +44,7 @@ pub struct OffPolicyValues {
 
 /// The values of one setting.
 struct CandidateValues {
-    fitted_q: f64,
+    fitted_q: FittedQValue,
     /// Estimates that need the logged probabilities.
     sampled: Option<SampledValues>,
 }
@@ -62,7 +82,7 @@ pub fn off_policy_values(
         .par_iter()
         .map(|&config| {
             monitor.check()?;
-            let values = candidate_values(log, starts, config, updates, timeout);
+            let values = candidate_values(log, starts, config, updates, timeout, monitor)?;
             monitor.advance(1);
             Ok(values)
         })
@@ -81,9 +101,9 @@ pub fn off_policy_values(
 /// Returns the memory of [`off_policy_values`] for one setting at a time, without that of the agent, in bytes.
 pub fn off_policy_bytes(log: &Decisions) -> u64 {
     let weights = FittedQ::bytes(log.states().columns(), log.levels());
-    // The values are a probability per transition and action. With logged probabilities, each transition also has a ratio, its copy in the
-    // episode, and two fitted values.
-    let per_transition = log.levels() + if log.probabilities().is_some() { 4 } else { 0 };
+    // The values are a probability per transition and action, and a fitted value per transition. With logged probabilities, each transition
+    // later has a ratio, its copy in the episode, and two fitted values instead.
+    let per_transition = log.levels() + if log.probabilities().is_some() { 4 } else { 1 };
     weights + (log.len() * per_transition * size_of::<f64>()) as u64
 }
 
@@ -93,12 +113,13 @@ fn candidate_values(
     config: AgentConfig,
     updates: usize,
     timeout: usize,
-) -> CandidateValues {
+    monitor: &dyn Monitor,
+) -> Result<CandidateValues, Cancelled> {
     let agent = &mut trained_on_log(log, config, updates);
     let gamma = config.gamma;
     let transitions = || (0..log.len()).map(TransitionIndex::new);
     let after = policies(agent, &config, transitions().map(|at| log.ends(at)[1]));
-    let mut fitted = FittedQ::fit(log, &after, gamma, timeout);
+    let mut fitted = FittedQ::fit(log, &after, gamma, timeout, monitor)?;
     // `after` has a number per transition and action, and so has `here`.
     drop(after);
     let first = policies(agent, &config, (0..starts.rows()).map(|row| starts.row(row)));
@@ -116,8 +137,12 @@ fn candidate_values(
         };
         SampledValues { importance, doubly_robust }
     });
-    let fitted_q = if value.is_finite() { value } else { f64::NEG_INFINITY };
-    CandidateValues { fitted_q, sampled }
+    let fitted_q = FittedQValue {
+        value: if value.is_finite() { value } else { f64::NEG_INFINITY },
+        passes: fitted.passes(),
+        converged: value.is_finite() && fitted.has_converged(),
+    };
+    Ok(CandidateValues { fitted_q, sampled })
 }
 
 /// Returns an agent that learned from `updates` recorded transitions.

@@ -246,7 +246,8 @@ impl Study<'_> {
         } else {
             let values =
                 off_policy_values(&log, &starts, &candidates, STEPS, timeout, &Silent)?.fitted_q;
-            (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]).then(b.cmp(&a)))
+            (0..values.len())
+                .max_by(|&a, &b| values[a].value.total_cmp(&values[b].value).then(b.cmp(&a)))
         };
         let mut line = json!({
             "rule": self.pessimism,

@@ -153,7 +153,7 @@ fn who_learns_to_lead_on_is_better() {
     for (robust, fitted) in robust.into_iter().zip(found.fitted_q) {
         // Every place has its own tiles, and the outcomes of actions are certain, so the fitted values are right.
         let robust = robust.expect("a value");
-        assert!((robust - fitted).abs() < 1e-3, "{robust} and {fitted}");
+        assert!((robust - fitted.value).abs() < 1e-3, "{robust} and {fitted:?}");
     }
 }
 
@@ -374,7 +374,7 @@ fn coarse_fitted_values_bring_the_estimate_nearer_to_the_truth() {
         let log = log_of_walks(20, 64.0, Seed::new(seed));
         let policies = [1.0 - other, other].repeat(log.len());
         let ratios = log_ratios(&log, log.probabilities().expect("logged"), &policies);
-        let mut fitted = FittedQ::fit(&log, &policies, 1.0, 100);
+        let mut fitted = FittedQ::fit(&log, &policies, 1.0, 100, &Silent).expect("run");
         let values = fitted.at_steps(&log, &policies);
         let sampled = estimate(&episodes(&log, &ratios, &[]), 1.0, 1000);
         let robust = estimate(&episodes(&log, &ratios, &values), 1.0, 1000);
@@ -395,7 +395,9 @@ fn what_diverged_has_no_doubly_robust_value() {
     let diverged = AgentConfig { initial_weight: 1e300, ..AgentConfig::default() };
     let candidates = [diverged, AgentConfig::default()];
     let found = off_policy_values(&log, &starts, &candidates, 1000, 100, &Silent).expect("run");
-    assert!(found.fitted_q[0] == f64::NEG_INFINITY && found.fitted_q[1].is_finite(), "{found:?}");
+    let [lost, kept] = found.fitted_q[..] else { panic!("{found:?}") };
+    assert!(lost.value == f64::NEG_INFINITY && !lost.converged, "{found:?}");
+    assert!(kept.value.is_finite(), "{found:?}");
     let robust = found.doubly_robust.expect("probabilities are logged");
     assert!(robust[0].is_none() && robust[1].is_some(), "{robust:?}");
     let none = off_policy_values(&log, &starts, &[], 1000, 100, &Silent).expect("run");

@@ -5,8 +5,8 @@ use std::time::Duration;
 use calib_base::{StepError, clock::Stopwatch};
 use calib_control::{
     ActionModel, ActionModelKind, Actor, Agent, AgentConfig, Algorithm, ControlConfig, Decisions,
-    Ensemble as _, Environment as _, FixedPolicy, IncrementModel, Increments, ModelEnvironment,
-    NetworkConfig, NetworkModel, RunLength, off_policy_values, run_agent,
+    Ensemble as _, Environment as _, FittedQValue, FixedPolicy, IncrementModel, Increments,
+    ModelEnvironment, NetworkConfig, NetworkModel, RunLength, off_policy_values, run_agent,
 };
 use calib_core::{Monitor, Seed, Silent, States};
 
@@ -72,7 +72,7 @@ pub(super) struct AgentCost {
     pub(super) beginning: f64,
     /// A step, without the model.
     pub(super) step: f64,
-    /// Its evaluation from the log alone, per transition of the log.
+    /// Its evaluation from the log alone in the largest number of passes, per transition of the log.
     pub(super) evaluated_transition: f64,
 }
 
@@ -316,8 +316,11 @@ impl AgentTiming<'_> {
         let step = times * (both - self.neighbors_step).max(0.0);
         let FewDecisions { log, starts } = self.few;
         let clock = Stopwatch::start();
-        off_policy_values(log, starts, &[config], 1, self.timeout, &Silent)?;
+        let values = off_policy_values(log, starts, &[config], 1, self.timeout, &Silent)?;
         let evaluated = (clock.elapsed().as_secs_f64() - beginning).max(0.0);
+        // Agents that have learned more may need all passes.
+        let passes = values.fitted_q[0].passes;
+        let evaluated = evaluated * FittedQValue::MOST_PASSES as f64 / passes as f64;
         Ok(AgentCost { beginning, step, evaluated_transition: evaluated / log.len() as f64 })
     }
 }

@@ -10,7 +10,7 @@ use calib_base::{
     output::Printer,
     stale::StoredArtefact,
 };
-use calib_control::{Distance, Importance, ReturnVerdict, Run};
+use calib_control::{Distance, FittedQValue, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_report::Decision;
@@ -46,7 +46,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 13;
+    const FORMAT: u32 = 14;
 
     fn format(&self) -> u32 {
         self.format
@@ -71,11 +71,9 @@ pub struct ControlEvaluation {
     #[serde(with = "calib_stats::diverged::rows")]
     #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub(super) learning: Vec<Vec<f64>>,
-    /// Value of each setting by fitted Q evaluation, which needs no model: for comparison only (`"-inf"` if it diverged). Empty for agents
-    /// of a program.
-    #[serde(default, skip_serializing_if = "Vec::is_empty", with = "calib_stats::diverged::each")]
-    #[schemars(with = "Vec<calib_stats::diverged::Stored>")]
-    pub(super) fitted_q_evaluation: Vec<f64>,
+    /// Value of each setting by fitted Q evaluation, which needs no model: for comparison only. Empty for agents of a program.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) fitted_q_evaluation: Vec<FittedQValue>,
     /// Value of each setting by weighted importance sampling, if the log has the probabilities of its actions: for comparison only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) importance_sampling: Option<Vec<Importance>>,

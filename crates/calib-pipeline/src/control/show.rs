@@ -3,7 +3,7 @@ use calib_base::{
     outcome::{Outcome, Told},
     output::{Printer, count, counted, percent, significant, table},
 };
-use calib_control::Importance;
+use calib_control::{FittedQValue, Importance};
 use calib_stats::RankRule;
 use calib_study::{Job, StepKind};
 
@@ -18,6 +18,9 @@ const SHOWN: usize = 8;
 
 /// Shown in place of the return if the program failed with a setting.
 pub(crate) const FAILED: &str = "failed";
+
+/// Shown beside a value by fitted Q evaluation that did not converge.
+pub(super) const NOT_CONVERGED: &str = "(did not converge)";
 
 impl Told for ControlEvaluation {
     fn outcome(&self) -> Outcome {
@@ -166,9 +169,7 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
                 percent(verdict.coverage[candidate].uncovered()),
                 percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
             ];
-            row.extend(evaluation.fitted_q_evaluation.get(candidate).map(|&fitted| {
-                if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() }
-            }));
+            row.extend(evaluation.fitted_q_evaluation.get(candidate).map(fitted_q));
             row.extend(
                 evaluation
                     .importance_sampling
@@ -176,7 +177,7 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
                     .flat_map(|estimates| importance(estimates[candidate])),
             );
             row.extend(evaluation.doubly_robust.iter().map(|values| {
-                doubly_robust(values[candidate], evaluation.fitted_q_evaluation[candidate])
+                doubly_robust(values[candidate], &evaluation.fitted_q_evaluation[candidate])
             }));
             row
         })
@@ -216,6 +217,17 @@ pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
     }
 }
 
+/// Formats a value by fitted Q evaluation, and whether it converged.
+fn fitted_q(fitted: &FittedQValue) -> String {
+    if !fitted.value.is_finite() {
+        "diverged".to_owned()
+    } else if fitted.converged {
+        significant(fitted.value)
+    } else {
+        format!("{} {NOT_CONVERGED}", significant(fitted.value))
+    }
+}
+
 /// Formats a value by importance sampling, and the number of episodes that it rests on.
 fn importance(estimate: Importance) -> [String; 2] {
     let value = estimate.value.map_or_else(|| "none".to_owned(), significant);
@@ -224,10 +236,10 @@ fn importance(estimate: Importance) -> [String; 2] {
 
 /// Formats a doubly robust value. It is missing if fitted Q evaluation diverged, or importance sampling gives
 /// none.
-fn doubly_robust(value: Option<f64>, fitted_q: f64) -> String {
+fn doubly_robust(value: Option<f64>, fitted: &FittedQValue) -> String {
     match value {
         Some(value) => significant(value),
-        None if fitted_q.is_finite() => "none".to_owned(),
+        None if fitted.value.is_finite() => "none".to_owned(),
         None => "diverged".to_owned(),
     }
 }
