@@ -24,7 +24,7 @@ CONTENTS = {
         "Studies and verdicts",
         "Run a study from Python and read its results.",
         "calib_rl",
-        ["Study", "Verdict", "Runs", "Rollouts", "Observer", "Printed", "CalibError", "StudyError", "CalibWarning"],
+        ["Study", "Verdict", "ControlVerdict", "Runs", "Rollouts", "Observer", "Printed", "CalibError", "StudyError", "CalibWarning"],
     ),
     "models": (
         "Models",

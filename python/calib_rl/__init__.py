@@ -1,9 +1,10 @@
 """calib chooses the hyperparameters of an online learner from the logs of a plant.
 
 - `Study`: what to compute. Its steps `Study.build_model`, `Study.rollout`, `Study.sweep`, `Study.evaluate`, or all in `Study.run`.
+  `Study.control` is the step of agents that act.
 - `build_model`: builds a calibration model of a frame, an array, or logs. `Model`: the model as arrays.
 - `ActionModel`: a model with actions, for agents that act. `tune`: chooses their settings. `ControlAgent`: an agent of calib.
-- `Verdict`: what to deploy, as text and frames.
+- `Verdict`, `ControlVerdict`: what to deploy, as text and frames.
 - `knn_join`, `dtw`, `simulate`: functions that need no study.
 - `calib_rl.gym`: a model as an environment of Gymnasium.
 - `calib_rl.agents`: agents of your own in the environments of a study.
@@ -23,7 +24,7 @@ from ._study import Study
 from ._tune import tune
 from ._tune_settings import Failure
 from ._tuned import Tuned
-from ._verdict import Rollouts, Runs, Verdict
+from ._verdict import ControlVerdict, Rollouts, Runs, Verdict
 
 if TYPE_CHECKING:
     from . import agents as agents
@@ -49,6 +50,7 @@ __all__ = [
     "CalibError",
     "CalibWarning",
     "ControlAgent",
+    "ControlVerdict",
     "Decisions",
     "Failure",
     "Model",

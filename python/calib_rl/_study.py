@@ -14,7 +14,7 @@ from . import _calib
 from ._acting import ActionModel
 from ._model import Model
 from ._progress import Observer, observer
-from ._verdict import Rollouts, Runs, Verdict
+from ._verdict import ControlVerdict, Rollouts, Runs, Verdict
 
 Text = str | os.PathLike[str]
 
@@ -338,14 +338,35 @@ class Study:
         """
         return self._verdict("evaluate", progress)
 
-    def run(self, *, progress: bool | Observer = True) -> Verdict:
-        """Run every missing step of the study, from its log to the verdict.
+    def control(self, *, progress: bool | Observer = True) -> ControlVerdict:
+        """Choose the setting of an agent that acts, judge the choice, and write the report. Only for studies with ``[control]``.
 
         Args:
             progress: Whether to print the progress, or an observer.
 
         Returns:
             The verdict.
+
+        Raises:
+            CalibError: The data is wrong, the study has no ``[control]``, or the machine cannot run the step.
+            KeyboardInterrupt: Ctrl-C. The same call continues from there.
+
+        Examples:
+            >>> from calib_rl._study import _example_acting_study
+            >>> _example_acting_study().control(progress=False).report.name
+            'report.html'
+        """
+        summary, advice = self._job.control(observer(progress))
+        return ControlVerdict(Path(self._job.path("control")), json.loads(summary), advice)
+
+    def run(self, *, progress: bool | Observer = True) -> Verdict | ControlVerdict:
+        """Run every missing step of the study, from its log to the verdict. For a study of agents that act this is `control`.
+
+        Args:
+            progress: Whether to print the progress, or an observer.
+
+        Returns:
+            The verdict: a `ControlVerdict` for a study of agents that act.
 
         Raises:
             CalibError: The data is wrong, or the machine cannot run the step.
@@ -357,7 +378,8 @@ class Study:
             >>> list(verdict.settings)
             ['PIT300']
         """
-        return self._verdict("run", progress)
+        # A study of acting agents consists of one step.
+        return self.control(progress=progress) if self._job.is_of_acting_agents else self._verdict("run", progress)
 
     def _step(self, name: str, progress: bool | Observer) -> str:
         return self._job.step(name, observer(progress))
@@ -390,6 +412,18 @@ def _example_study() -> Study:
     )
     study.simulate(progress=False)
     return study
+
+
+@functools.cache
+def _example_acting_study() -> Study:
+    """Returns a small study of agents that act, in a temporary folder, for examples."""
+    from ._acting import _example_log
+    from ._functions import build_model
+
+    folder = Path(tempfile.mkdtemp())
+    build_model(_example_log(), folder, actions=["valve"], reward="reward", progress=False)
+    quick = {"control.models": ["neighbors"], "control.steps": 400, "control.grid": {"step_size": [0.01, 0.3]}}
+    return Study(folder / "study.toml", set=quick)
 
 
 def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:

@@ -306,12 +306,101 @@ class Verdict:
         return str(self) or f"<calib_rl.Verdict: {self.report}>"
 
     def _repr_html_(self) -> str:
-        parts = []
-        for first, *rest in self.advice:
-            items = "".join(f"<li>{html.escape(line)}</li>" for line in rest)
-            parts.append(f"<p><b>{html.escape(first)}</b></p><ul>{items}</ul>")
+        parts = [_html_of(lines) for lines in self.advice]
         notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.caveats)
         if notes:
             parts.append(f"<p>Notes</p><ul>{notes}</ul>")
-        parts.append(f"<p>Report: <code>{html.escape(str(self.report))}</code></p>")
+        parts.append(_html_of_report(self.report))
         return "".join(parts)
+
+
+class ControlVerdict:
+    """What to deploy of an agent that acts, and its evidence. `Study.control` returns it, and `Study.run` for a study of agents that act.
+
+    ``print`` shows the advice with all reasons, and a notebook shows it as a page.
+
+    Args:
+        path: The folder ``control`` of a study's results.
+        summary: What ``calib control --json`` prints.
+        advice: The advice in words.
+
+    Attributes:
+        path: The folder of the results.
+        report: Path of the report, one self-contained page.
+        summary: What ``calib control --json`` prints, as a dictionary. docs/formats.md describes it.
+        advice: The advice in words, with all reasons. The first line says what to deploy.
+
+    Examples:
+        >>> from calib_rl._study import _example_acting_study
+        >>> verdict = _example_acting_study().control(progress=False)
+        >>> verdict.choice["step_size"] in (0.01, 0.3)
+        True
+        >>> verdict.summary["decision"]["support"] in ("supported", "keep_default", "unsupported")
+        True
+    """
+
+    def __init__(self, path: Path, summary: dict[str, Any], advice: list[str]) -> None:
+        self.path = path
+        self.report = path / "report.html"
+        self.summary = summary
+        self.advice = advice
+
+    @property
+    def negative(self) -> bool:
+        """Whether there is a reason against the choice, so that ``calib control`` ends with code 1.
+
+        Examples:
+            >>> from calib_rl._study import _example_acting_study
+            >>> verdict = _example_acting_study().control(progress=False)
+            >>> verdict.negative == bool(verdict.summary["verdict"]["doubts"])
+            True
+        """
+        return bool(self.summary["verdict"]["doubts"])
+
+    @property
+    def choice(self) -> dict[str, Any]:
+        """The chosen setting: every field of the agent, or the parameters of a program's.
+
+        Look at `negative` too: a setting is chosen even if it should not be deployed.
+
+        Examples:
+            >>> from calib_rl._study import _example_acting_study
+            >>> "temperature" in _example_acting_study().control(progress=False).choice
+            True
+        """
+        chosen: dict[str, Any] = self.summary["choice"]
+        return chosen
+
+    def runs(self) -> Any:
+        """Read the runs behind the verdict.
+
+        Returns:
+            ``runs.parquet`` as a frame of polars or pandas: one row for each setting in each run of each member of each kind of model.
+
+        Examples:
+            >>> from calib_rl._study import _example_acting_study
+            >>> "mean_return" in _example_acting_study().control(progress=False).runs().columns
+            True
+        """
+        return frame(self.path / "runs.parquet")
+
+    def __str__(self) -> str:
+        first, *rest = self.advice
+        return "\n".join([first, *(f"    {line}" for line in rest)])
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return _html_of(self.advice) + _html_of_report(self.report)
+
+
+def _html_of(advice: list[str]) -> str:
+    """Returns advice as HTML: its first line, and the others as a list."""
+    first, *rest = advice
+    items = "".join(f"<li>{html.escape(line)}</li>" for line in rest)
+    return f"<p><b>{html.escape(first)}</b></p><ul>{items}</ul>"
+
+
+def _html_of_report(report: Path) -> str:
+    return f"<p>Report: <code>{html.escape(str(report))}</code></p>"

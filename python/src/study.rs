@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError, Told as _};
+use calib_pipeline::{
+    BuildOptions, Job, Outcome, Printer, Request, StepError, StepResult, Told as _,
+};
 use calib_study::{Existing, Policy, StepKind, Writes};
 use pyo3::prelude::*;
 
@@ -70,8 +72,32 @@ impl PyJob {
         }
     }
 
-    /// Returns the path of a step's results: `"model"`, `"rollout"`, `"sweep"`, `"evaluate"`, `"report"`, or `"root"` for all
-    /// of them.
+    /// Runs the step of agents that act. Returns what `calib control --json` prints, and the advice with all reasons.
+    #[pyo3(signature = (observer=None))]
+    fn control(
+        &self,
+        py: Python<'_>,
+        observer: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(String, Vec<String>)> {
+        let job = &self.job;
+        let ended = watched(py, Needs::Tables, observer, |watch| {
+            let _at_work = Step::begin();
+            calib_pipeline::control(job, &watch_printer(watch))
+        })?;
+        match ended {
+            Ok(StepResult::Made(evaluation)) => {
+                let summary = evaluation.to_json().map_err(|error| errors::of_step(py, &error))?;
+                Ok((summary, evaluation.why()))
+            }
+            Ok(StepResult::Planned(_) | StepResult::Nothing(_)) => {
+                unreachable!("jobs of Python are neither dry runs nor shares")
+            }
+            Err(error) => Err(errors::of_step(py, &error)),
+        }
+    }
+
+    /// Returns the path of a step's results: `"model"`, `"rollout"`, `"sweep"`, `"evaluate"`, `"control"`, `"report"`, or
+    /// `"root"` for all of them.
     fn path(&self, name: &str) -> PyResult<PathBuf> {
         let layout = self.job.layout();
         Ok(match name {
@@ -89,6 +115,12 @@ impl PyJob {
     /// Returns the resolved study, as JSON.
     fn json(&self) -> PyResult<String> {
         serde_json::to_string(self.job.study()).map_err(errors::unusable)
+    }
+
+    /// Returns whether the study is about agents that act, and has no sensors to predict.
+    #[getter]
+    fn is_of_acting_agents(&self) -> bool {
+        self.job.study().is_of_acting_agents()
     }
 
     /// Returns whether the study has a calibration model.
@@ -141,8 +173,6 @@ fn step(name: &str) -> PyResult<Run> {
         StepKind::Evaluate => {
             |job, printer| calib_pipeline::evaluate(job, printer).map(|judged| judged.outcome())
         }
-        StepKind::Control => {
-            |job, printer| calib_pipeline::control(job, printer).map(|judged| judged.outcome())
-        }
+        StepKind::Control => return Err(errors::value("Job.control runs this step")),
     })
 }

@@ -70,7 +70,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def verdict(folder: Path) -> calib_rl.Verdict:
-    return calib_rl.Study(folder / "study.toml").run(progress=False)
+    verdict = calib_rl.Study(folder / "study.toml").run(progress=False)
+    assert isinstance(verdict, calib_rl.Verdict)
+    return verdict
 
 
 @pytest.fixture(scope="session")

@@ -260,6 +260,7 @@ def test_a_study_without_a_model_is_swept_and_judged(study: calib_rl.Study, tmp_
     assert set(verdict.scores()["environment"]) == {"online", "log-replay"}
     # The same holds for calib's own agents, without a model.
     own = alone.run(progress=False)
+    assert isinstance(own, calib_rl.Verdict)
     assert set(own.scores()["environment"]) == {"online", "log-replay"} and "report.html" in str(own.report)
     assert not (alone.results / "model").exists() and not (alone.results / "rollout").exists()
     for step in (alone.build_model, alone.rollout, alone.model):

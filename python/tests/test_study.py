@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import datetime
 import filecmp
+import json
 import subprocess
 import sys
 import textwrap
@@ -50,6 +51,32 @@ def test_the_command_line_gives_the_same_bytes(study: calib_rl.Study, tmp_path: 
     assert {"runs.parquet", "neighbors.npy", "distances.npy", "states.npy", "summary.json"} <= {path.name for path in compared}
     different = [str(path) for path in compared if not filecmp.cmp(ours / path, theirs / path, shallow=False)]
     assert not different
+
+
+def test_agents_that_act_get_the_verdict_of_the_command_line(tmp_path: Path) -> None:
+    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
+    for folder in (ours, theirs):
+        done = command_line("simulate", folder, "--task", "cart-pole", "--policy", "random", "--transitions", 400)
+        assert done.returncode == 0, done.stderr
+    quick = ["control.steps=200", "control.model.members=2", "control.grid={ step_size = [0.03, 0.3] }"]
+    study = calib_rl.Study(ours / "study.toml", set=quick)
+    verdict = study.run(progress=False)
+    assert isinstance(verdict, calib_rl.ControlVerdict)
+    done = command_line("control", theirs / "study.toml", *(part for text in quick for part in ("--set", text)), "--json")
+    assert done.returncode == int(verdict.negative), done.stderr
+    assert json.loads(done.stdout) == verdict.summary
+    for name in ("verdict.json", "runs.parquet"):
+        assert (verdict.path / name).read_bytes() == (theirs / "study-results" / "control" / name).read_bytes(), name
+    assert verdict.path == study.results / "control" and verdict.report.is_file()
+    assert verdict.choice["step_size"] in (0.03, 0.3) and len(verdict.runs()) == 2 * 2 * 3
+    assert verdict.advice[0] == verdict.summary["decision"]["headline"] and verdict.advice[0] in verdict._repr_html_()
+    assert str(verdict).startswith(verdict.advice[0]) and study.control(progress=False).summary == verdict.summary
+
+
+def test_a_study_without_actions_says_what_acting_agents_need(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(STUDY)
+    with pytest.raises(calib_rl.CalibError, match=r"has no \[control\] section; say there which columns are actions"):
+        calib_rl.Study(tmp_path / "study.toml").control(progress=False)
 
 
 def test_the_command_line_goes_on_where_python_stopped(study: calib_rl.Study) -> None:

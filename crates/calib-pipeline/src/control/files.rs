@@ -123,6 +123,19 @@ impl ControlEvaluation {
         &self.candidates
     }
 
+    /// Returns the advice with all reasons, one line each, as `calib control --why` prints it. The first line is the decision.
+    pub fn why(&self) -> Vec<String> {
+        self.advise(|advice| advice.why())
+    }
+
+    /// Returns the object that `calib control --json` prints.
+    ///
+    /// # Errors
+    /// If it cannot be written as JSON.
+    pub fn to_json(&self) -> Result<String, StepError> {
+        Ok(serde_json::to_string(&ControlSummary::from(self))?)
+    }
+
     /// Builds the advice, and passes it to `words`.
     pub(super) fn advise<T>(&self, words: impl FnOnce(Advice<'_>) -> T) -> T {
         let settings: Vec<String> =
