@@ -166,6 +166,7 @@ impl TunedPage {
                 rows,
                 ..Table::default()
             },
+            panels: Vec::new(),
             chart: Chart {
                 description: "Mean return per episode of each setting, in each kind of model."
                     .to_owned(),

@@ -69,6 +69,8 @@ fn a_log_of_decisions_becomes_a_verdict() {
     assert!(told.contains("doubly robust"), "{told}");
     let report = fs::read_to_string(&report).expect("a report");
     assert!(report.contains("doubly robust"), "the column of the report");
+    assert!(report.contains("The last steps of the chosen agent"), "its trajectory");
+    assert!(place.path().join(results).join("last-steps.svg").is_file());
     // Another reward needs another verdict.
     let set = "control.reward=[{ column = 'angle', set_point = 0.0, weight = -1.0 }]";
     let other = place.calib(&["control", study, "--set", set, "--dry-run"]);

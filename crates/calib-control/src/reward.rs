@@ -287,7 +287,8 @@ impl Term {
 }
 
 impl Reward {
-    fn terms(&self) -> Cow<'_, [Term]> {
+    /// Returns the terms. A recorded reward is one term.
+    pub fn terms(&self) -> Cow<'_, [Term]> {
         match self {
             Self::Column(column) => Cow::Owned(vec![Term::plain(column)]),
             Self::Terms(terms) => Cow::Borrowed(terms),

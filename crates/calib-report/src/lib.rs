@@ -3,6 +3,7 @@
 //! - [`Sensitivity`], [`LearningCurves`], [`RolloutFigure`], [`RolloutGrid`], [`RecordedFigure`]: the paper's figures. Each becomes a [`Figure`], written as SVG or PNG.
 //! - [`Report`]: all results of a study; [`Report::html`] makes one self-contained page.
 //! - [`Overview`]: a page of charts and tables on several studies.
+//! - [`AgentConduct`]: what an agent that acts does, and its figures.
 //! - [`Verdict`]: what to deploy for one sensor, with its reasons in sentences.
 //! - [`number`], [`setting`], [`percent`], [`count`], [`duration`]: numbers formatted for readers.
 //!
@@ -17,6 +18,7 @@
 //! ```
 
 mod chart;
+mod conduct;
 mod downsample;
 mod environment;
 mod error;
@@ -28,6 +30,7 @@ mod report;
 mod setting;
 
 pub use chart::{Axis, Chart, Colour, Dash, Marker, Point, Rule, Scale, ScaleKind, Series, Side};
+pub use conduct::{ActionShares, AgentConduct, ColumnConduct, SetPointValues, SetValues};
 pub use downsample::{min_max_in_time, min_max_indices};
 pub use environment::LearningEnvironment;
 pub use error::ReportError;

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Chart, Table};
+use crate::{Chart, Figure, Panel, Table};
 
 /// Charts and tables on one page, as self-contained as a report.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,10 +67,24 @@ impl Support {
 pub struct OverviewFigure {
     /// The chart.
     pub chart: Chart,
+    /// Plots below each other that are shown under the title of `chart`, in place of its curves. Empty if the chart is
+    /// the only plot.
+    pub panels: Vec<Panel>,
     /// Explanation of the chart.
     pub caption: String,
     /// The numbers of the chart.
     pub table: Table,
+}
+
+impl OverviewFigure {
+    /// Returns the figure for a file.
+    pub fn figure(&self) -> Figure {
+        if self.panels.is_empty() {
+            Figure::new(self.chart.clone())
+        } else {
+            Figure::of_panels(self.chart.clone(), &self.panels)
+        }
+    }
 }
 
 impl Overview {

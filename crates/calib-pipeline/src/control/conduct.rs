@@ -1,8 +1,9 @@
 //! The behaviour of the chosen agent after learning: its last steps, and its actions by state.
 
-use calib_control::Trajectory;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+use calib_control::{ControlConfig, SetPoint, Trajectory};
+use calib_report::{AgentConduct, ColumnConduct, SetPointValues, SetValues};
 
 use super::{
     described::{ActionLogSummary, ColumnMap},
@@ -14,83 +15,96 @@ const TOLD: usize = 200;
 /// Number of state columns that are stored.
 const COLUMNS: usize = 4;
 
-/// Behaviour of the chosen agent at the end of its first run, in the neighbour model of the first ensemble
-/// member.
-#[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub(super) struct AgentConduct {
-    /// Number of steps that `taken` counts: the last quarter of the run.
-    pub(super) steps: usize,
-    /// Values that each action column was set to in the last steps.
-    pub(super) set: Vec<SetValues>,
-    /// Columns of the states, those of the reward first.
-    pub(super) columns: Vec<ColumnConduct>,
-    /// Rewards of the last steps.
-    pub(super) rewards: Vec<f64>,
-    /// Indices of the last steps at which an episode begins.
-    pub(super) begins: Vec<usize>,
-}
-
-/// A column of the actions.
-#[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub(super) struct SetValues {
-    pub(super) column: String,
-    pub(super) values: Vec<f64>,
-}
-
-/// A column of the states, in its unit.
-#[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub(super) struct ColumnConduct {
-    pub(super) column: String,
-    /// Values in the last steps.
-    pub(super) values: Vec<f64>,
-    /// Upper bounds of the parts of the recorded range.
-    pub(super) upper: Vec<f64>,
-    /// Number of the agent's steps in each part.
-    pub(super) steps: Vec<usize>,
-    /// Share of these steps in which the action was taken, `[actions][parts]`; 0 in parts that the agent
-    /// never visited.
-    pub(super) taken: Vec<Vec<f64>>,
-}
-
-/// Describes a trajectory. `of_reward` are the columns that the reward depends on, `acts` the action columns.
+/// Describes a trajectory of an agent of the study.
 pub(super) fn conduct(
     trajectory: &Trajectory,
     names: &Names,
     log: &ActionLogSummary,
-    of_reward: &[String],
-    acts: &[String],
+    config: &ControlConfig,
 ) -> AgentConduct {
     let steps = trajectory.actions.len();
-    let told = steps.saturating_sub(TOLD)..steps;
-    let set = acts.iter().enumerate().map(|(place, column)| SetValues {
-        column: column.clone(),
-        values: trajectory.actions[told.clone()]
-            .iter()
-            .map(|&action| names.levels[action][place])
-            .collect(),
-    });
-    let (first, others): (Vec<usize>, Vec<usize>) =
-        (0..log.map.len()).partition(|&place| of_reward.contains(&log.map[place].column));
-    let columns = first.into_iter().chain(others).take(COLUMNS).map(|place| {
-        let values: Vec<f64> = trajectory
-            .states
-            .chunks(trajectory.columns)
-            .map(|state| names.physical(place, f64::from(state[place])))
-            .collect();
+    let last = LastSteps { trajectory, names, config, told: steps.saturating_sub(TOLD)..steps };
+    let terms = config.reward.terms();
+    let (first, others): (Vec<usize>, Vec<usize>) = (0..log.map.len())
+        .partition(|&place| terms.iter().any(|term| term.column == log.map[place].column));
+    let count = first.len();
+    let columns = first.into_iter().chain(others).take(COLUMNS).enumerate();
+    let columns = columns.map(|(number, place)| {
+        let values = last.all_values(place);
         let taken = taken(&values, &trajectory.actions, log.actions.len(), &log.map[place]);
-        ColumnConduct { values: values[told.clone()].to_vec(), ..taken }
+        let set_point = terms
+            .iter()
+            .filter(|term| term.column == taken.column)
+            .find_map(|term| last.set_point(term.set_point.as_ref()?));
+        ColumnConduct {
+            in_reward: number < count,
+            set_point,
+            values: values[last.told.clone()].to_vec(),
+            ..taken
+        }
     });
+    let acts = config.actions.iter().enumerate();
     AgentConduct {
         steps,
-        set: set.collect(),
+        set: acts
+            .map(|(place, column)| SetValues { column: column.clone(), values: last.set(place) })
+            .collect(),
         columns: columns.collect(),
-        rewards: trajectory.rewards[told.clone()].to_vec(),
-        begins: told
+        rewards: trajectory.rewards[last.told.clone()].to_vec(),
+        begins: last
+            .told
             .clone()
             .filter(|&step| trajectory.begins[step])
-            .map(|step| step - told.start)
+            .map(|step| step - last.told.start)
             .collect(),
     }
+}
+
+/// The last steps of a trajectory.
+struct LastSteps<'a> {
+    trajectory: &'a Trajectory,
+    names: &'a Names,
+    config: &'a ControlConfig,
+    /// The steps that are stored one by one.
+    told: Range<usize>,
+}
+
+impl LastSteps<'_> {
+    /// Returns the values of a state column in all steps, in its unit.
+    fn all_values(&self, place: usize) -> Vec<f64> {
+        let states = self.trajectory.states.chunks(self.trajectory.columns);
+        states.map(|state| self.names.physical(place, f64::from(state[place]))).collect()
+    }
+
+    /// Returns the values that an action column was set to in the last steps.
+    fn set(&self, place: usize) -> Vec<f64> {
+        let actions = self.trajectory.actions[self.told.clone()].iter();
+        actions.map(|&action| self.names.levels[action][place]).collect()
+    }
+
+    /// Returns the values of a set-point in the last steps. `None` if it is a column that is neither set by the agent
+    /// nor part of the state, and varies in the log.
+    fn set_point(&self, set_point: &SetPoint) -> Option<SetPointValues> {
+        let column = match set_point {
+            SetPoint::Number(number) => {
+                let values = vec![*number; self.told.len()];
+                return Some(SetPointValues { column: None, values });
+            }
+            SetPoint::Column(column) => column,
+        };
+        let values = if let Some(place) = position(&self.names.columns, column) {
+            self.all_values(place)[self.told.clone()].to_vec()
+        } else if let Some(place) = position(&self.config.actions, column) {
+            self.set(place)
+        } else {
+            vec![*self.names.constants.get(column)?; self.told.len()]
+        };
+        Some(SetPointValues { column: Some(column.clone()), values })
+    }
+}
+
+fn position(names: &[String], name: &str) -> Option<usize> {
+    names.iter().position(|other| other == name)
 }
 
 /// Returns the share of each action in each part of a column.
@@ -109,6 +123,8 @@ fn taken(values: &[f64], chosen: &[usize], actions: usize, map: &ColumnMap) -> C
     });
     ColumnConduct {
         column: map.column.clone(),
+        in_reward: false,
+        set_point: None,
         values: Vec::new(),
         upper: map.upper.clone(),
         taken: taken.collect(),
@@ -118,7 +134,52 @@ fn taken(values: &[f64], chosen: &[usize], actions: usize, map: &ColumnMap) -> C
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
+    use calib_control::{AgentRun, Distance};
+    use calib_core::Bounds;
+
     use super::*;
+    use crate::control::described::ActionTold;
+
+    fn names<const N: usize>(names: [&str; N]) -> Vec<String> {
+        names.map(str::to_owned).to_vec()
+    }
+
+    /// Returns the names of a log with these columns, whose values 0 and 1 are 10 and 20 in its units.
+    fn named(columns: &[String]) -> Names {
+        Names {
+            actions: names(["shut", "open"]),
+            settings: Vec::new(),
+            columns: columns.to_vec(),
+            bounds: vec![Bounds { offset: 10.0, scale: 10.0 }; columns.len()],
+            levels: vec![vec![0.0], vec![1.0]],
+            ranges: vec![[0.0, 1.0]],
+            constants: BTreeMap::from([("fixed".to_owned(), 7.0)]),
+        }
+    }
+
+    fn summary(columns: &[String]) -> ActionLogSummary {
+        ActionLogSummary {
+            actions: Vec::new(),
+            settings: Vec::new(),
+            columns: columns.to_vec(),
+            transitions: 0,
+            episodes: 0,
+            terminals: 0,
+            distance: Distance::Euclidean,
+            radius: 1.0,
+            map: columns
+                .iter()
+                .map(|column| ColumnMap {
+                    column: column.clone(),
+                    upper: vec![20.0],
+                    states: vec![0],
+                    covered: Vec::new(),
+                })
+                .collect(),
+        }
+    }
 
     #[test]
     fn shares_are_of_the_steps_in_a_part() {
@@ -132,5 +193,60 @@ mod tests {
         let told = taken(&[0.5, 0.7, 1.0, 3.5], &[0, 1, 1, 1], 2, &map);
         assert_eq!(told.steps, [3, 0, 1]);
         assert_eq!(told.taken, [vec![1.0 / 3.0, 0.0, 0.0], vec![2.0 / 3.0, 0.0, 1.0]]);
+    }
+
+    #[test]
+    fn columns_of_the_reward_come_first_and_have_the_set_points_of_their_terms() {
+        let columns = names(["ambient", "target", "level", "flow", "pressure", "heat"]);
+        let config: ControlConfig = toml::from_str(
+            r#"
+            actions = ["valve"]
+            reward = [
+                { column = "level", weight = 2.0 },
+                { column = "level", set_point = "target" },
+                { column = "flow", set_point = "valve" },
+                { column = "pressure", set_point = "fixed" },
+                { column = "heat", set_point = "elsewhere" },
+                { column = "heat", set_point = 5.0 },
+            ]
+            "#,
+        )
+        .expect("valid");
+        let trajectory = Trajectory {
+            run: AgentRun::default(),
+            columns: columns.len(),
+            states: vec![0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0],
+            actions: vec![1, 0],
+            rewards: vec![-1.0, -2.0],
+            begins: vec![false, true],
+        };
+        let mut log = summary(&columns);
+        let actions = names(["shut", "open"]).into_iter();
+        log.actions = actions
+            .map(|name| ActionTold { name, transitions: 0, covered: 0.0, states: Vec::new() })
+            .collect();
+        let told = conduct(&trajectory, &named(&columns), &log, &config);
+        let set_points = told.columns.iter().map(|own| {
+            let set_point = own.set_point.as_ref().expect("every column has one");
+            let name = set_point.column.as_deref().unwrap_or("a number");
+            format!("{}: {name} {:?}", own.column, set_point.values)
+        });
+        assert_eq!(
+            set_points.collect::<Vec<_>>(),
+            [
+                "level: target [15.0, 12.5]",
+                "flow: valve [1.0, 0.0]",
+                "pressure: fixed [7.0, 7.0]",
+                "heat: a number [5.0, 5.0]",
+            ]
+        );
+        assert!(told.columns.iter().all(|own| own.in_reward));
+        assert_eq!(told.columns[0].values, [20.0, 20.0]);
+        assert_eq!(told.set[0].values, [1.0, 0.0]);
+        assert_eq!(told.begins, [1]);
+        // A recorded reward is about no column of the state.
+        let recorded = conduct(&trajectory, &named(&columns), &log, &ControlConfig::default());
+        assert!(recorded.columns.iter().all(|own| !own.in_reward && own.set_point.is_none()));
+        assert_eq!(recorded.columns.len(), COLUMNS);
     }
 }

@@ -1,26 +1,16 @@
 //! Figures of the report on agents that act.
 
 use calib_report::{
-    Axis, Cell, Chart, Colour, Dash, Marker, OverviewFigure, Point, Rule, Scale, Series, Side,
-    Table,
+    ActionShares, Axis, Cell, Chart, Dash, OverviewFigure, Point, Rule, Scale, Series, Table,
 };
 use calib_stats::{Estimate, jackknife};
 
-use super::{
-    conduct::{AgentConduct, ColumnConduct, SetValues},
-    described::ColumnMap,
-    files::ControlEvaluation,
-    show,
-};
+use super::{described::ColumnMap, files::ControlEvaluation, show};
 
 /// Number of columns whose map is drawn.
 pub(super) const MAPS: usize = 8;
 /// Number of settings whose curves are drawn, besides the default.
 const CURVES: usize = 5;
-
-const MARKERS: [Marker; 5] =
-    [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
-const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
 
 /// Returns all figures with their file names.
 pub(super) fn all(evaluation: &ControlEvaluation) -> Vec<(&'static str, OverviewFigure)> {
@@ -48,30 +38,13 @@ pub(super) fn all(evaluation: &ControlEvaluation) -> Vec<(&'static str, Overview
         .map(|(field, &name)| (name, sensitivity(evaluation, field)))
         .collect();
     all.extend(learning(evaluation).map(|figure| ("learning", figure)));
-    if let Some(conduct) = &evaluation.conduct {
-        let state = conduct.columns.first();
-        let sets = conduct.set.iter().zip(["last-steps-1", "last-steps-2", "last-steps-3"]);
-        all.extend(state.into_iter().flat_map(|state| {
-            sets.clone().map(|(set, name)| (name, last_steps(conduct, state, set)))
-        }));
-        let columns = conduct.columns.iter().zip(["taken-1", "taken-2", "taken-3", "taken-4"]);
-        all.extend(columns.map(|(column, name)| (name, taken(evaluation, column, conduct.steps))));
-    }
+    let actions: Vec<String> =
+        evaluation.log.actions.iter().map(|action| action.name.clone()).collect();
+    let conduct = evaluation.conduct.iter();
+    all.extend(conduct.flat_map(|conduct| conduct.figures(&actions, "neighbours")));
     let maps = evaluation.log.map.iter().zip(COVERAGES);
-    all.extend(maps.map(|(map, name)| (name, coverage(evaluation, map))));
+    all.extend(maps.map(|(map, name)| (name, coverage(map, &actions))));
     all
-}
-
-fn series(number: usize, label: &str, points: Vec<Point>) -> Series {
-    Series {
-        label: label.to_owned(),
-        side: Side::Left,
-        colour: Colour::Curve(number),
-        dash: DASHES[number / 6 % DASHES.len()],
-        width: 1.6,
-        marker: Some(MARKERS[number % MARKERS.len()]),
-        points,
-    }
 }
 
 /// Returns one point per entry of `values`, starting at `first`.
@@ -138,7 +111,7 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
                 let y = estimate.map_or(f64::NAN, |estimate| estimate.value);
                 Point { x: place as f64, y, interval }
             });
-            series(number, label, points.collect())
+            Series::numbered(number, label, points.collect())
         })
         .collect();
     let ends = drawn.iter().flat_map(|series| &series.points).flat_map(|point| {
@@ -175,6 +148,7 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     }).collect(),
             ..Table::default()
         },
+        panels: Vec::new(),
         chart: Chart {
             description: format!("Mean return per episode in the model for each {name}."),
             title,
@@ -210,8 +184,9 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
         }
     };
     let drawn = with.iter().zip(&curves).enumerate();
-    let drawn = drawn
-        .map(|(number, (&candidate, curve))| series(number, &label(candidate), points(1.0, curve)));
+    let drawn = drawn.map(|(number, (&candidate, curve))| {
+        Series::numbered(number, &label(candidate), points(1.0, curve))
+    });
     let title = "How agents learn in the model".to_owned();
     Some(OverviewFigure {
         caption: "Mean return of the episodes in each tenth of a run, over models and runs: the best settings by rank, and the default. A curve that still rises would gain from more steps."
@@ -227,6 +202,7 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
     }).collect(),
             ..Table::default()
         },
+        panels: Vec::new(),
         chart: Chart {
             description: "Return per episode against the part of the run.".to_owned(),
             title,
@@ -245,9 +221,9 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
     })
 }
 
-/// Draws where along a column the log shows the effect of each action.
-fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
-    by_parts(&SharesByPart {
+/// Draws where along a column the log shows the effect of each of these actions.
+fn coverage(map: &ColumnMap, actions: &[String]) -> OverviewFigure {
+    let shares = ActionShares {
         title: format!("Where along {} actions are known", map.column),
         caption: format!(
             "Share of the recorded states in each fifth of {} near which the action was taken. What a choice does where curves are low rests on \
@@ -257,149 +233,8 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
         axis: "states in which it is known (%)",
         column: &map.column,
         upper: &map.upper,
+        actions,
         shares: &map.covered,
-        evaluation,
-    })
-}
-
-/// Draws the actions that the chosen agent takes along a column.
-fn taken(evaluation: &ControlEvaluation, column: &ColumnConduct, steps: usize) -> OverviewFigure {
-    let visited: Vec<Vec<f64>> = column
-        .taken
-        .iter()
-        .map(|shares| {
-            let parts = shares.iter().zip(&column.steps);
-            parts.map(|(&share, &steps)| if steps > 0 { share } else { f64::NAN }).collect()
-        })
-        .collect();
-    by_parts(&SharesByPart {
-        title: format!("What the chosen agent does along {}", column.column),
-        caption: format!(
-            "Share of the agent's steps in each fifth of {} in which it takes the action, over the last {steps} steps of its first run in the \
-             neighbours of the first ensemble member. Lines have no point where it never was. It goes on exploring, so no share need be 100 %.",
-            column.column
-        ),
-        axis: "steps in which it is taken (%)",
-        column: &column.column,
-        upper: &column.upper,
-        shares: &visited,
-        evaluation,
-    })
-}
-
-/// The share of each action in each part of a column.
-struct SharesByPart<'a> {
-    title: String,
-    caption: String,
-    axis: &'a str,
-    column: &'a str,
-    /// Upper bounds of the parts.
-    upper: &'a [f64],
-    /// `[actions][parts]`.
-    shares: &'a [Vec<f64>],
-    evaluation: &'a ControlEvaluation,
-}
-
-fn by_parts(shown: &SharesByPart<'_>) -> OverviewFigure {
-    let SharesByPart { title, caption, axis, column, upper, shares, evaluation } = shown;
-    let actions = &evaluation.log.actions;
-    let drawn = actions.iter().zip(*shares).enumerate().map(|(number, (action, shares))| {
-        let percent: Vec<f64> = shares.iter().map(|share| 100.0 * share).collect();
-        series(number, &action.name, points(0.0, &percent))
-    });
-    let names: Vec<String> =
-        upper.iter().map(|upper| format!("to {}", calib_report::number(*upper))).collect();
-    OverviewFigure {
-        caption: caption.clone(),
-        table: Table {
-            title: title.clone(),
-            columns: std::iter::once((*column).to_owned())
-                .chain(actions.iter().map(|action| action.name.clone()))
-                .collect(),
-            rows: names
-                .iter()
-                .enumerate()
-                .map(|(part, name)| {
-                    let own = shares.iter().map(|shares| match shares[part] {
-                        share if share.is_nan() => Cell::Missing,
-                        share => Cell::Percent(share),
-                    });
-                    std::iter::once(Cell::Text(name.clone())).chain(own).collect()
-                })
-                .collect(),
-            ..Table::default()
-        },
-        chart: Chart {
-            description: format!("{title}: {axis} of each action."),
-            title: title.clone(),
-            x: Axis { label: (*column).to_owned(), scale: Scale::names(names) },
-            // Leaves room for whole markers at 100 %.
-            left: Axis { label: (*axis).to_owned(), scale: Scale::linear(0.0, 103.0) },
-            right: None,
-            series: drawn.collect(),
-            rules: Vec::new(),
-        },
-    }
-}
-
-/// Draws the last steps of the chosen agent: a state column, and the values that an action column was set to.
-fn last_steps(conduct: &AgentConduct, state: &ColumnConduct, set: &SetValues) -> OverviewFigure {
-    let first = 1.0 + (conduct.steps - state.values.len()) as f64;
-    let line = |values: &[f64], side: Side, number: usize, label: &str| {
-        let mut drawn = Vec::new();
-        for (step, &y) in values.iter().enumerate() {
-            let x = first + step as f64;
-            if conduct.begins.contains(&step) {
-                // A missing point separates episodes.
-                drawn.push(Point { x, y: f64::NAN, interval: None });
-            } else if side == Side::Right && step > 0 {
-                // A set value holds until the next one.
-                drawn.push(Point { x, y: values[step - 1], interval: None });
-            }
-            drawn.push(Point { x, y, interval: None });
-        }
-        Series { side, marker: None, ..series(number, label, drawn) }
     };
-    let title =
-        format!("{} and {} in the last steps of the chosen agent", state.column, set.column);
-    let last = first + state.values.len() as f64 - 1.0;
-    OverviewFigure {
-        caption: "The last steps of the chosen agent's first run, in the neighbours of the first ensemble member. Lines break where an episode begins."
-            .to_owned(),
-        table: Table {
-            title: title.clone(),
-            columns: ["step", &state.column, &set.column, "reward"].map(str::to_owned).to_vec(),
-            rows: state
-                .values
-                .iter()
-                .zip(&set.values)
-                .zip(&conduct.rewards)
-                .enumerate()
-                .map(|(step, ((&value, &set), &reward))| {
-                    let numbers = [value, set, reward].map(Cell::Number);
-                    let step = Cell::Count(first as u64 + step as u64);
-                    std::iter::once(step).chain(numbers).collect()
-                })
-                .collect(),
-            ..Table::default()
-        },
-        chart: Chart {
-            description: format!("{} and {} against the step.", state.column, set.column),
-            title,
-            x: Axis { label: "step".to_owned(), scale: Scale::linear(first, last) },
-            left: Axis {
-                label: state.column.clone(),
-                scale: Scale::linear_around(&state.values),
-            },
-            right: Some(Axis {
-                label: set.column.clone(),
-                scale: Scale::linear_around(&set.values),
-            }),
-            series: vec![
-                line(&state.values, Side::Left, 0, &state.column),
-                line(&set.values, Side::Right, 1, &set.column),
-            ],
-            rules: Vec::new(),
-        },
-    }
+    shares.figure()
 }

@@ -13,7 +13,7 @@ use calib_base::{
 use calib_control::{Distance, FittedQValue, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
-use calib_report::Decision;
+use calib_report::{AgentConduct, Decision};
 use calib_study::{Job, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,6 @@ use serde::{Deserialize, Serialize};
 use super::{
     advice::{Advice, Reason, STUDY},
     agents::{ActingAgent, ComparedAgents, ProgramIdentity, SettingFailure},
-    conduct::AgentConduct,
     described::ActionLogSummary,
     run::no_section,
     show::name,

@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use calib_base::{
     Context as _, StepError, ensure,
     log::plant_of_study::data_of,
@@ -50,6 +52,8 @@ pub(crate) struct Names {
     pub(super) levels: Vec<Vec<f64>>,
     /// Smallest and largest recorded value of each action column.
     pub(super) ranges: Vec<[f64; 2]>,
+    /// Columns of `[control]` that have one value in the whole log, with this value. They are not part of the state.
+    pub(super) constants: BTreeMap<String, f64>,
 }
 
 impl Names {
@@ -89,6 +93,7 @@ pub(crate) fn read(
     let found = ColumnFindings::new(config, &recorded.values, frames.segments());
     tell_columns(config, resample, frames, &found, printer);
     let outlying = without_outlying(config, frames, &mut recorded.values);
+    let constants = constants(&names, &recorded.values);
     for told in &outlying {
         printer.warn(told);
     }
@@ -127,6 +132,7 @@ pub(crate) fn read(
         bounds: columns.iter().map(|column| column.bounds).collect(),
         levels: levels.values,
         ranges: rows.acted.iter().map(|values| range(values)).collect(),
+        constants,
     };
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
     let left_out = left_out(&dataset.profile, resample, frames, &found.gaps);
@@ -230,6 +236,15 @@ fn outlying_told(name: &str, found: &OutlyingActions, at: &str) -> String {
          (control.levels) that reach as far would be actions that were never taken. If it is a mistake of the log, correct it there{remedy}; if not, \
          round the column to the values that agents are to choose among, and leave control.levels out"
     )
+}
+
+/// Returns the columns whose values are all equal, with this value.
+fn constants(names: &[String], recorded: &[Vec<f64>]) -> BTreeMap<String, f64> {
+    let ranges = names.iter().zip(recorded.iter().map(|values| range(values)));
+    ranges
+        .filter(|(_, [low, high])| low == high)
+        .map(|(name, [low, _])| (name.clone(), low))
+        .collect()
 }
 
 /// Returns the smallest and the largest value, or zeros if all are missing.

@@ -12,7 +12,7 @@ use calib_model_steps::{
     represent::{decisions, report_table},
     rollouts::figures as drawn,
 };
-use calib_report::{Cell, Figure, Overview, Table};
+use calib_report::{Cell, Overview, Table};
 use calib_study::{Job, StepKind};
 
 use super::{advice::rank_name, figures, files::ControlEvaluation, show};
@@ -33,7 +33,7 @@ pub(super) fn write(
     let figures = figures::all(evaluation);
     let mut names = vec![PAGE.to_owned()];
     for (name, figure) in &figures {
-        names.extend(drawn::write(directory, name, &Figure::new(figure.chart.clone()))?);
+        names.extend(drawn::write(directory, name, &figure.figure())?);
     }
     let page = Overview {
         title: job.own_title().map_or_else(

@@ -23,7 +23,7 @@ use calib_study::{Job, Share, StepKind};
 use super::{
     agents::{ComparedAgents, ProgramAgents},
     beside_returns::beyond_returns,
-    conduct::{AgentConduct, conduct},
+    conduct::conduct,
     described::described,
     files::{self, ControlEvaluation},
     log::{self, ActionLog},
@@ -284,9 +284,7 @@ fn judged(
     // The last quarter of a run, in which the agent has learned what it will.
     let kept = config.steps.div_ceil(4).min(MOST_TOLD_STEPS);
     let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
-    let of_reward: Vec<String> = config.reward.columns().cloned().collect();
-    let conduct: Option<AgentConduct> = (!last.run.diverged)
-        .then(|| conduct(&last, &names, &described, &of_reward, &config.actions));
+    let conduct = (!last.run.diverged).then(|| conduct(&last, &names, &described, config));
     if let Some(program) = program
         && let Err(reason) = program.finish()
     {

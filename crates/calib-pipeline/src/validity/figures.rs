@@ -6,8 +6,8 @@ use calib_agent::Part;
 use calib_base::StepError;
 use calib_model_steps::rollouts::figures;
 use calib_report::{
-    Axis, Cell, Chart, Colour, Dash, Figure, Marker, OverviewFigure, Point, Scale, ScaleKind,
-    Series, Side, Table,
+    Axis, Cell, Chart, Colour, Dash, Marker, OverviewFigure, Point, Scale, ScaleKind, Series, Side,
+    Table,
 };
 use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
@@ -23,7 +23,7 @@ const MARKERS: [Marker; 5] =
 
 pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
     for (name, figure) in all(judged) {
-        figures::write(directory, name, &Figure::new(figure.chart))?;
+        figures::write(directory, name, &figure.figure())?;
     }
     Ok(())
 }
@@ -98,6 +98,7 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
                 .collect(),
             ..Table::default()
         },
+        panels: Vec::new(),
         chart: Chart {
             description: "Typical regret of each way to choose, with intervals.".to_owned(),
             title,
@@ -168,6 +169,7 @@ fn profile(validity: &Validity) -> OverviewFigure {
             rows,
             ..Table::default()
         },
+        panels: Vec::new(),
         chart: Chart {
             description: "Share of plant–sensor pairs with at most a regret, for each way to choose."
                 .to_owned(),
@@ -246,6 +248,7 @@ fn scatter(
             rows,
             ..Table::default()
         },
+        panels: Vec::new(),
         chart: Chart {
             description: format!("Regret of every model in every pair against {label}."),
             title,

@@ -135,6 +135,25 @@ pub struct Series {
     pub points: Vec<Point>,
 }
 
+const MARKERS: [Marker; 5] =
+    [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
+const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
+
+impl Series {
+    /// Returns a curve on the left axis that looks unlike the curves with other numbers.
+    pub fn numbered(number: usize, label: &str, points: Vec<Point>) -> Self {
+        Self {
+            label: label.to_owned(),
+            side: Side::Left,
+            colour: Colour::Curve(number),
+            dash: DASHES[number / 6 % DASHES.len()],
+            width: 1.6,
+            marker: Some(MARKERS[number % MARKERS.len()]),
+            points,
+        }
+    }
+}
+
 /// One point of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {

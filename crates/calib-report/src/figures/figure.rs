@@ -6,6 +6,18 @@ use crate::chart::{
     png, svg,
 };
 
+/// One of several plots below each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Panel {
+    /// Text above the plot.
+    pub heading: String,
+    /// The plot.
+    pub chart: Chart,
+}
+
+/// Height of one of several panels in pixels.
+const PANEL_HEIGHT: f64 = 100.0;
+
 /// A figure that can be written as SVG or PNG.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
@@ -38,6 +50,14 @@ impl Figure {
     /// Creates a figure of `rows` of small plots, with title and legend of `chart`.
     pub(crate) const fn with_grid(chart: Chart, rows: Vec<Vec<GridCell>>, height: f64) -> Self {
         Self { chart, layout: Layout::Grid(rows, height) }
+    }
+
+    /// Creates a figure of `panels` below each other, with the title of `chart`.
+    pub(crate) fn of_panels(chart: Chart, panels: &[Panel]) -> Self {
+        let rows = panels.iter().map(|Panel { heading, chart }| {
+            vec![GridCell { heading: Some(heading.clone()), chart: Some(chart.clone()) }]
+        });
+        Self::with_grid(chart, rows.collect(), PANEL_HEIGHT)
     }
 
     /// The chart of the figure, with all curves in one plot.

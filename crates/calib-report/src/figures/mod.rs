@@ -7,7 +7,7 @@ mod rollout;
 mod rollout_grid;
 mod sensitivity;
 
-pub use figure::Figure;
+pub use figure::{Figure, Panel};
 pub use learning::{LearningCurve, LearningCurves};
 pub use recorded::{PeriodUse, RecordedFigure, RecordedLevel, RecordedPeriod};
 pub use rollout::{MAX_POINTS, RolloutFigure, Trajectory};

@@ -7,7 +7,7 @@ use super::text::prose;
 use crate::chart::{
     Detail, Key, LegendPlace, NARROW, WIDE, chart_data, draw, keys, sample_svg, svg,
 };
-use crate::{Chart, Figure, Table};
+use crate::{Chart, Figure, OverviewFigure, Table};
 
 /// A chart of the page with its parts.
 pub(super) struct Drawn<'a> {
@@ -86,6 +86,25 @@ pub(super) fn still(figure: &Figure, id: &str) -> Markup {
                 (still_tools(title))
             }
             (still_plot(figure, id))
+        }
+    }
+}
+
+/// Returns plots below each other, without interaction, and their numbers.
+pub(super) fn with_panels(figure: &OverviewFigure, caption: &str, id: &str) -> Markup {
+    let title = &figure.chart.title;
+    html! {
+        figure.still id=(id) {
+            div.figure-head {
+                figcaption { h3 { (title) } (caption_line(caption)) }
+                (still_tools(title))
+            }
+            (still_plot(&figure.figure(), id))
+            details.data {
+                summary { "Data table" }
+                button.copy type="button" { "Copy table" }
+                (rows(&figure.table))
+            }
         }
     }
 }

@@ -4,7 +4,7 @@ use maud::html;
 
 use super::{
     Section, SectionEntry, document,
-    figure::{Drawn, Numbers},
+    figure::{Drawn, Numbers, with_panels},
     tables::table,
     text::prose,
 };
@@ -52,15 +52,19 @@ pub(crate) fn overview(overview: &Overview) -> String {
         });
         let body = html! {
             @for (number, figure) in figures.iter().enumerate() {
-                (Drawn {
-                    chart: &figure.chart,
-                    id: &figure_id(number),
-                    caption: own_caption(figures, number),
-                    table: &figure.table,
-                    numbers: Numbers::All,
-                    shown: figure.chart.series.len(),
-                    details: &[],
-                }.markup())
+                @if figure.panels.is_empty() {
+                    (Drawn {
+                        chart: &figure.chart,
+                        id: &figure_id(number),
+                        caption: own_caption(figures, number),
+                        table: &figure.table,
+                        numbers: Numbers::All,
+                        shown: figure.chart.series.len(),
+                        details: &[],
+                    }.markup())
+                } @else {
+                    (with_panels(figure, own_caption(figures, number), &figure_id(number)))
+                }
             }
         };
         sections.push(Section { id: "figures", title: "Figures", parts: parts.collect(), body });
