@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._acting import ActionModel
 from ._checks import LARGEST_SEED, position, whole
 from ._kinds import ModelKind
-from ._model import Units
+from ._model import Units, physical_values
 from ._walks import (
     AUTORESET,
     Column,
@@ -41,7 +41,7 @@ class _Actions:
         low, high = np.array(list(model.action_columns.values()), np.float64).T
         self.live = live
         self.range = np.where(high > low, high - low, 1.0)
-        self.levels = levels / self.range
+        self.values, self.levels = levels, levels / self.range
         kind = wanted if isinstance(wanted, str) else _kind(wanted)
         if live and kind != "box":
             raise ValueError("live searches for what is set, which is a number: it wants action_space='box'")
@@ -87,9 +87,20 @@ class _Actions:
             return values
         if not np.isfinite(values).all():
             raise ValueError(f"an action is {actions}, which is no number: the agent has diverged")
+        return self._nearest(values)
+
+    def _nearest(self, values: NDArray[np.float64]) -> NDArray[np.int64]:
         shares = values[:, None, :] / self.range
         nearest: NDArray[np.int64] = np.square(shares - self.levels).sum(axis=2).argmin(axis=1)
         return nearest
+
+    def set_by(self, actions: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Returns the numbers of the actions, or of the nearest ones with ``live``, and the values that they set, ``[n, action columns]``."""
+        if self.live:
+            values = np.asarray(actions, np.float64)
+            return self._nearest(values), values
+        levels = np.asarray(self.of(actions), np.int64)
+        return levels, self.values[levels]
 
 
 def _wholes(actions: Any) -> NDArray[np.int64]:
@@ -144,6 +155,7 @@ class ActingSettings(WalkSettings):
         if pessimism not in ("nearest", "minimum_return"):
             raise ValueError(f"pessimism is {pessimism!r}, expected 'nearest' or 'minimum_return'")
         columns = observed_columns(model.columns, observe)
+        self.columns, self.units = columns, units
         self.actions = _Actions(model, action_space, live, kind)
         most = model.timeout if timeout is None else whole(timeout, "timeout", 1)
         worst = model.worst_return if worst_return is None else float(worst_return)
@@ -206,6 +218,17 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
     def lived(self) -> str:
         """Coverage and displacement of all steps so far, as JSON."""
         return self._settings.walkers.lived()
+
+    def in_units(self, seen: NDArray[np.float32]) -> dict[str, NDArray[np.float64]]:
+        """Observations ``[n, columns]`` by the name of their column, in the units of the log."""
+        columns = [self.model._native.columns[place] for place in self._settings.columns]
+        physical = np.asarray(seen, np.float64) if self._settings.units == "physical" else physical_values(columns, seen)
+        return {name: values for (name, _, _), values in zip(columns, physical.T)}
+
+    def set_by(self, actions: Sequence[Any]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The number of each action, or of the nearest one with ``live``, and the values that it sets, ``[n, action columns]``."""
+        given = np.stack([np.asarray(action) for action in actions])
+        return self._settings.actions.set_by(given.reshape(-1) if self._settings.actions.kind == "discrete" else given)
 
 
 def _info(row: Any, time: Any, distance: Any, covered: Any, displacement: Any) -> dict[str, Any]:

@@ -181,6 +181,7 @@ def _runs(settings: list[Setting], places: list[int], results: dict[int, list[di
             "cut_off": unit["cut_off"],
             "uncovered": uncovered(unit["run"]["coverage"]),
             "returns": unit["returns"],
+            "conduct": unit.get("conduct"),
         }
         for number, place in enumerate(places)
         for unit in results[place]

@@ -15,13 +15,14 @@ from ._acting import ActionModel
 from ._errors import CalibError, CalibWarning
 from ._files import write_whole
 from ._identity import Unstable, identity
+from ._tune_conduct import is_conduct
 from ._tune_settings import Setting
 
 if TYPE_CHECKING:
     from ._tune_unit import Unit
 
 # The version of the results. It covers changes that the rest of the key does not show.
-_FORMAT = 3
+_FORMAT = 4
 
 
 class Kept:
@@ -136,6 +137,7 @@ def _is_result(came: Any, unit: Unit) -> bool:
         and all(isinstance(numbers, list) for numbers in lists)
         and all(_is_number(number) for numbers in lists for number in numbers)
         and _is_number(run.get("mean_return"))
+        and (came.get("conduct") is None or is_conduct(came["conduct"]))
     )
 
 

@@ -17,6 +17,7 @@ import gymnasium
 import numpy as np
 
 from ._acting import ActionModel
+from ._tune_conduct import LastSteps
 from .gym import make
 
 # An agent may round its steps up to whole batches. An agent that continues far beyond never stops.
@@ -46,6 +47,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         self.beyond = 0
         self.seed: int | None = None
         self.coverage: str | None = None
+        self.last: LastSteps | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Reset the environment. The first episode uses our seed instead of the agent's, so that all settings have the same random numbers."""
@@ -57,7 +59,10 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
                 self.cut_share += self.length / self.timeout
                 self.cut_reward += self.reward
             self.reward, self.length = 0.0, 0
-        return self.env.reset(seed=seed, options=options)
+        seen, info = self.env.reset(seed=seed, options=options)
+        if self.last is not None:
+            self.last.begin(seen)
+        return seen, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take a step. It counts until ``steps`` steps are counted."""
@@ -70,6 +75,8 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         self.left -= 1
         self.length += 1
         self.reward += float(reward)
+        if self.last is not None:
+            self.last.add(action, float(reward), seen)
         if terminated or truncated:
             self.returns.append(self.reward)
             self.terminals += int(terminated)
@@ -98,13 +105,19 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 
 def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the result of a unit: a run as in `calib control`, with the return of every episode, or the reason of its failure."""
+    """Returns the result of a unit: a run as in `calib control`, with the return of every episode, or the reason of its failure.
+
+    The first run in ensemble member 0 also has the agent's last steps.
+    """
     place = "make_agent"
     try:
         kind: Any = unit.kind
         made = make(model, member=unit.member, kind=kind, **environment)
         env = Recorder(made, unit.steps, made.timeout)
         env.seed = unit.seed
+        # Every setting shows the same run, however many there are.
+        if unit.member == 0 and unit.run == 0:
+            env.last = LastSteps(made, unit.steps)
         env.action_space.seed(unit.seed % 2**32)
         _seed_all(unit.seed)
         agent = make_agent(env, **_arguments(make_agent, unit))
@@ -136,7 +149,8 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
         "curve": _tenths(returns),
         **json.loads(env.coverage or made.lived()),
     }
-    return {"run": run, "returns": returns, "cut_off": env.cut_off}
+    conduct = {} if env.last is None else {"conduct": env.last.conduct()}
+    return {"run": run, "returns": returns, "cut_off": env.cut_off, **conduct}
 
 
 def _arguments(make_agent: Callable[..., Any], unit: Unit) -> dict[str, Any]:

@@ -45,7 +45,8 @@ class Tuned:
     """All figures, as ``calib control --json`` has them under ``verdict``, with settings by their place in `settings`."""
     runs: list[dict[str, Any]] = field(repr=False)
     """Every setting in every member and run: `setting` and its `place` in `settings`, `kind`, `member`, `run`, `mean_return`, `episodes`, `terminals`,
-    `cut_off`, `uncovered`, and the `returns` of whole episodes. `cut_off` counts the episodes that were reset before their end."""
+    `cut_off`, `uncovered`, the `returns` of whole episodes, and `conduct`. `cut_off` counts the episodes that were reset before their end. `conduct`
+    is what the agent did at the end of the run, as in ``verdict.json`` of ``calib control``. It is ``None`` but for the first run in member 0."""
 
     @property
     def is_supported(self) -> bool:
@@ -145,10 +146,19 @@ class Tuned:
             "warnings": [*self.doubts, *map(str, self.failures)],
             "settings": settings,
             "kinds": kinds,
+            "conduct": self._conduct(),
             "command": f"tuned.report({os.fspath(path)!r})",
         }
         _calib.write_tuned_page(os.fspath(path), json.dumps(page))
         return Path(path)
+
+    def _conduct(self) -> dict[str, Any] | None:
+        """Returns what the chosen agent did, in the first kind of model. ``None`` if its run there was not made."""
+        names = {"neighbors": "neighbours", "increments": "increments", "network": "network"}
+        for run in self.runs:
+            if run["place"] == self.verdict["chosen"] and (conduct := run["conduct"]) is not None:
+                return {"model": names[run["kind"]], "actions": conduct["actions"], "conduct": conduct}
+        return None
 
     def _order(self) -> list[int]:
         """Returns the places of the settings: the chosen one first, then by rank."""

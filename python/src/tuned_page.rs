@@ -4,8 +4,8 @@ use std::{io::Write as _, path::PathBuf};
 
 use calib_files::write_atomically;
 use calib_report::{
-    Axis, Cell, Chart, Colour, Dash, Decision, Marker, Overview, OverviewFigure, Point, Rule,
-    Scale, Series, Side, Table,
+    AgentConduct, Axis, Cell, Chart, Colour, Dash, Decision, Marker, Overview, OverviewFigure,
+    Point, Rule, Scale, Series, Side, Table,
 };
 use calib_stats::jackknife;
 use pyo3::prelude::*;
@@ -29,7 +29,19 @@ struct TunedPage {
     settings: Vec<PageSetting>,
     /// The kinds of models that agents learned in.
     kinds: Vec<String>,
+    /// `None` if no run of the chosen agent was recorded.
+    conduct: Option<PageConduct>,
     command: String,
+}
+
+/// What the chosen agent did at the end of a run.
+#[derive(Deserialize)]
+struct PageConduct {
+    /// The kind of model of the run, as in "the neighbours".
+    model: String,
+    /// Names of the actions.
+    actions: Vec<String>,
+    conduct: AgentConduct,
 }
 
 #[derive(Deserialize)]
@@ -68,7 +80,10 @@ pub(crate) fn write_tuned_page(py: Python<'_>, path: PathBuf, page: &str) -> PyR
 
 impl TunedPage {
     fn overview(self) -> Overview {
-        let figures = vec![self.returns()];
+        let mut figures = vec![self.returns()];
+        if let Some(PageConduct { model, actions, conduct }) = &self.conduct {
+            figures.extend(conduct.figures(actions, model).into_iter().map(|(_, figure)| figure));
+        }
         let tables = vec![self.table()];
         Overview {
             title: self.title,

@@ -84,6 +84,54 @@ def test_episodes_that_are_reset_early_count_with_their_rewards(acting: calib_rl
     assert "cut_off" in tuned.runs_frame().columns
 
 
+class ByLevel(Always):
+    """Opens the valve above the middle of the level, which is the second column, and shuts it below."""
+
+    def learn(self, total_timesteps: int) -> None:
+        level, over = 0.0, True
+        for _ in range(total_timesteps):
+            if over:
+                level = self.env.reset()[0][1]
+            seen, _, terminated, truncated, _ = self.env.step(2 if level > 0.5 else 0)
+            level, over = seen[1], terminated or truncated
+
+
+def test_the_last_steps_of_a_run_are_recorded(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    def tuned() -> calib_rl.Tuned:
+        return run(ByLevel, {"limit": [10]}, acting, folder=tmp_path / "units", runs=2, default=None, environment={"observe": ["flow", "level"]})
+
+    first = tuned()
+    recorded = [one for one in first.runs if one["conduct"] is not None]
+    assert [(one["member"], one["run"]) for one in recorded] == [(0, 0)]
+    conduct = recorded[0]["conduct"]
+    assert conduct["actions"] == [action.name for action in acting.actions]
+    # The last quarter of 100 steps, in episodes of ten.
+    assert conduct["steps"] == 25 == len(conduct["rewards"]) and conduct["begins"] == [5, 15]
+    flow, level = conduct["columns"]
+    assert (flow["column"], level["column"]) == ("flow", "level")
+    assert 1.0 < min(flow["values"]) < max(flow["values"]) < 9.0, "in its unit"
+    middle = acting.physical([[0.5] * len(acting.columns)])[0, acting.columns.index("level")]
+    assert conduct["set"] == [{"column": "valve0", "values": [float(value > middle) for value in level["values"]]}]
+    assert sum(level["steps"]) == 25 and level["upper"] == sorted(level["upper"])
+    for part, upper in enumerate(level["upper"]):
+        shares = [own[part] for own in level["taken"]]
+        assert shares[1] == 0.0 and sum(shares) == pytest.approx(float(level["steps"][part] > 0), abs=1e-5)
+        assert shares[2] == 0.0 or upper > middle
+    assert tuned().runs == first.runs, "as they were stored"
+    page = first.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "The last steps of the chosen agent" in page and "What the chosen agent does along level" in page
+
+
+@pytest.mark.parametrize("space", ["multi_discrete", "box"])
+def test_actions_of_every_space_are_recorded_as_what_they_set(acting: calib_rl.ActionModel, space: str) -> None:
+    action = np.array([2]) if space == "multi_discrete" else np.array([0.9], np.float32)
+    tuned = run(lambda env, limit=None: Always(env, action, limit), {"limit": [7]}, acting, environment={"action_space": space})
+    conduct = next(one["conduct"] for one in tuned.runs if one["conduct"])
+    assert conduct["set"][0]["values"] == [1.0] * 25, "0.9 is nearest to 1"
+    for column in conduct["columns"]:
+        assert column["taken"][2] == [float(count > 0) for count in column["steps"]]
+
+
 def test_what_follows_the_counted_steps_counts_nothing(acting: calib_rl.ActionModel) -> None:
     class Rounds(Always):
         """An agent that rounds its steps up, as agents with batches do."""
@@ -287,6 +335,11 @@ def test_a_damaged_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: 
     first = run(Always, {"limit": [10]}, acting, folder=tmp_path)
     kept = sorted(tmp_path.iterdir())
     texts = ["[]", "null", '{"run": 3}', '{"run": {"kind": "neighbors"}, "returns": 4}']
+    # A unit whose last steps alone are damaged comes first.
+    told = {path: json.loads(path.read_text(encoding="utf-8")) for path in kept}
+    kept.sort(key=lambda path: "conduct" not in told[path])
+    told[kept[0]]["conduct"]["rewards"][0] = "high"
+    texts[0] = json.dumps(told[kept[0]])
     assert len(kept) == len(texts)
     for path, text in zip(kept, texts):
         path.write_text(text, encoding="utf-8")

@@ -1,0 +1,116 @@
+"""What an agent does at the end of a run of `calib_rl.tune`: its last steps, and the actions that it takes along what it observes."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from ._acting_env import ActingEnv
+
+# As in `calib control`: steps that are stored one by one, most steps that are counted, and columns.
+_STORED = 200
+_COUNTED = 5_000
+_COLUMNS = 4
+# Each part of a column has the same number of recorded states.
+_PARTS = 5
+
+
+class _Step(NamedTuple):
+    seen: NDArray[np.float32]
+    action: Any
+    reward: float
+    begins: bool
+
+
+class LastSteps:
+    """Keeps the last quarter of a run of ``steps`` steps in ``env``."""
+
+    def __init__(self, env: ActingEnv, steps: int) -> None:
+        self._env = env
+        self._kept: deque[_Step] = deque(maxlen=min(_COUNTED, -(-steps // 4)))
+        self._seen: NDArray[np.float32] | None = None
+        self._begins = True
+
+    def begin(self, seen: NDArray[np.float32]) -> None:
+        """Begin an episode with this observation."""
+        # Agents may change what they get.
+        self._seen, self._begins = seen.copy(), True
+
+    def add(self, action: Any, reward: float, seen: NDArray[np.float32]) -> None:
+        """Add a step that led to the observation ``seen``."""
+        # An agent may have reset the environment without its wrappers.
+        if self._seen is not None:
+            self._kept.append(_Step(self._seen, np.array(action), reward, self._begins))
+        self._seen, self._begins = seen.copy(), False
+
+    def conduct(self) -> dict[str, Any] | None:
+        """Returns what the agent did, as ``conduct`` in ``verdict.json`` of `calib control`, and the names of the ``actions``.
+
+        Returns:
+            Observations in the units of the log, and the values that the actions set. ``None`` if one of them is not finite.
+        """
+        model, steps = self._env.model, list(self._kept)
+        if not steps:
+            return None
+        observed = self._env.in_units(np.stack([step.seen for step in steps]))
+        levels, values = self._env.set_by([step.action for step in steps])
+        rewards = np.array([step.reward for step in steps])
+        if not all(np.isfinite(numbers).all() for numbers in (values, rewards, *observed.values())):
+            return None
+        last = slice(max(0, len(steps) - _STORED), None)
+        return {
+            "actions": [action.name for action in model.actions],
+            "steps": len(steps),
+            "set": [{"column": name, "values": _short(column[last])} for name, column in zip(model.action_columns, values.T)],
+            "columns": [self._column(name, observed[name], levels, last) for name in list(observed)[:_COLUMNS]],
+            "rewards": _short(rewards[last]),
+            "begins": [place for place, step in enumerate(steps[last]) if step.begins],
+        }
+
+    def _column(self, name: str, values: NDArray[np.float64], levels: NDArray[np.int64], last: slice) -> dict[str, Any]:
+        model = self._env.model
+        place = model.columns.index(name)
+        bounds = np.quantile(model.states[:, place], np.arange(1, _PARTS + 1) / _PARTS)
+        _, offset, scale = model._native.columns[place]
+        upper = np.unique(bounds * scale + offset)
+        # A value beyond the recorded range belongs to the last part.
+        parts = np.minimum(np.searchsorted(upper, values), len(upper) - 1)
+        counts = np.zeros((len(model.actions), len(upper)), np.int64)
+        np.add.at(counts, (levels, parts), 1)
+        steps = counts.sum(axis=0)
+        return {
+            "column": name,
+            "values": _short(values[last]),
+            "upper": _short(upper),
+            "steps": steps.tolist(),
+            "taken": [_short(shares) for shares in counts / np.maximum(steps, 1)],
+        }
+
+
+def _short(values: ArrayLike) -> list[float]:
+    """Returns numbers with six significant digits, which take less than half of the room."""
+    return [float(f"{value:.6g}") for value in np.asarray(values)]
+
+
+def is_conduct(value: Any) -> bool:
+    """Whether a value of a file has the form of `LastSteps.conduct`."""
+    try:
+        names = [*value["actions"], *(one["column"] for one in (*value["set"], *value["columns"]))]
+        counts = [value["steps"], *value["begins"], *(count for one in value["columns"] for count in one["steps"])]
+        lists = [value["rewards"], *(one["values"] for one in (*value["set"], *value["columns"]))]
+        numbers = [number for numbers in lists for number in numbers]
+        numbers += [number for one in value["columns"] for row in (one["upper"], *one["taken"]) for number in row]
+        return (
+            all(isinstance(name, str) for name in names)
+            and all(type(count) is int and count >= 0 for count in counts)
+            and all(len(numbers) == len(lists[0]) for numbers in lists)
+            and all(len(row) == len(one["upper"]) for one in value["columns"] for row in (one["steps"], *one["taken"]))
+            and all(math.isfinite(number) for number in numbers)
+        )
+    except (KeyError, TypeError):
+        return False
