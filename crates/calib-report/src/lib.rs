@@ -35,7 +35,7 @@ pub use downsample::{min_max_in_time, min_max_indices};
 pub use environment::LearningEnvironment;
 pub use error::ReportError;
 pub use figures::{
-    Dimension, ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS,
+    Dimension, ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS, Panel,
     PeriodUse, RankCurve, RecordedFigure, RecordedLevel, RecordedPeriod, RolloutFigure,
     RolloutGrid, RolloutRow, Samples, Sensitivity, Trajectory,
 };
