@@ -1,5 +1,4 @@
 //! Tests the rollout of a user's model that is exported as `TorchScript`.
-#![cfg(feature = "libtorch")]
 
 use calib_core::{RowIndex, Segments, Silent, States};
 use calib_dynamics::{Ended, predict};

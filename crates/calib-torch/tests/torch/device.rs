@@ -1,5 +1,4 @@
 //! Tests the choice of a device.
-#![cfg(feature = "libtorch")]
 
 use calib_torch::{Device, DeviceChoice, device};
 

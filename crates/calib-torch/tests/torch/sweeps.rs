@@ -1,5 +1,4 @@
 //! Tests a sweep whose runs libtorch trains side by side.
-#![cfg(feature = "libtorch")]
 
 use std::{
     collections::BTreeMap,

@@ -1,6 +1,5 @@
 //! Tests that training through libtorch agrees step by step with native training, from the same weights on the
 //! same batches.
-#![cfg(feature = "libtorch")]
 
 use calib_core::{Seed, Segments, Silent, States, Transitions};
 use calib_dynamics::{Dynamics as _, DynamicsConfig, LANES, Recurrent, Trainer, Transitioning};

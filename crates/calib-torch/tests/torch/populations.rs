@@ -1,6 +1,5 @@
 //! Tests that agents that libtorch trains side by side give the same results as native agents
 //! trained alone.
-#![cfg(feature = "libtorch")]
 
 use calib_agent::{
     AgentConfig, AgentError, Checkpoint, CurveRule, Learner, NoKeeper, OptimiserKind, Part,
