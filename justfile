@@ -38,7 +38,7 @@ json-schemas folder:
 
 # Draw the crates in ARCHITECTURE.md anew.
 crates:
-    cargo test -p calib-rl --test direction draw_the_crates -- --ignored
+    cargo test -p calib-rl --test cli draw_the_crates -- --ignored
 
 # Accept what the snapshot tests print now; look at `git diff` afterwards.
 bless *filter:

@@ -1,4 +1,4 @@
-//! Tests of the command line from a user's view: one binary, which links once.
+//! Tests of the command line from a user's view, and of the direction of dependencies: one program, which links once.
 
 mod acting_programs;
 mod build;
@@ -10,6 +10,7 @@ mod control_plans;
 mod dataset;
 mod decisions;
 mod deployments;
+mod direction;
 mod dtw;
 mod errors;
 mod formats;

@@ -204,7 +204,7 @@ fn the_picture_of_the_crates_is_true() {
     let told = read(&root().join("ARCHITECTURE.md"));
     assert!(
         told.contains(&picture()),
-        "`cargo test --release --test direction draw_the_crates -- --ignored` draws it anew"
+        "`cargo test --release --test cli draw_the_crates -- --ignored` draws it anew"
     );
 }
 
