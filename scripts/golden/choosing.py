@@ -1,4 +1,4 @@
-"""Reference values for crates/calib-stats/tests/choosing.rs, from NumPy and SciPy: choices by log errors, also under resampling of
+"""Reference values for crates/calib-stats/tests/it/choosing.rs, from NumPy and SciPy: choices by log errors, also under resampling of
 members and runs, and regrets over windows with their bounds. The draws are in the file, in the order in which they are asked for.
 
     python3 -m pip install numpy==2.4.6 scipy

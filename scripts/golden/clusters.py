@@ -5,7 +5,7 @@
 
 The run is one of two neighbour models and a network on a simulated plant with two deployments. Every mean, interval and difference that it
 wrote is compared with the recomputed one; a difference ends the script with an error. What it prints are some of them, with the
-distances they follow from: reference values for crates/calib-stats/tests/clusters.rs.
+distances they follow from: reference values for crates/calib-stats/tests/it/clusters.rs.
 """
 
 import json

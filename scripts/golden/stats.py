@@ -1,4 +1,4 @@
-"""Reference values for crates/calib-stats/tests/golden.rs, from SciPy and NumPy.
+"""Reference values for crates/calib-stats/tests/it/golden.rs, from SciPy and NumPy.
 
     python3 -m pip install numpy==2.4.6 scipy==1.17.1
     python3 scripts/golden/stats.py > crates/calib-stats/tests/golden.json

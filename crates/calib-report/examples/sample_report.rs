@@ -6,7 +6,7 @@
 #![expect(clippy::print_stdout, reason = "an example tells where it wrote")]
 #![expect(clippy::unwrap_used, reason = "the report of the tests has no errors")]
 
-#[path = "../tests/fixture/mod.rs"]
+#[path = "../tests/it/fixture.rs"]
 mod fixture;
 
 use std::path::PathBuf;

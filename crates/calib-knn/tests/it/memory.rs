@@ -113,7 +113,7 @@ fn child(number: usize, times: usize) {
 /// Returns the memory of a process that builds this case with a multiple of the rows, and the prediction.
 fn built(number: usize, times: usize) -> (u64, u64) {
     let output = Command::new(std::env::current_exe().expect("this test"))
-        .args(["--exact", "a_build_takes_no_more_than_is_predicted", "--nocapture"])
+        .args(["--exact", "memory::a_build_takes_no_more_than_is_predicted", "--nocapture"])
         .env(CASE, format!("{number} {times}"))
         .output()
         .expect("started");

@@ -1,14 +1,11 @@
 //! Tests of figures: their content, and data that cannot be drawn.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[expect(dead_code, reason = "the page's tests use the rest of it")]
-mod fixture;
 
 use calib_report::{
     Dash, Figure, LearningEnvironment, ReportError, RolloutFigure, ScaleKind, Sensitivity, Setting,
     Side,
 };
-use fixture::{grid, learning, recorded, rollout, sensitivity};
+
+use crate::fixture::{self, grid, learning, recorded, rollout, sensitivity};
 
 /// Reads width and height from the header of a PNG file.
 fn png_size(bytes: &[u8]) -> (u32, u32) {

@@ -1,13 +1,11 @@
 //! Tests of the whole page: complete, well formed, safe, and reproducible.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod fixture;
 
 use calib_report::{
     ChoiceBaseline, LearningCurves, Reason, RecordedFigure, Report, RolloutFigure, RolloutGrid,
     Sensitivity,
 };
-use fixture::{HOSTILE, report};
+
+use crate::fixture::{self, HOSTILE, report};
 
 /// Elements without an end tag.
 const VOID: [&str; 4] = ["meta", "link", "br", "wbr"];

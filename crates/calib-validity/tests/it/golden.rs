@@ -84,7 +84,7 @@ fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Er
 }
 
 fn golden() -> Golden {
-    serde_json::from_str(include_str!("golden.json")).expect("made by the script")
+    serde_json::from_str(include_str!("../golden.json")).expect("made by the script")
 }
 
 fn pair(golden: GoldenPair) -> Pair {

@@ -49,7 +49,7 @@ struct RatioCase {
 
 #[expect(clippy::unwrap_used, reason = "a broken golden file must fail the test")]
 fn golden() -> Golden {
-    serde_json::from_str(include_str!("clusters.json")).unwrap()
+    serde_json::from_str(include_str!("../clusters.json")).unwrap()
 }
 
 #[track_caller]

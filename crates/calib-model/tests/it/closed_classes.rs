@@ -34,7 +34,8 @@ struct Expected {
 
 impl Case {
     fn all() -> Vec<Self> {
-        serde_json::from_str(include_str!("golden/closed_classes.json")).expect("the golden file")
+        serde_json::from_str(include_str!("../golden/closed_classes.json"))
+            .expect("the golden file")
     }
 
     fn config(&self) -> ModelConfig {

@@ -1,13 +1,12 @@
 //! The coverage of 95 % intervals in simulations.
 
-mod random;
-
 use calib_stats::{
     Interval, Losses, Nested, choose_by_mean_log, error_ratio, hierarchical, jackknife,
     paired_difference, ratio_of_sums, summarise, summarise_clusters, summarise_overlapping,
     upper_bound,
 };
-use random::Random;
+
+use crate::random::Random;
 
 const STUDIES: usize = 2000;
 

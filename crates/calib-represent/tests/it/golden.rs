@@ -9,7 +9,7 @@ use calib_represent::{
 use serde_json::Value;
 
 fn golden() -> Value {
-    serde_json::from_str(include_str!("golden/laplacian.json")).expect("JSON")
+    serde_json::from_str(include_str!("../golden/laplacian.json")).expect("JSON")
 }
 
 /// Returns all numbers of a nested list.

@@ -57,7 +57,7 @@ fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Er
 
 #[expect(clippy::unwrap_used, reason = "a broken golden file must fail the test")]
 fn golden() -> Golden {
-    serde_json::from_str(include_str!("golden.json")).unwrap()
+    serde_json::from_str(include_str!("../golden.json")).unwrap()
 }
 
 #[track_caller]

@@ -63,7 +63,7 @@ struct GoldenVerdict {
 }
 
 fn golden() -> Golden {
-    serde_json::from_str(include_str!("golden/verdict.json")).expect("reads")
+    serde_json::from_str(include_str!("../golden/verdict.json")).expect("reads")
 }
 
 #[test]

@@ -30,7 +30,7 @@ struct DefaultCase {
 
 #[expect(clippy::unwrap_used, reason = "a broken golden file must fail the test")]
 fn golden() -> Golden {
-    serde_json::from_str(include_str!("choosing.json")).unwrap()
+    serde_json::from_str(include_str!("../choosing.json")).unwrap()
 }
 
 /// Reads a number. JSON has no infinities; the script writes them as `"inf"`.

@@ -1,0 +1,4 @@
+//! Tests the plant through its logs.
+
+mod change;
+mod plant;

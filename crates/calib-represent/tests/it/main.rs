@@ -1,0 +1,4 @@
+//! Tests the public interface against PyTorch and against the theory.
+
+mod golden;
+mod theory;

@@ -1,0 +1,4 @@
+//! Tests whole sweeps, and verdicts against NumPy.
+
+mod golden;
+mod sweep;

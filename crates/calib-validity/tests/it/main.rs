@@ -1,0 +1,4 @@
+//! Tests judgements against NumPy, and their bounds in simulations.
+
+mod coverage;
+mod golden;
