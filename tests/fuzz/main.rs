@@ -3,6 +3,8 @@
 //! 256 cases per parser run with the other tests. To run more: `PROPTEST_CASES=1000000 cargo test --release --test fuzz`.
 //! `tests/torture/hostile.rs` tests what only the command line does with parsed content: imports, and manifests and units with
 //! other values under a valid fingerprint.
+//!
+//! A program of its own: `scripts/torture.sh` runs it by this name, with `PROPTEST_CASES` for all of its properties.
 
 use std::{fs, path::Path};
 

@@ -1,6 +1,8 @@
 //! Campaigns against the binary: damage, failures and kills at every disk operation, odd logs, odd values.
 //!  Some cases of each run with the other tests. `bash scripts/torture.sh` runs all of them, and prints the
 //! tables of docs/reliability.md.
+//!
+//! A program of its own: that script runs it by this name for hours, on one thread and with all of its output.
 
 mod campaign;
 mod damage;
