@@ -72,6 +72,41 @@ fn every_choice_says_what_to_do() {
 }
 
 #[test]
+fn without_held_out_data_no_agent_is_named_that_a_simple_predictor_beats_on_the_log() {
+    let place = Place::with_study();
+    place.edit_study("train_fraction = 0.7", "train_fraction = 1.0");
+    place.edit_study("log_replay_runs = 2", "log_replay_runs = 6");
+    place.run_steps(&["build-model", "sweep"]);
+    let set = ["--set", "evaluate.rule=log_replay"];
+    let told = place.calib(&[&["evaluate", "study.toml", "--why"][..], &set].concat()).succeeds();
+    let summary = place.read_json("study-results/evaluate/summary.json");
+    let mut beaten = 0;
+    for (choice, verdict) in summary["choices"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .zip(summary["verdicts"].as_array().expect("a list"))
+    {
+        let simple = verdict["simple"].as_array().expect("a list");
+        assert_eq!(simple.len(), 6, "{verdict}");
+        assert!(simple.iter().all(|own| own["log_windows"].is_u64()), "{verdict}");
+        let is_beaten = simple
+            .iter()
+            .any(|own| own["ratio"]["interval"]["low"].as_f64().is_some_and(|low| low > 1.0));
+        let is_agent = ["deploy", "keep_default", "not_checked"]
+            .iter()
+            .any(|agent| choice["recommendation"] == *agent);
+        assert!(!(is_beaten && is_agent), "{choice}");
+        beaten += usize::from(is_beaten);
+    }
+    // Agents of 800 steps do not even reach the level of the sensors.
+    assert!(beaten > 0, "{summary}");
+    assert!(told.contains("on the evidence of the log: "), "{told}");
+    assert!(told.contains("on windows of the log, as geometric means: "), "{told}");
+    assert!(told.contains("No data was held out"), "{told}");
+}
+
+#[test]
 fn pre_trained_agents_keep_their_baseline() {
     let place = place("ridge");
     place.edit_study(

@@ -48,7 +48,7 @@ pub(super) fn verdicts(report: &Report) -> Section {
         }
         @if report.verdicts.iter().any(Verdict::is_simpler_better) {
             p.caption {
-                "NRMSE: the prediction error on held-out data, divided by the spread of returns in the training range. A bar is full at 1, the error of always predicting their mean. The chosen simple predictor did best on windows of the log. Another one may have less error here, which nobody knew beforehand."
+                "NRMSE: the prediction error on held-out data, or on windows of the log where held-out data can show nothing, divided by the spread of returns in the training range. A bar is full at 1, the error of always predicting their mean. The chosen simple predictor did best on windows of the log, unless held-out data clearly prefers another. One may have less error here, which nobody knew beforehand."
             }
         }
         @if !warnings.is_empty() {
@@ -125,7 +125,8 @@ fn costs(verdict: &Verdict) -> Markup {
 
 /// Returns the errors of the chosen agent and of simple predictors, if the advice is a simple predictor.
 fn errors(verdict: &Verdict) -> Markup {
-    let agent = verdict.online.as_ref().map(|online| online.chosen_error);
+    let online = verdict.online.as_ref().map(|online| online.chosen_error);
+    let agent = verdict.agent_on_log.or(online);
     let used = verdict.simple_to_use();
     html! {
         dl.costs {

@@ -7,6 +7,12 @@ use crate::number::{number, percent};
 impl Verdict {
     /// Returns the cost of the choice on held-out data, the cost of changing nothing, and what to do if neither is good enough.
     pub fn plain(&self) -> String {
+        if let (Grade::Simpler, Some(simpler)) = (self.grade, &self.simpler) {
+            return simpler.plain(self.why_of_log());
+        }
+        if let (Grade::NotLearnt, Some(why)) = (self.grade, self.why_of_log()) {
+            return format!("{} {why}", self.not_learned());
+        }
         let Some(online) = &self.online else {
             return "No data was held out, so what it would have cost at the plant is unknown."
                 .to_owned();
@@ -21,9 +27,6 @@ impl Verdict {
                  or the zero of the sensor change? Correct the values, or train on a time that is like the present (data.train).",
                 number(spreads)
             );
-        }
-        if let (Grade::Simpler, Some(simpler)) = (self.grade, &self.simpler) {
-            return simpler.plain();
         }
         if self.grade == Grade::NotLearnt {
             return [self.best_numbers(), Some(self.not_learned())]
@@ -54,7 +57,7 @@ impl Verdict {
             ),
         };
         // A choice that equals a simple predictor needs no comparison with it.
-        let matched = self.matched.as_ref().filter(|_| self.frozen.is_none());
+        let matched = self.matched.as_ref().filter(|_| self.frozen.is_none() && !self.is_of_log());
         let best = matched.and_then(|_| self.beside_the_best());
         let matched = matched.and_then(Simpler::matched_sentence);
         let sentences = matched.into_iter().chain(best).chain([of_choice]).chain(self.of_default());
@@ -100,7 +103,7 @@ impl Verdict {
 
     /// Returns the reason why no setting is worth deploying, and what to do about it.
     fn not_learned(&self) -> String {
-        if let Some(share) = self.left_training() {
+        if let Some(share) = self.left_training().filter(|_| !self.is_of_log()) {
             return format!(
                 "{} of the held-out values lie outside of the training range. Train on a log that has such values, or hold out \
                  data that is like the training range.",
@@ -112,8 +115,10 @@ impl Verdict {
             let simple = simple.reduce(f64::min).map_or_else(String::new, |error| {
                 format!(" The best simple predictor has an NRMSE of {}.", number(error))
             });
+            let neither =
+                if self.is_of_log() { "On windows of the log neither" } else { "Neither" };
             return format!(
-                "Neither it nor a simple predictor is shown to have at least 2 % less error than the mean return of the training range.{simple} \
+                "{neither} it nor a simple predictor is shown to have at least 2 % less error than the mean return of the training range.{simple} \
                  Deploy that mean, or nothing; or predict less far ahead (a smaller agent.gamma), give the agent more of the past \
                  (agent.traces), or predict another sensor."
             );

@@ -9,8 +9,10 @@ use super::{Grade, HeldOutResult, Separation, Simpler, Verdict, simple::WORTH_ME
 const WORTH_A_WORD: f64 = 0.99;
 
 const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
+const SIMPLER_ON_THE_LOG: &str = "Simpler is better on the log: no agent needed";
 const UNDECIDED: &str = "Undecided: the agent may be better";
 const FEW_WINDOWS: &str = "Undecided: too few held-out windows to tell";
+const FEW_OF_THE_LOG: &str = "Undecided: too few windows of the log to tell";
 
 impl Verdict {
     /// Whether a usable choice was made from evidence that shows no difference between settings.
@@ -31,6 +33,10 @@ impl Verdict {
             _ if self.may_gain_by_learning() => UNDECIDED,
             (_, Grade::Good | Grade::Fair) if self.has_few_windows() => FEW_WINDOWS,
             _ if self.without_learning().is_some() => SIMPLER_IS_BETTER,
+            (_, Grade::Simpler) if self.is_of_log() => self.badge_of_log(),
+            (_, Grade::NotLearnt) if self.is_of_log() => {
+                "Not learned: nothing beats a mean on the log"
+            }
             (Some(online), _) if online.stands_still => {
                 "Not checked: the sensor is constant in the held-out period"
             }
@@ -38,14 +44,7 @@ impl Verdict {
             (_, Grade::Good) => "Good: at most 5 % from the best setting",
             (_, Grade::Fair) => "Fair: not shown to be worse than the default",
             (_, Grade::Simpler) if self.may_beat_simple() => UNDECIDED,
-            (_, Grade::Simpler)
-                if self
-                    .simpler
-                    .as_ref()
-                    .is_some_and(|simpler| !simpler.is_shown() && simpler.is_better) =>
-            {
-                FEW_WINDOWS
-            }
+            (_, Grade::Simpler) if self.may_be_simpler() => FEW_WINDOWS,
             (_, Grade::Simpler) => SIMPLER_IS_BETTER,
             (_, Grade::Poor) if self.elsewhere.is_some() => {
                 "Poor: held-out values are far from the training range"
@@ -57,6 +56,22 @@ impl Verdict {
             (_, Grade::NotLearnt) => "Not learned: nothing beats a mean",
             (None, Grade::Unchecked) => "Not checked on held-out data",
         }
+    }
+
+    /// Returns the badge if a simple predictor is as good or better on the log.
+    fn badge_of_log(&self) -> &'static str {
+        if self.may_beat_simple() {
+            UNDECIDED
+        } else if self.may_be_simpler() {
+            FEW_OF_THE_LOG
+        } else {
+            SIMPLER_ON_THE_LOG
+        }
+    }
+
+    /// Whether the recommended simple predictor has less error than the agent, in too few windows for an interval.
+    fn may_be_simpler(&self) -> bool {
+        self.simpler.as_ref().is_some_and(|simpler| !simpler.is_shown() && simpler.is_better)
     }
 
     /// Returns the simple predictor to use instead of a good choice, because further learning adds nothing to it.

@@ -70,6 +70,9 @@ impl Verdict {
                 }
                 None => format!("Do not deploy {choice} for {sensor} on this evidence."),
             },
+            Grade::NotLearnt if self.is_of_log() => format!(
+                "Do not deploy an agent for {sensor}: at this horizon, nothing is shown on the log to predict it better than its training mean."
+            ),
             Grade::NotLearnt if self.left_training().is_some() => {
                 format!("Do not deploy an agent for {sensor}: it was never trained on such values.")
             }
@@ -157,6 +160,9 @@ impl Verdict {
             ),
             Some(online) => reasons.extend(self.reasons_of_online(online)),
         }
+        if self.is_of_log() {
+            reasons.extend(self.simple_sentence());
+        }
         reasons
     }
 
@@ -184,7 +190,9 @@ impl Verdict {
         if online.stands_still || self.has_all_diverged() {
             return reasons;
         }
-        reasons.extend(self.simple_sentence());
+        if !self.is_of_log() {
+            reasons.extend(self.simple_sentence());
+        }
         if self.simple.is_empty() {
             reasons.extend(skill_sentence(online));
         }

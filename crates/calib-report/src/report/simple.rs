@@ -7,12 +7,12 @@ use super::Verdict;
 use super::sentence::{chance_of_change, changed, listed};
 use crate::number::number;
 
-/// Result of a simple predictor on the held-out windows.
+/// Result of a simple predictor on the held-out windows, or on those of the replayed log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimpleRow {
     /// The predictor.
     pub predictor: SimplePredictor,
-    /// Mean score over windows.
+    /// Mean score over held-out windows, or geometric mean over windows of the log.
     pub error: f64,
     /// Typical error in the sensor's own unit, (1 − γ) RMSE: mean over windows; `None` if the unit is not known.
     pub typical_error: Option<f64>,
@@ -33,13 +33,13 @@ const FEW_DECIDE: f64 = 2.0;
 pub struct Simpler {
     /// The predictor.
     pub predictor: SimplePredictor,
-    /// Error of the agent divided by that of the predictor: geometric mean over held-out windows.
+    /// Error of the agent divided by that of the predictor: geometric mean over held-out windows, or windows of the log.
     pub ratio: Option<Estimate>,
     /// Whether the predictor is better, and the difference is not chance.
     pub is_better: bool,
     /// Typical errors of predictor and agent, in the sensor's own unit: (1 − γ) RMSE, mean over windows.
     pub typical_errors: Option<[f64; 2]>,
-    /// Number of held-out windows in which the agent has more than ten times the error of the predictor.
+    /// Number of these windows in which the agent has more than ten times the error of the predictor.
     pub runaway_windows: usize,
     /// Whether the agent starts from a simple predictor.
     pub has_baseline: bool,
@@ -115,14 +115,17 @@ impl Simpler {
         ))
     }
 
-    /// Returns the meaning of the comparison, and what to try.
-    pub(super) fn plain(&self) -> String {
+    /// Returns the meaning of the comparison, and what to try. `why_of_log` is there if the windows are those of the log.
+    pub(super) fn plain(&self, why_of_log: Option<&str>) -> String {
         let name = self.predictor.label();
         let interval = self.inverse().map_or_else(String::new, chance_of_change);
         let difference = self.difference().unwrap_or_else(|| "less".to_owned());
         let typical = self.typical();
         let chance = if self.is_shown() { "" } else { ", which could be chance" };
-        let hint = if self.may_be_worse() {
+        let hint = if self.may_be_worse() && why_of_log.is_some() {
+            " Held-out data would decide: hold some out (data.held_out, or data.train_fraction)."
+                .to_owned()
+        } else if self.may_be_worse() {
             " More held-out windows would decide: hold out more (data.held_out, or data.train_fraction), or use shorter runs (sweep.steps)."
                 .to_owned()
         } else if self.has_baseline {
@@ -133,8 +136,12 @@ impl Simpler {
                 " To improve on it, let the agent start from it: agent.baseline = \"{baseline}\"."
             )
         };
+        let (place, why) = match why_of_log {
+            Some(why) => ("windows of the log", format!(" {why}")),
+            None => ("held-out data", String::new()),
+        };
         format!(
-            "On held-out data {name} has {difference} error than the chosen agent{chance}{interval}.{typical}{hint}"
+            "On {place} {name} has {difference} error than the chosen agent{chance}{interval}.{typical}{why}{hint}"
         )
     }
 }
@@ -144,6 +151,11 @@ impl Verdict {
     pub(super) fn simpler_headline(&self, simpler: &Simpler) -> String {
         let name = simpler.predictor.label();
         let sensor = &self.sensor;
+        let (ground, windows) = if self.is_of_log() {
+            (", on the evidence of the log", "windows")
+        } else {
+            ("", "held-out windows")
+        };
         if let Some(windows) = self.runaway_windows(simpler) {
             return format!(
                 "Use {name} for {sensor}, not an agent: in {windows} the agent's error was more than ten times as large."
@@ -151,28 +163,30 @@ impl Verdict {
         }
         match simpler.difference() {
             Some(difference) if simpler.is_better && !simpler.is_shown() => format!(
-                "Use {name} for {sensor} for now: it has {difference} error than the agent, in too few held-out windows to be sure."
+                "Use {name} for {sensor} for now{ground}: it has {difference} error than the agent, in too few {windows} to be sure."
             ),
             Some(_) if simpler.is_better && simpler.does_as_well() => {
-                format!("Use {name} for {sensor}: it does as well as the agent and is simpler.")
-            }
-            Some(difference) if simpler.is_better => {
-                format!("Use {name} for {sensor}, not an agent: it has {difference} error.")
-            }
-            _ if simpler.is_better => format!("Use {name} for {sensor}, not an agent."),
-            _ if simpler.may_be_worse() => {
                 format!(
-                    "Use {name} for {sensor} for now: an agent may do better, but it is not shown."
+                    "Use {name} for {sensor}{ground}: it does as well as the agent and is simpler."
                 )
             }
-            _ => format!("Use {name} for {sensor}: no agent is shown to do better."),
+            Some(difference) if simpler.is_better => {
+                format!("Use {name} for {sensor}, not an agent{ground}: it has {difference} error.")
+            }
+            _ if simpler.is_better => format!("Use {name} for {sensor}, not an agent{ground}."),
+            _ if simpler.may_be_worse() => {
+                format!(
+                    "Use {name} for {sensor} for now{ground}: an agent may do better, but it is not shown."
+                )
+            }
+            _ => format!("Use {name} for {sensor}{ground}: no agent is shown to do better."),
         }
     }
 
     /// Returns the windows in which the agent has more than ten times the error of a predictor: "2 of 4 held-out windows". `None` if
     /// there are no such windows, or all are. A mean over all windows says little then.
     fn runaway_windows(&self, simpler: &Simpler) -> Option<String> {
-        let windows = self.online.as_ref()?.windows;
+        let windows = self.online.as_ref().filter(|_| !self.is_of_log())?.windows;
         let some = simpler.runaway_windows;
         (some > 0 && some < windows).then(|| format!("{some} of {windows} held-out windows"))
     }
@@ -181,7 +195,7 @@ impl Verdict {
     /// Only the held-out data shows which predictor is best.
     pub(super) fn beside_the_best(&self) -> Option<String> {
         let matched = self.matched.as_ref()?.predictor;
-        let agent = self.online.as_ref()?.chosen_error;
+        let agent = self.online.as_ref().filter(|_| !self.is_of_log())?.chosen_error;
         let best = self
             .simple
             .iter()
@@ -206,7 +220,11 @@ impl Verdict {
 
     /// Returns the results of all simple predictors as a sentence.
     pub(super) fn simple_sentence(&self) -> Option<String> {
-        let chosen_error = self.online.as_ref()?.chosen_error;
+        let (windows, agent) = match (self.agent_on_log, &self.online) {
+            (Some(agent), _) => ("windows of the log, as geometric means", agent),
+            (None, Some(online)) => ("the same windows", online.chosen_error),
+            (None, None) => return None,
+        };
         if self.simple.is_empty() {
             return None;
         }
@@ -216,9 +234,23 @@ impl Verdict {
             .map(|row| format!("{} {}", row.predictor.label(), number(row.error)))
             .collect();
         Some(format!(
-            "NRMSE of simple predictors on the same windows: {}. The agent: {}.",
+            "NRMSE of simple predictors on {windows}: {}. The agent: {}.",
             listed(&each),
-            number(chosen_error)
+            number(agent)
         ))
+    }
+
+    /// Whether simple predictors are compared on windows of the log, because held-out data can show nothing.
+    pub(super) const fn is_of_log(&self) -> bool {
+        self.agent_on_log.is_some()
+    }
+
+    /// Returns the reason why simple predictors are compared on windows of the log, if they are.
+    pub(super) fn why_of_log(&self) -> Option<&'static str> {
+        self.is_of_log().then_some(if self.online.is_none() {
+            "No data was held out, so this is the evidence of the log."
+        } else {
+            "Its values do not vary in the held-out data, so this is the evidence of the log."
+        })
     }
 }

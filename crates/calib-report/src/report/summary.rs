@@ -132,10 +132,13 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     Some(format!("{sensor}: all models choose {choice}{}.{warning}", standing(first)))
 }
 
-/// Formats the cost of a choice and its reliability: " (2 % regret, fair)".
+/// Formats the cost of a choice and its reliability: " (2 % regret, fair)". Without held-out data there is no cost.
 fn standing(verdict: &Verdict) -> String {
-    let Some(regret) = verdict.regret() else { return String::new() };
     let word = verdict.grade.word();
+    let Some(regret) = verdict.regret() else {
+        let is_lowered = matches!(verdict.grade, Grade::Simpler | Grade::NotLearnt);
+        return if is_lowered { format!(" ({word})") } else { String::new() };
+    };
     if verdict.has_costs() {
         format!(" ({} regret, {word})", percent(regret))
     } else {

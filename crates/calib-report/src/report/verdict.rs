@@ -44,8 +44,12 @@ pub struct Verdict {
     pub online: Option<HeldOutResult>,
     /// Other selection methods and their costs.
     pub alternatives: Vec<Alternative>,
-    /// Simple predictors on the same held-out windows, the simplest first; empty if unknown.
+    /// Simple predictors on the same held-out windows, the simplest first; empty if unknown. With `agent_on_log` they are those
+    /// on windows of the replayed log.
     pub simple: Vec<SimpleRow>,
+    /// Score of the choice on windows of the replayed log, as a geometric mean, if simple predictors are compared with it there.
+    /// `None` if they are compared on held-out windows.
+    pub agent_on_log: Option<f64>,
     /// The simple predictor to use instead of the agent, if the agent is not shown to match it.
     pub simpler: Option<Simpler>,
     /// The simple predictor that the log prefers, if the agent is shown to match it.

@@ -48,7 +48,7 @@ pub(crate) fn verdict_row(
     let of_members: usize = verdict.members.iter().map(|scores| scores.streams).sum();
     let of_log = verdict.log_replay.as_ref().map_or(0, |scores| scores.streams);
     let of_all = of_members + of_log;
-    let unit = sweep.simple.units.get(&verdict.sensor);
+    let unit = sweep.simple.units.get(&verdict.sensor).copied();
     let sources = match (&verdict.log_replay, selection) {
         (Some(_), None) => Sources::Log,
         (Some(_), Some(_)) => Sources::MembersAndLog,
@@ -86,15 +86,8 @@ pub(crate) fn verdict_row(
         elsewhere: verdict.elsewhere(),
         online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, sweep, study)),
         alternatives: alternatives(verdict, candidates),
-        simple: verdict
-            .simple
-            .iter()
-            .map(|simple| SimpleRow {
-                predictor: simple.predictor,
-                error: simple.online_error,
-                typical_error: unit.map(|unit| simple.online_rmse * unit),
-            })
-            .collect(),
+        simple: verdict.simple.iter().filter_map(|simple| simple_row(simple, unit)).collect(),
+        agent_on_log: agent_on_log(verdict),
         parts: verdict
             .parts
             .iter()
@@ -114,6 +107,27 @@ pub(crate) fn verdict_row(
         learns_nothing: verdict.learning_off == Some(verdict.chosen),
         notes: verdict.warnings.iter().cloned().chain(at_the_end(verdict, sweep)).collect(),
     }
+}
+
+/// Returns the error of a simple predictor in the windows on which it is compared. `unit` is the factor from a normalised
+/// return to the sensor's unit.
+fn simple_row(simple: &SimpleComparison, unit: Option<f64>) -> Option<SimpleRow> {
+    let is_of_log = simple.log_windows.is_some();
+    Some(SimpleRow {
+        predictor: simple.predictor,
+        error: if is_of_log { simple.log_error? } else { simple.online_error? },
+        typical_error: unit
+            .zip(simple.online_rmse)
+            .filter(|_| !is_of_log)
+            .map(|(unit, rmse)| rmse * unit),
+    })
+}
+
+/// Returns the error of the chosen agent on windows of the log, as a geometric mean, if simple predictors are compared
+/// with it there.
+fn agent_on_log(verdict: &SensorVerdict) -> Option<f64> {
+    let mut compared = verdict.simple.iter().filter(|simple| simple.log_windows.is_some());
+    compared.find_map(|simple| Some(simple.ratio?.value * simple.log_error?))
 }
 
 /// Returns other ways to choose, with their regrets.
@@ -146,14 +160,15 @@ const fn run_part(part: Part) -> &'static str {
 fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts) -> Simpler {
     let unit = sweep.simple.units.get(&verdict.sensor);
     let scale = ErrorScale::find(&sweep.scales, &verdict.sensor, &sweep.candidates[verdict.chosen]);
-    let agent = verdict.truth.as_ref().map(|truth| truth.choice.online_error * scale);
+    let truth = verdict.truth.as_ref().filter(|_| simple.log_windows.is_none());
+    let agent = truth.map(|truth| truth.choice.online_error * scale);
     Simpler {
         predictor: simple.predictor,
         ratio: simple.ratio,
         is_better: simple.is_better(),
         typical_errors: unit
-            .zip(agent)
-            .map(|(unit, agent)| [simple.online_rmse, agent].map(|error| error * unit)),
+            .zip(simple.online_rmse.zip(agent))
+            .map(|(unit, (predictor, agent))| [predictor, agent].map(|error| error * unit)),
         runaway_windows: simple.runaway_windows,
         has_baseline: sweep.candidates[verdict.chosen].agent.baseline.is_some(),
     }
@@ -297,8 +312,8 @@ fn simple_line(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<ErrorCurve
     let started = verdict.simple.iter().find(|simple| Some(simple.predictor) == start);
     let named = verdict.simpler().or(started).or_else(|| verdict.preferred_simple())?;
     let windows = verdict.truth.as_ref()?.windows.len();
-    let summary =
-        Summary { mean: named.online_error, std: None, interval: None, runs: windows, diverged: 0 };
+    let mean = named.online_error?;
+    let summary = Summary { mean, std: None, interval: None, runs: windows, diverged: 0 };
     Some(ErrorCurve {
         label: format!("{}, no agent", named.predictor.label()),
         source: ErrorSource::Simple,

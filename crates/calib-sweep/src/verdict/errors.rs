@@ -156,11 +156,16 @@ impl Errors {
     }
 
     /// Returns the number of independent streams.
-    fn independent(&self) -> usize {
+    pub(super) fn independent(&self) -> usize {
         match self.environment {
             EnvironmentId::LogReplay => fitting(&self.streams, self.steps),
             EnvironmentId::Online | EnvironmentId::Member(_) => self.streams.len(),
         }
+    }
+
+    /// Whether the returns vary in some run.
+    pub(super) fn varies(&self) -> bool {
+        self.totals.iter().any(|&(_, std): &(f64, f64)| std > 0.0)
     }
 
     pub(super) fn scores(&self) -> Result<EnvironmentScores, SweepError> {

@@ -9,7 +9,7 @@ use super::{
     truth::Truth,
 };
 
-/// How well held-out data supports a choice.
+/// How well held-out data supports a choice. Where it can show nothing, simple predictors are compared on the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
@@ -18,14 +18,15 @@ pub enum Grade {
     /// More error than that, or only one held-out window. It is not shown to be worse than the default.
     Fair,
     /// A simple predictor is as good or better: the agent is not known to have at most 2 % more error than the predictor that the log
-    /// prefers, or another predictor is better by more than chance.
+    /// prefers, or another predictor is better by more than chance. Without held-out data this is so on windows of the log.
     Simpler,
     /// The default is better, or the choice diverged or has no skill, or held-out values lie far from the values of the training range.
     Poor,
     /// No predictor is shown to be better than a mean return by 2 %. The mean return is that of the training range if simple predictors are
     /// known, and otherwise that of each window.
     NotLearnt,
-    /// There is no held-out data, or its returns do not vary or are not known to vary.
+    /// There is no held-out data, or its returns do not vary or are not known to vary. On the log, no simple predictor is known to be
+    /// as good.
     Unchecked,
 }
 
@@ -36,16 +37,18 @@ impl Grade {
     /// Applies these rules. The first that holds decides:
     ///
     /// 1. *poor* if the choice diverged in some stream that it was made from, as every other setting then did;
-    /// 2. *unchecked* without held-out data, and where the sensor is constant in it;
+    /// 2. without held-out data, and where the sensor is constant in it, rule 6 by the windows of the replayed log, and
+    ///    *unchecked* where that has no result;
     /// 3. *poor* if the choice diverged in some held-out window;
-    /// 4. *unchecked* where the spread of the returns is 0, or not known;
+    /// 4. as rule 2 where the spread of the returns is 0, or not known;
     /// 5. *poor* if the training mean, where it is known, has an error of more than twenty spreads of the training
     ///    range;
     /// 6. where simple predictors are known, and the choice is not known to match the one that the log prefers or
     ///    another is better by more than chance: *not learned* if the training mean does as well as that one, and
     ///    *simpler* otherwise. Also *not learned* if the choice matches the one that the log prefers but is not shown to
     ///    have two per cent less error than the training mean, or if that holds for the default that is used instead
-    ///    (`learning_off`);
+    ///    (`learning_off`). If other predictors are shown to beat the training mean, the same is asked about those, and
+    ///    the grade is *simpler* or that of the agent;
     /// 7. where they are not known, *not learned* if the best setting over windows has no skill (1 − RMSE / σ ≤ 0), and
     ///    *poor* if the choice has no skill;
     /// 8. *unchecked* if all settings have the same error;
@@ -62,9 +65,15 @@ impl Grade {
         if standing == ChoiceStanding::Diverged {
             return Self::Poor;
         }
-        let Some(truth) = truth else { return Self::Unchecked };
+        let instead = simple::decisive(simple, truth, learning_off);
+        let lowered = instead.map(|instead| match instead.predictor {
+            SimplePredictor::Mean => Self::NotLearnt,
+            _ => Self::Simpler,
+        });
+        let unchecked = lowered.unwrap_or(Self::Unchecked);
+        let Some(truth) = truth else { return unchecked };
         if stands_still {
-            return Self::Unchecked;
+            return unchecked;
         }
         let (Some(best), Some(regret)) = (truth.best, truth.choice.regret) else {
             return Self::Poor;
@@ -75,19 +84,15 @@ impl Grade {
         let (Some(best_skill), Some(skill)) =
             (truth.scores.skill[best], truth.scores.skill[truth.choice.chosen])
         else {
-            return Self::Unchecked;
+            return unchecked;
         };
         if simple::elsewhere(simple).is_some() {
             return Self::Poor;
         }
-        match simple::decisive(simple) {
-            Some(better) if better.predictor == SimplePredictor::Mean => return Self::NotLearnt,
-            Some(_) => return Self::Simpler,
+        match lowered {
+            Some(grade) => return grade,
             None if simple.is_empty() && best_skill <= 0.0 => return Self::NotLearnt,
             None if simple.is_empty() && skill <= 0.0 => return Self::Poor,
-            None if !simple.is_empty() && !simple::beats_the_mean(simple, truth, learning_off) => {
-                return Self::NotLearnt;
-            }
             None => {}
         }
         if !truth.tells_apart() {
@@ -128,6 +133,6 @@ pub enum Recommendation {
     UseSimplePredictor,
     /// Deploy nothing on this evidence.
     DoNotDeploy,
-    /// There is no held-out data to decide whether the choice can be deployed.
+    /// There is no held-out data to decide whether the choice can be deployed. On the log, no simple predictor is known to be as good.
     NotChecked,
 }

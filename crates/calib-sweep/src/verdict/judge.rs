@@ -55,10 +55,7 @@ pub fn verdict(
         [] => shares(&redrawn(&runs, &chooser, judging, sensor)?),
         _ => Vec::new(),
     };
-    let compared = all.online.as_ref().map(|online| {
-        simple::compared(judging, sensor, &candidates[chosen], online, all.log.as_ref())
-    });
-    let simple = compared.transpose()?.unwrap_or_default();
+    let simple = simple::compared(judging, sensor, &candidates[chosen], &all)?;
     let learning_off = learning_off(candidates, chosen, truth.as_ref());
     let parts = parts::choices(&own, candidates, judging, &chooser, chosen)?;
     let start_up_share = parts::start_up_share(&own, chosen);

@@ -125,7 +125,8 @@ pub struct SensorVerdict {
     pub log_replay: Option<EnvironmentScores>,
     /// Results on held-out data.
     pub truth: Option<Truth>,
-    /// Simple predictors on the same held-out windows; empty if they are not known.
+    /// Simple predictors on the same held-out windows, or on those of the log where held-out data can show nothing; empty if they are not
+    /// known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub simple: Vec<SimpleComparison>,
     /// Index of a setting that starts from a simple predictor and does not learn after the log. It is given if it is the choice, or if it
@@ -145,13 +146,14 @@ pub struct SensorVerdict {
 impl SensorVerdict {
     /// Returns the comparison with the simple predictor that the log prefers.
     pub fn preferred_simple(&self) -> Option<&SimpleComparison> {
-        simple::preferred(&self.simple)
+        simple::preferred(&self.simple.iter().collect::<Vec<_>>())
     }
 
-    /// Returns the simple predictor to use instead of the chosen agent. `None` where the agent is known to match the
-    /// predictor that the log prefers, and no other predictor is better.
+    /// Returns the simple predictor to use instead of the chosen agent: the training mean if nothing is shown to beat it.
+    /// `None` where the agent beats that mean and is known to match the predictor that the log prefers, and no other
+    /// predictor is better.
     pub fn simpler(&self) -> Option<&SimpleComparison> {
-        simple::decisive(&self.simple)
+        simple::decisive(&self.simple, self.truth.as_ref(), self.learning_off)
     }
 
     /// Returns the distance of held-out values from the training mean, in spreads of the training range, if it is more
@@ -170,8 +172,10 @@ impl SensorVerdict {
 
     /// Returns the recommended action.
     pub fn recommendation(&self) -> Recommendation {
+        // Of a choice that diverged nothing else was asked: a simple predictor may be better than the default too.
         let default_is_better = self.truth.as_ref().is_some_and(Truth::prefers_the_default)
-            && self.elsewhere().is_none();
+            && self.elsewhere().is_none()
+            && self.simpler().is_none();
         match self.grade {
             Grade::Simpler => Recommendation::UseSimplePredictor,
             Grade::Poor if default_is_better => Recommendation::KeepDefault,

@@ -28,7 +28,8 @@ impl SensorVerdict {
 
 pub(super) fn level_may_have_changed(simple: &[SimpleComparison]) -> bool {
     mean_of(simple)
-        .is_some_and(|mean| mean.online_error > OTHER_LEVEL && mean.online_error.is_finite())
+        .and_then(|mean| mean.online_error)
+        .is_some_and(|error| error > OTHER_LEVEL && error.is_finite())
 }
 
 /// Returns warnings about the part of a run that errors measure: its start-up, or the rest.

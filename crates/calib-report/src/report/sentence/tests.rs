@@ -56,6 +56,7 @@ pub(in crate::report) fn verdict() -> Verdict {
             alternative(ChoiceBaseline::AnotherWindow, None, 0.03),
         ],
         simple: vec![],
+        agent_on_log: None,
         simpler: None,
         matched: None,
         frozen: None,
@@ -415,6 +416,40 @@ fn a_simple_predictor_that_is_better_is_recommended_instead() {
     insta::assert_snapshot!(verdict.plain(), @r#"On held-out data persistence has 50 % less error than the chosen agent (95 %: 44 % to 55 % less). Typical error of the predicted mean, in the sensor's unit: persistence 1.3, the agent 2.6. To improve on it, let the agent start from it: agent.baseline = "persistence"."#);
     insta::assert_snapshot!(verdict.simple_sentence().unwrap(), @"NRMSE of simple predictors on the same windows: the training mean 1.02, persistence 0.21 and ridge regression 0.3. The agent: 0.423.");
     assert_eq!(verdict.badge(), "Simpler is better: no agent needed");
+}
+
+#[test]
+fn without_held_out_data_the_log_is_named_as_the_evidence() {
+    let mut verdict = Verdict { online: None, agent_on_log: Some(0.42), ..beaten(true) };
+    verdict.simpler.as_mut().unwrap().typical_errors = None;
+    insta::assert_snapshot!(verdict.headline(), @"Use persistence for PIT300, not an agent, on the evidence of the log: it has 50 % less error.");
+    insta::assert_snapshot!(verdict.plain(), @r#"On windows of the log persistence has 50 % less error than the chosen agent (95 %: 44 % to 55 % less). No data was held out, so this is the evidence of the log. To improve on it, let the agent start from it: agent.baseline = "persistence"."#);
+    assert_eq!(verdict.badge(), "Simpler is better on the log: no agent needed");
+    assert_eq!(verdict.advice(), "use persistence");
+    let reasons = verdict.reasons();
+    insta::assert_snapshot!(reasons[reasons.len() - 2..].join("\n"), @r"
+    No data was held out, so regret and agreement with the held-out period are unknown.
+    NRMSE of simple predictors on windows of the log, as geometric means: the training mean 1.02, persistence 0.21 and ridge regression 0.3. The agent: 0.42.
+    ");
+    let simpler = verdict.simpler.as_mut().unwrap();
+    (simpler.is_better, simpler.ratio) = (false, Some(estimate(0.9, 0.7, 1.1)));
+    insta::assert_snapshot!(verdict.headline(), @"Use persistence for PIT300 for now, on the evidence of the log: an agent may do better, but it is not shown.");
+    assert!(verdict.plain().contains("Held-out data would decide"), "{}", verdict.plain());
+    verdict.grade = Grade::NotLearnt;
+    insta::assert_snapshot!(verdict.headline(), @"Do not deploy an agent for PIT300: at this horizon, nothing is shown on the log to predict it better than its training mean.");
+    assert!(verdict.plain().starts_with("On windows of the log neither it nor"));
+    assert_eq!(verdict.badge(), "Not learned: nothing beats a mean on the log");
+}
+
+#[test]
+fn where_the_held_out_data_is_constant_the_log_is_named_as_the_evidence() {
+    let mut verdict = Verdict { agent_on_log: Some(0.42), ..beaten(true) };
+    verdict.online.as_mut().unwrap().stands_still = true;
+    assert!(verdict.headline().contains("on the evidence of the log"), "{}", verdict.headline());
+    assert!(verdict.plain().contains("do not vary in the held-out data"), "{}", verdict.plain());
+    assert_eq!(verdict.badge(), "Simpler is better on the log: no agent needed");
+    let reasons = verdict.reasons();
+    assert!(reasons.last().unwrap().contains("windows of the log"), "{reasons:?}");
 }
 
 #[test]

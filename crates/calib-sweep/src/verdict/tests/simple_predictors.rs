@@ -6,16 +6,26 @@ use calib_stats::{Estimate, Interval};
 use super::*;
 use crate::verdict::simple::{decisive, preferred};
 
-/// Returns the error of a simple predictor in the held-out window that begins at this row.
-fn online_score(predictor: SimplePredictor, start_row: u32, rmse: f64) -> SimpleScore {
+/// Returns the error of a simple predictor in the window of this environment that begins at this row.
+pub(super) fn score(
+    predictor: SimplePredictor,
+    environment: EnvironmentId,
+    start_row: u32,
+    rmse: f64,
+) -> SimpleScore {
     let score = PartScore { scored_steps: 10, rmse, mean_return: 1.0, return_std: 1.0 };
     SimpleScore {
         sensor: "A".to_owned(),
         predictor,
-        environment: EnvironmentId::Online,
+        environment,
         start_row,
         scores: Scores { whole_run: Some(score), ..Scores::default() },
     }
+}
+
+/// Returns the error of a simple predictor in the held-out window that begins at this row.
+fn online_score(predictor: SimplePredictor, start_row: u32, rmse: f64) -> SimpleScore {
+    score(predictor, EnvironmentId::Online, start_row, rmse)
 }
 
 /// Returns the verdict with these errors of persistence and of the mean in the three held-out windows. The choice has
@@ -62,20 +72,22 @@ fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) ->
     let [low, value, high] = ratio;
     SimpleComparison {
         predictor,
-        online_error: online,
-        online_rmse: online,
+        online_error: Some(online),
+        online_rmse: Some(online),
         log_error: Some(log),
         ratio: Some(Estimate { value, interval: Some(Interval { low, high }) }),
+        against_mean: None,
+        log_windows: None,
         runaway_windows: 0,
     }
 }
 
 fn preferred_predictor(all: &[SimpleComparison]) -> Option<SimplePredictor> {
-    preferred(all).map(|own| own.predictor)
+    preferred(&all.iter().collect::<Vec<_>>()).map(|own| own.predictor)
 }
 
 fn decisive_predictor(all: &[SimpleComparison]) -> Option<SimplePredictor> {
-    decisive(all).map(|own| own.predictor)
+    decisive(all, None, None).map(|own| own.predictor)
 }
 
 #[test]
@@ -104,6 +116,98 @@ fn the_simple_predictor_to_use_is_chosen_on_the_log() {
     // The mean does as well as the predictor that the log prefers.
     let mean = simple(SimplePredictor::Mean, 1.0, 0.34, [0.9, 1.02, 1.2]);
     assert_eq!(decisive_predictor(&[mean, ridge]), Some(SimplePredictor::Mean));
+}
+
+/// Returns the same predictor with this ratio to the training mean.
+fn beside_mean(own: SimpleComparison, [low, value, high]: [f64; 3]) -> SimpleComparison {
+    let against_mean = Some(Estimate { value, interval: Some(Interval { low, high }) });
+    SimpleComparison { against_mean, ..own }
+}
+
+#[test]
+fn the_training_mean_is_not_named_where_something_is_shown_to_beat_it() {
+    // Three windows of a well. The log prefers ridge regression, which fails in one of them.
+    let mean = simple(SimplePredictor::Mean, 0.892, 1.50, [0.092, 0.156, 0.266]);
+    let ridge = simple(SimplePredictor::Ridge, 0.2358, 1.99, [0.011, 0.161, 2.39]);
+    let ridge = beside_mean(ridge, [0.091, 0.971, 10.4]);
+    let persistence = simple(SimplePredictor::Persistence, 0.2732, 0.279, [0.720, 0.843, 0.988]);
+    let persistence = beside_mean(persistence, [0.105, 0.185, 0.329]);
+    let autoregression =
+        simple(SimplePredictor::Autoregression, 0.2397, 0.2345, [0.977, 1.005, 1.033]);
+    let autoregression = beside_mean(autoregression, [0.092, 0.156, 0.265]);
+    let all = [mean.clone(), persistence, autoregression.clone(), ridge.clone()];
+    assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Autoregression));
+    // The agent matches the autoregression.
+    let ratio = simple(SimplePredictor::Autoregression, 0.2397, 0.2345, [0.99, 1.0, 1.01]).ratio;
+    let matched = SimpleComparison { ratio, ..autoregression };
+    assert_eq!(decisive_predictor(&[mean.clone(), matched.clone(), ridge.clone()]), None);
+    // The agent alone is shown to beat the mean.
+    assert_eq!(decisive_predictor(&[mean.clone(), ridge.clone()]), None);
+    // Nothing is shown to beat the mean.
+    let chance = simple(SimplePredictor::Mean, 0.892, 1.50, [0.02, 0.156, 1.2]);
+    assert_eq!(decisive_predictor(&[chance.clone(), ridge.clone()]), Some(SimplePredictor::Mean));
+    // The agent matches a predictor that is shown to beat the mean, but is not shown to beat it itself.
+    let all = [simple(SimplePredictor::Mean, 0.892, 1.50, [0.97, 0.99, 1.01]), matched];
+    assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Autoregression));
+}
+
+/// Returns the verdict without held-out data. The choice has error 0.2 in four windows of the log, and the predictors
+/// have these errors.
+fn judged_on_the_log(scores: &[(SimplePredictor, [f64; 4])]) -> SensorVerdict {
+    let rows = [0, 5000, 10_000, 15_000];
+    let results: Vec<UnitResult> =
+        rows.iter().enumerate().map(|(run, &row)| log_run(run, row, [0.2, 0.4, 0.3])).collect();
+    let simple: Vec<SimpleScore> = scores
+        .iter()
+        .flat_map(|(predictor, errors)| {
+            rows.iter()
+                .zip(errors)
+                .map(move |(&row, &error)| score(*predictor, EnvironmentId::LogReplay, row, error))
+        })
+        .collect();
+    let judging = Judging { simple: &simple, ..judging(Rule::LogReplay) };
+    verdict("A", &candidates(), &results, &judging).expect("judged")
+}
+
+#[test]
+fn without_held_out_data_simple_predictors_are_compared_on_the_log() {
+    let mean = (SimplePredictor::Mean, [0.5, 0.6, 0.5, 0.4]);
+    let beaten =
+        judged_on_the_log(&[mean, (SimplePredictor::Persistence, [0.03, 0.04, 0.03, 0.05])]);
+    assert_eq!((beaten.chosen, beaten.grade), (0, Grade::Simpler));
+    assert_eq!(beaten.recommendation(), Recommendation::UseSimplePredictor);
+    let simpler = beaten.simpler().expect("persistence");
+    assert_eq!(simpler.predictor, SimplePredictor::Persistence);
+    assert_eq!((simpler.log_windows, simpler.online_error), (Some(4), None));
+    let ratio = simpler.ratio.expect("known");
+    near(ratio.value, 0.2 / (0.03_f64 * 0.04 * 0.03 * 0.05).powf(0.25));
+    assert!(ratio.interval.is_some_and(|interval| interval.low > 1.0), "{ratio:?}");
+    assert!(!beaten.level_may_have_changed(), "only held-out data shows another level");
+    let unlearnt = judged_on_the_log(&[(SimplePredictor::Mean, [0.1, 0.12, 0.1, 0.11])]);
+    assert_eq!(unlearnt.recommendation(), Recommendation::DoNotDeploy);
+    let matched = judged_on_the_log(&[mean, (SimplePredictor::Persistence, [0.3, 0.4, 0.3, 0.3])]);
+    assert_eq!((matched.grade, matched.simpler()), (Grade::Unchecked, None));
+    assert_eq!(judged_on_the_log(&[]).grade, Grade::Unchecked);
+}
+
+#[test]
+fn the_log_decides_where_the_sensor_is_constant_in_the_held_out_data() {
+    let rows = [0, 5000, 10_000];
+    let results: Vec<UnitResult> = rows
+        .into_iter()
+        .flat_map(|row| [log_run(0, row, [0.2, 0.4, 0.3]), online_run(0, row, [0.2, 0.4, 0.3])])
+        .collect();
+    let scores = |environment, error: f64| {
+        rows.map(|row| score(SimplePredictor::Line, environment, row, error))
+    };
+    let online = scores(EnvironmentId::Online, 0.001);
+    let graded = |on_the_log: f64| {
+        let simple = [online.clone(), scores(EnvironmentId::LogReplay, on_the_log)].concat();
+        let judging = Judging { simple: &simple, stands_still: true, ..judging(Rule::LogReplay) };
+        verdict("A", &candidates(), &results, &judging).expect("judged").grade
+    };
+    assert_eq!(graded(0.1), Grade::Simpler);
+    assert_eq!(graded(0.5), Grade::Unchecked, "the errors in constant data say nothing");
 }
 
 /// Setting 0 is the default with these errors, and learns nothing. Setting 1 is chosen.
