@@ -77,6 +77,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
         assert_told(&choice["chosen"], &choice["values"]);
     }
     assert_told(&deploy["for_all"], &deploy["for_all_values"]);
+    assert_no_agent_for_all(deploy);
     let report = place.read("study-results/report.html");
     for text in [
         "What to deploy",
@@ -116,6 +117,16 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     }
 }
 
+/// Asserts that an agent is recommended for all deployments only if one of them is to get an agent.
+fn assert_no_agent_for_all(deploy: &serde_json::Value) {
+    let is_agent = |advice: &serde_json::Value| {
+        ["deploy", "keep_default", "not_checked"].iter().any(|agent| advice == agent)
+    };
+    let mut choices = deploy["choices"].as_array().expect("a list").iter();
+    let gets_one = choices.any(|choice| is_agent(&choice["recommendation"]));
+    assert_eq!(is_agent(&deploy["for_all_recommendation"]), gets_one, "{deploy}");
+}
+
 /// Asserts that the words for a setting end with its learning rate, its only value.
 fn assert_told(words: &serde_json::Value, values: &serde_json::Value) {
     let written = words.as_str().and_then(|words| words.split_whitespace().last());
@@ -145,6 +156,10 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     let verdict = run(&place, &["evaluate", "study.toml", "-q"]);
     // All models choose the same setting everywhere. But such short runs learn nothing beyond a line.
     assert!(verdict.contains("what to deploy") && verdict.contains("no agent: "), "{verdict}");
+    let summary = place.read_json("study-results/evaluate/summary.json");
+    let deployed = summary["what_to_deploy"].as_array().expect("a list");
+    assert_eq!(deployed.len(), 4, "two sensors and two models");
+    deployed.iter().for_each(assert_no_agent_for_all);
     let report = place.read("study-results/report.html");
     assert!(report.contains("year, worst rank") && report.contains("narrow, worst rank"));
     assert!(report.contains("calib pretrain study.toml"));

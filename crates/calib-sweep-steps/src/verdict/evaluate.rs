@@ -73,11 +73,11 @@ pub struct SensorChoice {
     /// How well held-out data supports the choice.
     grade: Grade,
     /// The recommendation, as in the report.
-    recommendation: Recommendation,
+    pub(crate) recommendation: Recommendation,
     /// The simple predictor to use instead of the agent. It is one that the agent is not known to match, or the one that the
     /// agent starts from if further learning is not shown to help, or the training mean if no predictor is shown to be better.
     #[serde(skip_serializing_if = "Option::is_none")]
-    simple_predictor: Option<SimpleComparison>,
+    pub(crate) simple_predictor: Option<SimpleComparison>,
 }
 
 impl SensorChoice {

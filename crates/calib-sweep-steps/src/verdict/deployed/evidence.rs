@@ -12,7 +12,7 @@ use crate::verdict::compare::JudgedModel;
 pub(super) fn choice(
     sensor: &str,
     parts: &[&JudgedModel],
-    verdicts: &[SensorVerdict],
+    verdicts: &[&SensorVerdict],
 ) -> Result<usize, StepError> {
     let study = parts[0].judged.study();
     let manifest = &parts[0].judged.manifest;

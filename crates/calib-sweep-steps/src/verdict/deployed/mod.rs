@@ -8,13 +8,14 @@ use calib_base::{
     output::{Printer, percent, table},
 };
 use calib_report::{Cell, Table};
-use calib_sweep::{Candidate, Grade, SensorVerdict};
+use calib_sweep::{Candidate, Grade, Recommendation, SensorVerdict};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::verdict::{
     compare::{JudgedModel, by_deployment},
+    evaluate::SensorChoice,
     verdict_rows,
 };
 
@@ -30,6 +31,8 @@ pub(crate) struct Deployed {
     pub(crate) is_by_model: bool,
     /// The choice for each deployment, in the order of time.
     pub(crate) choices: Vec<Choice>,
+    /// What to do if all deployments get the same. It is an agent only if one of them is to get an agent.
+    pub(crate) for_all_recommendation: Recommendation,
     /// The setting that the study's rule chooses from the evidence of all deployments together.
     pub(crate) for_all: String,
     /// The swept keys of this setting, with their values.
@@ -50,20 +53,34 @@ pub(crate) struct Choice {
     pub(crate) regret: Option<f64>,
     /// How well held-out data supports the choice.
     pub(crate) grade: Grade,
-    /// The simple predictor to use instead, if the agent is not known to be as good.
+    /// The recommendation for this deployment, as in its own report.
+    pub(crate) recommendation: Recommendation,
+    /// The simple predictor to use instead of the agent, as in the deployment's own summary.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) simple_predictor: Option<SimplePredictor>,
 }
 
 impl Deployed {
-    /// Whether the choices of the deployments differ.
+    /// Whether the advice differs between deployments.
     fn disagrees(&self) -> bool {
-        self.choices.iter().any(|choice| choice.chosen != self.choices[0].chosen)
+        self.choices.iter().any(|choice| choice.advice() != self.choices[0].advice())
     }
 
-    /// Whether no setting learns the sensor in any deployment.
-    fn is_not_learnt(&self) -> bool {
-        self.choices.iter().all(Choice::is_not_learnt)
+    /// Whether an agent is to be deployed anywhere.
+    fn has_agent(&self) -> bool {
+        self.choices.iter().any(Choice::has_agent)
+    }
+}
+
+/// Returns [`Deployed::for_all_recommendation`].
+fn for_all_recommendation(choices: &[Choice]) -> Recommendation {
+    let agents = [Recommendation::Deploy, Recommendation::NotChecked, Recommendation::KeepDefault];
+    let use_simple = Recommendation::UseSimplePredictor;
+    let mut agents = agents.into_iter();
+    match agents.find(|&agent| choices.iter().any(|own| own.recommendation == agent)) {
+        Some(agent) => agent,
+        None if choices.iter().all(|own| own.recommendation == use_simple) => use_simple,
+        None => Recommendation::DoNotDeploy,
     }
 }
 
@@ -72,24 +89,49 @@ impl Choice {
         self.grade == Grade::NotLearnt
     }
 
-    /// Whether the regret is meaningless: nothing was learned, or the sensor is constant, with regret 0.
-    fn says_nothing(&self) -> bool {
-        let stands_still = self.grade == Grade::Unchecked && self.regret.is_some();
-        self.is_not_learnt() || stands_still
+    /// Whether the advice is an agent, with the chosen values or the default ones.
+    fn has_agent(&self) -> bool {
+        match self.recommendation {
+            Recommendation::Deploy | Recommendation::KeepDefault | Recommendation::NotChecked => {
+                true
+            }
+            Recommendation::UseSimplePredictor | Recommendation::DoNotDeploy => false,
+        }
     }
 
-    /// Returns the choice with its regret and grade, such as "1e-4 (2.3 %, good)".
-    fn text(&self) -> String {
+    /// Whether the sensor is constant, so that a regret of 0 is meaningless.
+    fn stands_still(&self) -> bool {
+        self.grade == Grade::Unchecked && self.regret.is_some()
+    }
+
+    /// Returns the advice without its regret and grade, such as "1e-4" or "no agent: persistence".
+    fn advice(&self) -> String {
         let word = self.grade.word();
-        match (self.grade, self.regret) {
-            (Grade::NotLearnt, _) => word.to_owned(),
-            (Grade::Simpler, _) => match self.simple_predictor {
+        match self.recommendation {
+            Recommendation::Deploy | Recommendation::NotChecked => self.chosen.clone(),
+            Recommendation::KeepDefault => "the default".to_owned(),
+            Recommendation::UseSimplePredictor => match self.simple_predictor {
                 Some(predictor) => format!("no agent: {}", predictor.label()),
-                None => word.to_owned(),
+                None => "no agent".to_owned(),
             },
-            (_, None) => self.chosen.clone(),
-            (Grade::Unchecked, Some(_)) => format!("{} ({word})", self.chosen),
-            (_, Some(regret)) => format!("{} ({}, {word})", self.chosen, percent(regret)),
+            Recommendation::DoNotDeploy if self.is_not_learnt() => word.to_owned(),
+            Recommendation::DoNotDeploy => format!("no agent: {word}"),
+        }
+    }
+
+    /// Returns the advice, with the regret and grade of a choice to deploy: "1e-4 (2.3 %, good)".
+    fn text(&self) -> String {
+        let advice = self.advice();
+        let word = self.grade.word();
+        match (self.recommendation, self.regret) {
+            (Recommendation::NotChecked, Some(_)) => format!("{advice} ({word})"),
+            (Recommendation::Deploy, Some(regret)) => {
+                format!("{advice} ({}, {word})", percent(regret))
+            }
+            (Recommendation::KeepDefault, _) if self.grade == Grade::Poor => {
+                format!("{advice} ({} is worse)", self.chosen)
+            }
+            _ => advice,
         }
     }
 }
@@ -113,24 +155,31 @@ pub(crate) fn all(parts: &[JudgedModel]) -> Result<Vec<Deployed>, StepError> {
 }
 
 fn of_sensor(sensor: &str, parts: &[&JudgedModel]) -> Result<Option<Deployed>, StepError> {
-    let verdicts: Option<Vec<SensorVerdict>> = parts
+    let judged: Option<Vec<(&SensorVerdict, &SensorChoice)>> = parts
         .iter()
         .map(|part| {
-            let mut verdicts = part.judged.summary.verdicts.iter();
-            verdicts.find(|verdict| verdict.sensor == sensor).cloned()
+            let summary = &part.judged.summary;
+            let mut judged = summary.verdicts.iter().zip(&summary.choices);
+            judged.find(|(verdict, _)| verdict.sensor == sensor)
         })
         .collect();
-    let Some(verdicts) = verdicts else { return Ok(None) };
+    let Some(judged) = judged else { return Ok(None) };
     let candidates = &parts[0].judged.manifest.candidates;
     let label = |index: usize| verdict_rows::setting(&candidates[index]).to_string();
-    let choices = parts.iter().zip(&verdicts).map(|(part, verdict)| Choice {
-        deployment: part.deployment_name().to_owned(),
-        chosen: label(verdict.chosen),
-        values: values(&candidates[verdict.chosen]),
-        regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
-        grade: verdict.grade,
-        simple_predictor: verdict.simpler().map(|simpler| simpler.predictor),
-    });
+    let choices: Vec<Choice> = parts
+        .iter()
+        .zip(&judged)
+        .map(|(part, (verdict, advised))| Choice {
+            deployment: part.deployment_name().to_owned(),
+            chosen: label(verdict.chosen),
+            values: values(&candidates[verdict.chosen]),
+            regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
+            grade: verdict.grade,
+            recommendation: advised.recommendation,
+            simple_predictor: advised.simple_predictor.as_ref().map(|simple| simple.predictor),
+        })
+        .collect();
+    let verdicts: Vec<&SensorVerdict> = judged.iter().map(|(verdict, _)| *verdict).collect();
     let for_all = evidence::choice(sensor, parts, &verdicts)?;
     let regrets = verdicts.iter().map(|verdict| {
         verdict.truth.as_ref().and_then(|truth| Some(truth.regrets.as_ref()?[for_all]))
@@ -139,7 +188,8 @@ fn of_sensor(sensor: &str, parts: &[&JudgedModel]) -> Result<Option<Deployed>, S
         sensor: sensor.to_owned(),
         model: parts[0].model_name().to_owned(),
         is_by_model: parts[0].judged.study().has_model(),
-        choices: choices.collect(),
+        for_all_recommendation: for_all_recommendation(&choices),
+        choices,
         for_all: label(for_all),
         for_all_values: values(&candidates[for_all]),
         regrets: regrets.collect(),
@@ -174,28 +224,42 @@ fn row(deployed: &Deployed) -> Vec<String> {
         .collect()
 }
 
-/// Returns the choice for all deployments, such as "1e-4 (at most 25 %; not learned in july)".
+/// Returns the advice for all deployments, such as "1e-4 (at most 25 %; not learned in july)". It is no agent if none of
+/// them is to get one.
 fn for_all_text(deployed: &Deployed) -> String {
-    if deployed.is_not_learnt() {
-        return Grade::NotLearnt.word().to_owned();
-    }
-    let learnt = deployed.choices.iter().zip(&deployed.regrets);
-    let learnt = learnt.filter(|(choice, _)| !choice.says_nothing());
-    let regrets: Vec<Option<f64>> = learnt.map(|(_, regret)| *regret).collect();
-    let cost = largest(&regrets).map(|regret| format!("at most {}", percent(regret)));
-    let without: Vec<&str> = deployed
+    let keeps_default = deployed.for_all_recommendation == Recommendation::KeepDefault;
+    let for_all = match deployed.for_all_recommendation {
+        Recommendation::Deploy | Recommendation::NotChecked => deployed.for_all.clone(),
+        Recommendation::KeepDefault => "the default".to_owned(),
+        Recommendation::UseSimplePredictor | Recommendation::DoNotDeploy => {
+            let common = (!deployed.disagrees()).then(|| deployed.choices[0].advice());
+            return common.unwrap_or_else(|| "no agent".to_owned());
+        }
+    };
+    let regrets: Vec<Option<f64>> = deployed
         .choices
         .iter()
-        .filter(|choice| choice.is_not_learnt())
-        .map(|choice| choice.deployment.as_str())
+        .zip(&deployed.regrets)
+        .filter(|(choice, _)| choice.has_agent() && !choice.stands_still())
+        .map(|(_, regret)| *regret)
         .collect();
-    let without = (!without.is_empty()).then(|| format!("not learned in {}", without.join(", ")));
-    let told: Vec<String> = cost.into_iter().chain(without).collect();
-    if told.is_empty() {
-        deployed.for_all.clone()
-    } else {
-        format!("{} ({})", deployed.for_all, told.join("; "))
-    }
+    let cost = largest(&regrets)
+        .filter(|_| !keeps_default)
+        .map(|regret| format!("at most {}", percent(regret)));
+    let (not_learnt, without): (Vec<&Choice>, Vec<&Choice>) = deployed
+        .choices
+        .iter()
+        .filter(|choice| !choice.has_agent())
+        .partition(|choice| choice.is_not_learnt());
+    let excepted = [("not learned", not_learnt), ("no agent", without)]
+        .into_iter()
+        .filter(|(_, choices)| !choices.is_empty())
+        .map(|(word, choices)| {
+            let names: Vec<&str> = choices.iter().map(|own| own.deployment.as_str()).collect();
+            format!("{word} in {}", names.join(", "))
+        });
+    let told: Vec<String> = cost.into_iter().chain(excepted).collect();
+    if told.is_empty() { for_all } else { format!("{for_all} ({})", told.join("; ")) }
 }
 
 /// Prints the choices side by side. Prints nothing unless there are several deployments.
@@ -205,8 +269,11 @@ pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> Result<(), StepError
     }
     printer.result("")?;
     printer.result(match rows.iter().any(Deployed::disagrees) {
-        _ if rows.iter().all(Deployed::is_not_learnt) => {
+        _ if rows.iter().flat_map(|row| &row.choices).all(Choice::is_not_learnt) => {
             "what to deploy: nothing, as no setting learns any sensor in any deployment"
+        }
+        _ if !rows.iter().any(Deployed::has_agent) => {
+            "what to deploy: no agent for any sensor in any deployment"
         }
         false => {
             "what to deploy (regret on held-out data, grade): every choice is the same for all deployments"
@@ -228,7 +295,7 @@ pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
     Some(Table {
         title: "What to deploy".to_owned(),
         caption: format!(
-            "The choice for each deployment, in brackets its regret on held-out data and its grade. The setting for all is what the study's rule chooses {evidence}, with the largest of its regrets."
+            "The choice for each deployment, in brackets its regret on held-out data and its grade. The setting for all is what the study's rule chooses {evidence}, with the largest of its regrets. It is left out where no deployment is to get an agent."
         ),
         columns: header(rows),
         rows: rows
@@ -250,6 +317,12 @@ mod tests {
             values: Map::new(),
             regret,
             grade,
+            recommendation: match grade {
+                Grade::Good | Grade::Fair => Recommendation::Deploy,
+                Grade::Simpler => Recommendation::UseSimplePredictor,
+                Grade::Poor | Grade::NotLearnt => Recommendation::DoNotDeploy,
+                Grade::Unchecked => Recommendation::NotChecked,
+            },
             simple_predictor: None,
         }
     }
@@ -259,6 +332,7 @@ mod tests {
             sensor: "PIT300".to_owned(),
             model: "year".to_owned(),
             is_by_model: true,
+            for_all_recommendation: for_all_recommendation(&choices),
             choices,
             for_all: "1e-4".to_owned(),
             for_all_values: Map::new(),
@@ -303,5 +377,79 @@ mod tests {
             row(&told)[2..],
             ["1e-4 (10 %, fair)", "not learned", "1e-4 (at most 10 %; not learned in july)"]
         );
+    }
+
+    /// Returns a choice whose advice is persistence: because it is better, or because the agent is good but need not
+    /// learn.
+    fn simple(deployment: &str, grade: Grade) -> Choice {
+        Choice {
+            recommendation: Recommendation::UseSimplePredictor,
+            simple_predictor: Some(SimplePredictor::Persistence),
+            ..choice(deployment, "0.01", Some(0.0), grade)
+        }
+    }
+
+    #[test]
+    fn no_agent_is_named_for_all_where_no_deployment_gets_one() {
+        let both = vec![simple("april", Grade::Simpler), simple("july", Grade::Good)];
+        let told = deployed(both, vec![Some(0.0); 2]);
+        assert_eq!(row(&told)[2..], ["no agent: persistence"; 3]);
+        assert_eq!(told.for_all_recommendation, Recommendation::UseSimplePredictor);
+        assert!(!told.disagrees());
+        let poor = choice("july", "0.01", Some(0.3), Grade::Poor);
+        let told = deployed(vec![simple("april", Grade::Simpler), poor], vec![Some(0.0); 2]);
+        assert_eq!(row(&told)[2..], ["no agent: persistence", "no agent: poor", "no agent"]);
+        assert_eq!(told.for_all_recommendation, Recommendation::DoNotDeploy);
+        let fair = choice("july", "1e-4", Some(0.1), Grade::Fair);
+        let told =
+            deployed(vec![simple("april", Grade::Simpler), fair], vec![Some(0.9), Some(0.1)]);
+        assert_eq!(row(&told)[4], "1e-4 (at most 10 %; no agent in april)");
+        assert_eq!(told.for_all_recommendation, Recommendation::Deploy);
+    }
+
+    #[test]
+    fn a_default_that_is_better_is_kept_for_all() {
+        let kept = |deployment| Choice {
+            recommendation: Recommendation::KeepDefault,
+            ..choice(deployment, "0.01", Some(0.3), Grade::Poor)
+        };
+        let told = deployed(vec![kept("april"), kept("july")], vec![Some(0.3); 2]);
+        let default = "the default (0.01 is worse)";
+        assert_eq!(row(&told)[2..], [default, default, "the default"]);
+    }
+
+    #[test]
+    fn an_agent_for_all_needs_a_deployment_that_gets_one() {
+        let advices = [
+            Recommendation::Deploy,
+            Recommendation::KeepDefault,
+            Recommendation::UseSimplePredictor,
+            Recommendation::DoNotDeploy,
+            Recommendation::NotChecked,
+        ];
+        let grades = [
+            Grade::Good,
+            Grade::Fair,
+            Grade::Simpler,
+            Grade::Poor,
+            Grade::NotLearnt,
+            Grade::Unchecked,
+        ];
+        let drawn = |deployment: &str, recommendation: Recommendation, grade: Grade| Choice {
+            recommendation,
+            ..choice(deployment, "0.01", Some(0.2), grade)
+        };
+        for [one, other] in advices.iter().flat_map(|&one| advices.map(|other| [one, other])) {
+            for [april, july] in grades.iter().flat_map(|&one| grades.map(|other| [one, other])) {
+                let choices = vec![drawn("april", one, april), drawn("july", other, july)];
+                let gets_one = choices.iter().any(Choice::has_agent);
+                let told = deployed(choices, vec![Some(0.2); 2]);
+                let text = for_all_text(&told);
+                let names_agent = text.starts_with("1e-4") || text.starts_with("the default");
+                assert_eq!(names_agent, gets_one, "{told:?}: {text}");
+                let no_agent = [Recommendation::UseSimplePredictor, Recommendation::DoNotDeploy];
+                assert_eq!(!no_agent.contains(&told.for_all_recommendation), gets_one);
+            }
+        }
     }
 }
