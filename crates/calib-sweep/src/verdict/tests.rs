@@ -1,3 +1,4 @@
+mod recommendations;
 mod simple_predictors;
 
 use calib_agent::{AgentConfig, Part, PartScore, Scores};
