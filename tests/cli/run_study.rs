@@ -56,6 +56,51 @@ fn a_dry_run_refuses_a_sensor_that_the_log_does_not_have() {
 }
 
 #[test]
+fn a_dry_run_refuses_start_states_and_agents_that_are_not_there() {
+    let place = Place::with_study();
+    let rows = "rollout.rows=[99999999]";
+    let wrong: [(&[&str], &str); 5] = [
+        (
+            &["rollout.start=rows", rows],
+            "start row 99999999 does not exist: the data has rows 0 to",
+        ),
+        (
+            &["rollout.start=rows", "sweep.start=random", rows],
+            "start row 99999999 does not exist: the data has rows 0 to",
+        ),
+        (&["sweep.start=rows", rows], "start row 99999999 does not exist: the data has rows 0 to"),
+        (
+            &["rollout.start=calendar_month", "rollout.month=3"],
+            "no rows in month 3 of a year before 2022",
+        ),
+        (
+            &["pretrain={ checkpoint = \"nowhere\", fraction = 0.4 }"],
+            "nowhere/manifest.json does not exist",
+        ),
+    ];
+    let run = ["run", "study.toml", "--dry-run"];
+    let waiting = |step: &str, reason: &str| {
+        let dry = place.calib(&run);
+        dry.succeeds();
+        let line = format!("dry run: {step} waits for the steps before it (study-results/{reason}");
+        assert!(dry.stderr().contains(&line), "{}", dry.stderr());
+    };
+    for is_built in [false, true] {
+        if is_built {
+            place.calib(&["build-model", "study.toml"]).succeeds();
+        } else {
+            waiting("rollout", "model/manifest.json does not exist");
+        }
+        for (set, expected) in wrong {
+            let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
+            let told = place.calib(&[&run[..], &set].concat()).fails(2);
+            assert!(told.contains(expected), "{set:?}: {told}");
+        }
+        waiting("evaluate", "sweep/manifest.json does not exist");
+    }
+}
+
+#[test]
 fn what_is_up_to_date_is_not_made_again() {
     let place = Place::with_study();
     let run = |command: &str| place.calib(&[command, "study.toml"]).succeeds();

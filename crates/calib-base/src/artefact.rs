@@ -17,7 +17,7 @@ use calib_study::{Job, Scope, StepKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use crate::{Context as _, StepError, bail, output::Printer};
+use crate::{Context as _, StepError, output::Printer};
 
 /// The version of calib that wrote a file.
 pub const TOOL: &str = concat!("calib ", env!("CARGO_PKG_VERSION"));
@@ -206,11 +206,17 @@ pub fn are_whole(directory: &Path, files: &Files) -> bool {
 /// Checks before first use that the files of a complete directory are as they were written. `command` makes them again.
 ///
 /// # Errors
-/// If one cannot be read; [`StepError::Stale`] if one has changed.
+/// If one cannot be read; [`StepError::Missing`] if one does not exist, [`StepError::Stale`] if one has changed.
 pub fn check_files(directory: &Path, files: &Files, command: &str) -> Result<(), StepError> {
     for (name, written) in files {
         let path = directory.join(name);
-        let found = fingerprint_once(&path).with_context(|| format!("run `{command}` again"))?;
+        let found = match fingerprint_once(&path) {
+            Err(reason) if reason.is_not_found() => {
+                let reason = StepError::from(reason);
+                return Err(StepError::Missing(format!("run `{command}` again: {reason}")));
+            }
+            found => found.with_context(|| format!("run `{command}` again"))?,
+        };
         if found != *written {
             return Err(StepError::Stale(format!(
                 "{} is not what was written: it was damaged or replaced; run `{command}` to make it again",
@@ -224,19 +230,25 @@ pub fn check_files(directory: &Path, files: &Files, command: &str) -> Result<(),
 /// Reads the manifest of `directory`. The error names the `command` that makes it.
 ///
 /// # Errors
-/// If there is no manifest, it is damaged or of other results; [`StepError::Stale`] if it has another format.
+/// [`StepError::Missing`] if there is no manifest; [`StepError::Stale`] if it is damaged, of other results or has
+/// another format; or if it cannot be read.
 pub fn require<M: Manifest>(directory: &Path, command: &str) -> Result<M, StepError> {
     let path = directory.join(MANIFEST);
     if !path.exists() {
-        bail!("{} does not exist; run `{command}` first", path.display());
+        let path = path.display();
+        return Err(StepError::Missing(format!("{path} does not exist; run `{command}` first")));
     }
     let manifest: M = match read_sealed_json(&path) {
         // The file is undamaged, but describes something else.
         Err(FileError::Json { .. }) if read_sealed_json::<serde_json::Value>(&path).is_ok() => {
-            bail!(
+            return Err(StepError::Stale(format!(
                 "{} has other results than those of `{command}`, or those of another calib; give the folder of these",
                 directory.display()
-            )
+            )));
+        }
+        Err(reason @ (FileError::Damaged { .. } | FileError::Json { .. })) => {
+            let reason = StepError::from(reason);
+            return Err(StepError::Stale(format!("run `{command}` to make it again: {reason}")));
         }
         manifest => manifest.with_context(|| format!("run `{command}` to make it again"))?,
     };
@@ -473,8 +485,28 @@ mod tests {
         assert!(!are_whole(directory.path(), &files));
         let error = check_files(directory.path(), &files, "calib make").expect_err("damaged");
         assert!(error.to_string().contains("run `calib make`"), "{error}");
+        assert!(matches!(error, StepError::Stale(_)), "{error:?}");
         fs::remove_file(&path).expect("removed");
         assert!(!are_whole(directory.path(), &files));
+        let error = check_files(directory.path(), &files, "calib make").expect_err("missing");
+        assert!(error.to_string().starts_with("run `calib make` again: cannot read "), "{error}");
+        assert!(matches!(error, StepError::Missing(_)), "{error:?}");
+    }
+
+    #[test]
+    fn manifests_that_cannot_be_used_are_missing_or_stale() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let refused = || {
+            let found = require::<TestManifest>(directory.path(), "calib make");
+            found.err().expect("no manifest")
+        };
+        let error = refused();
+        assert!(error.to_string().ends_with("does not exist; run `calib make` first"), "{error}");
+        assert!(matches!(error, StepError::Missing(_)), "{error:?}");
+        fs::write(directory.path().join(MANIFEST), "{").expect("written");
+        let error = refused();
+        assert!(error.to_string().starts_with("run `calib make` to make it again: "), "{error}");
+        assert!(matches!(error, StepError::Stale(_)), "{error:?}");
     }
 
     #[test]

@@ -32,6 +32,8 @@ pub enum StepError {
     Cancelled,
     /// Something is missing that another attempt may provide, here or elsewhere. Existing files are kept.
     Incomplete(String),
+    /// The result of an earlier step, or one of its files, does not exist.
+    Missing(String),
     /// A result was made from other inputs, in another format, or was changed after it was written.
     Stale(String),
     /// The study is wrong.
@@ -93,6 +95,11 @@ impl StepError {
         matches!(self.root(), Self::Incomplete(_))
     }
 
+    /// Whether an earlier step has to run, because its result is missing or stale.
+    pub fn lacks_result(&self) -> bool {
+        matches!(self.root(), Self::Missing(_) | Self::Stale(_))
+    }
+
     /// Returns the position of the cause in the study file, if it is there.
     pub fn place(&self) -> Option<&Place> {
         match self.root() {
@@ -105,9 +112,10 @@ impl StepError {
     fn causes(&self) -> Vec<String> {
         let error: &dyn Error = match self {
             Self::Cancelled => return vec!["interrupted".to_owned()],
-            Self::Incomplete(text) | Self::Stale(text) | Self::Unscorable(text) => {
-                return vec![text.clone()];
-            }
+            Self::Incomplete(text)
+            | Self::Missing(text)
+            | Self::Stale(text)
+            | Self::Unscorable(text) => return vec![text.clone()],
             Self::Unavailable(what) => {
                 return vec![format!(
                     "{what} wants libtorch, and this calib was built without it; in the source tree run \
@@ -349,5 +357,23 @@ mod tests {
         let incomplete = Err::<(), _>(StepError::Incomplete("a shard".to_owned())).context("plan");
         assert_eq!(incomplete.expect_err("an error").exit_code(), 4);
         assert_eq!(StepError::message("no such sensor").exit_code(), 2);
+    }
+
+    #[test]
+    fn only_results_that_are_missing_or_stale_are_lacking() {
+        let text = || "run `calib sweep` first".to_owned();
+        let in_context =
+            |error: StepError| Err::<(), _>(error).context("the sweep").expect_err("an error");
+        for error in [StepError::Missing(text()), StepError::Stale(text())] {
+            assert!(error.lacks_result());
+            let error = in_context(error);
+            assert!(error.lacks_result());
+            assert_eq!(error.to_string(), "the sweep: run `calib sweep` first");
+            assert_eq!(error.exit_code(), 2);
+        }
+        let month = RolloutError::Month { got: 13 };
+        for error in [StepError::Cancelled, StepError::message(text()), month.into()] {
+            assert!(!in_context(error).lacks_result());
+        }
     }
 }

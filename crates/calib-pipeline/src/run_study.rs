@@ -288,7 +288,7 @@ fn judge(
     let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
     match evaluation::run(job, &all, left_out, context) {
-        Err(reason) if job.policy().is_dry() => {
+        Err(reason) if job.policy().is_dry() && reason.lacks_result() => {
             not_yet(StepKind::Evaluate, Some(&reason), context);
             Ok(StepResult::Planned(NoPlan))
         }
@@ -411,7 +411,7 @@ impl Model {
         extent: RunUntil,
         whole: &WholeRun<'_>,
     ) -> Result<Outcome, StepError> {
-        let WholeRun { plan, progress, tally, .. } = *whole;
+        let WholeRun { plan, progress, .. } = *whole;
         if !is_wanted(step, self.job.study(), extent) {
             return Ok(Outcome::Done);
         }
@@ -437,31 +437,43 @@ impl Model {
             Err(reason)
                 if self.job.policy().is_dry()
                     && matches!(step, StepKind::Rollout | StepKind::Sweep)
-                    && !reason.was_cancelled()
-                    && !stays(&reason, talk) =>
+                    && waits(&reason, talk) =>
             {
                 // The reason may only be a property of the substitute log, so it is not shown.
                 not_yet(step, talk.stands_in().is_none().then_some(&reason), talk);
-                // The time of another arithmetic is not known.
-                if step == StepKind::Sweep && whole.device.is_none() {
-                    let parts = self.job.parts(step.scope())?;
-                    for part in &parts {
-                        if parts.len() > 1 {
-                            talk.heading(&part.name());
-                        }
-                        sweep::expected::before_model(part, tally, talk)?;
-                    }
-                }
+                self.look_ahead(step, &WholeRun { talk, ..*whole })?;
                 Ok(Outcome::Done)
             }
             other => other,
         }
     }
+
+    /// Checks and estimates a step whose earlier steps are still to do, as far as it follows from the study and the log.
+    fn look_ahead(&self, step: StepKind, whole: &WholeRun<'_>) -> Result<(), StepError> {
+        let WholeRun { tally, talk, .. } = *whole;
+        let parts = self.job.parts(step.scope())?;
+        for part in &parts {
+            if parts.len() > 1 {
+                talk.heading(&part.name());
+            }
+            match step {
+                StepKind::Rollout => rollout::before_model(part, talk)?,
+                // The time of another arithmetic is not known.
+                StepKind::Sweep if whole.device.is_none() => {
+                    sweep::expected::before_model(part, tally, talk)?;
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
 }
 
-/// Whether an error remains after the earlier steps have run: it comes from the study or its real log.
-fn stays(reason: &StepError, talk: &RunContext) -> bool {
-    talk.stands_in().is_none() && matches!(reason.root(), StepError::Study(_) | StepError::Data(_))
+/// Whether a step of a dry run waits for results that earlier steps do not write in a dry run.
+fn waits(reason: &StepError, talk: &RunContext) -> bool {
+    let may_be_of_stand_in =
+        talk.stands_in().is_some() && !reason.was_cancelled() && !is_of_study(reason);
+    reason.lacks_result() || may_be_of_stand_in
 }
 
 fn not_yet(step: StepKind, reason: Option<&StepError>, talk: &Printer) {

@@ -341,18 +341,18 @@ fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> Result<Open
 /// Checks that the model was built from `dataset`.
 ///
 /// # Errors
-/// If it was built from other data.
+/// [`StepError::Stale`] if it was built from other data.
 pub fn check_data(job: &Job, manifest: &ModelManifest, dataset: &Dataset) -> Result<(), StepError> {
-    if dataset.fingerprint != manifest.data {
-        bail!(
-            "the model in {} was built from other data (fingerprint {}, the study's data has {}); run `{}` again",
-            job.layout().model().display(),
-            manifest.data.short(),
-            dataset.fingerprint.short(),
-            job.command(StepKind::BuildModel),
-        );
+    if dataset.fingerprint == manifest.data {
+        return Ok(());
     }
-    Ok(())
+    Err(StepError::Stale(format!(
+        "the model in {} was built from other data (fingerprint {}, the study's data has {}); run `{}` again",
+        job.layout().model().display(),
+        manifest.data.short(),
+        dataset.fingerprint.short(),
+        job.command(StepKind::BuildModel),
+    )))
 }
 
 /// Reads the profile of the data that the model was built from.

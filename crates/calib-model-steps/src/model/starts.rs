@@ -1,11 +1,12 @@
 //! Start states as requested in a study.
 
 use calib_base::{Context as _, StepError, bail, output::significant};
-use calib_core::{Frames, RowIndex, Seed, States, Timestamp};
+use calib_core::{Frames, RowIndex, Seed, States, Timestamp, Transitions};
 use calib_data::{DataConfig, Moment};
 use calib_files::Fingerprint;
 use calib_model::{
-    ModelStart, RequestedStart, RolloutConfig, Search, StartKind, StartSource, month_of, year_of,
+    ModelStart, RequestedStart, RolloutConfig, Search, StartKind, StartSource, month_of,
+    start_rows, year_of,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -29,15 +30,98 @@ pub enum Origin {
     States(Option<Fingerprint>),
 }
 
-/// The start states of the rollouts of a study.
-pub struct Starts<'a> {
+/// The request for start states, with what is known of it without a model.
+struct StartRequest<'a> {
     config: &'a RolloutConfig,
-    model: &'a OpenModel,
-    seed: Seed,
+    /// Time of each row of the model's data.
+    timestamps: &'a [Timestamp],
     /// Begin of the deployment.
     deployed: Option<Timestamp>,
     /// Rows that the study lists.
     listed: Vec<RowIndex>,
+}
+
+impl<'a> StartRequest<'a> {
+    /// Returns the request of `config` for a model that is built from `frames`, and the deployment `held_out`.
+    ///
+    /// # Errors
+    /// If a time that the study lists is not in the data.
+    fn new(
+        config: &'a RolloutConfig,
+        data: &DataConfig,
+        frames: &'a Frames,
+        held_out: Option<&Frames>,
+    ) -> Result<Self, StepError> {
+        let listed = match config.start {
+            StartKind::Rows => listed_rows(config, data, frames)?,
+            _ => Vec::new(),
+        };
+        let deployed = held_out.and_then(|held_out| held_out.timestamps().first().copied());
+        Ok(Self { config, timestamps: frames.timestamps(), deployed, listed })
+    }
+
+    fn month(&self) -> Result<u8, StepError> {
+        self.config
+            .month
+            .or_else(|| self.deployed.map(month_of))
+            .context("rollout.start = \"calendar_month\" needs rollout.month, or a held-out period")
+    }
+
+    /// Returns the source of the start states. `deployment` has the states of the deployment.
+    fn source<'s>(&'s self, deployment: Option<&'s States>) -> Result<StartSource<'s>, StepError> {
+        let timestamps = self.timestamps;
+        let before = self.deployed;
+        Ok(match self.config.start {
+            StartKind::Random => StartSource::Random,
+            StartKind::Recent => {
+                let window = self.config.recent_window;
+                StartSource::Recent { timestamps, before, window }
+            }
+            StartKind::Rows => {
+                StartSource::Rows { rows: &self.listed, absent: self.config.absent }
+            }
+            StartKind::Nearest => StartSource::Nearest {
+                states: deployment.context(
+                    "rollout.start = \"nearest\" needs a held-out period; set data.held_out, or [deployments]",
+                )?,
+            },
+            StartKind::CalendarMonth => {
+                StartSource::CalendarMonth { timestamps, month: self.month()?, before }
+            }
+        })
+    }
+}
+
+/// Checks the start states that `config` requests before the model is built from `train`, as far as they follow from
+/// the log. Times of listed rows are read on the clock of `data`.
+///
+/// # Errors
+/// If the data has no such row, or no row in the month or before the deployment; if the study asks for start states of
+/// a deployment and has none.
+pub fn check(
+    config: &RolloutConfig,
+    data: &DataConfig,
+    train: &Frames,
+    held_out: Option<&Frames>,
+) -> Result<(), StepError> {
+    let request = StartRequest::new(config, data, train, held_out)?;
+    match request.source(held_out.map(Frames::states))? {
+        StartSource::Random | StartSource::Nearest { .. } => Ok(()),
+        recorded => {
+            let transitions = Transitions::new(train.segments().clone());
+            // One start state is enough: a source is checked as a whole, whichever rows are drawn.
+            start_rows(train.states(), &transitions, recorded, 1, Seed::new(0))
+                .context("[rollout]")?;
+            Ok(())
+        }
+    }
+}
+
+/// The start states of the rollouts of a study.
+pub struct Starts<'a> {
+    request: StartRequest<'a>,
+    model: &'a OpenModel,
+    seed: Seed,
     /// States of the deployment, in the metric of the model.
     metric: Option<States>,
 }
@@ -56,16 +140,12 @@ impl<'a> Starts<'a> {
         held_out: Option<&Frames>,
         seed: Seed,
     ) -> Result<Self, StepError> {
-        let listed = match config.start {
-            StartKind::Rows => listed_rows(config, data, &model.frames)?,
-            _ => Vec::new(),
-        };
+        let request = StartRequest::new(config, data, &model.frames, held_out)?;
         let metric = match config.start {
             StartKind::Nearest => held_out.map(|held_out| model.in_metric(held_out.states())),
             _ => None,
         };
-        let deployed = held_out.and_then(|held_out| held_out.timestamps().first().copied());
-        Ok(Self { config, model, seed, deployed, listed, metric: metric.transpose()? })
+        Ok(Self { request, model, seed, metric: metric.transpose()? })
     }
 
     /// Returns `count` start states for each member.
@@ -78,7 +158,8 @@ impl<'a> Starts<'a> {
         count: usize,
         search: Search<'_>,
     ) -> Result<Vec<Vec<ModelStart>>, StepError> {
-        self.model.model.starts(self.source()?, count, self.seed, search).context("[rollout]")
+        let source = self.request.source(self.metric.as_ref())?;
+        self.model.model.starts(source, count, self.seed, search).context("[rollout]")
     }
 
     /// Returns the inputs of the start states, given the fingerprint of the deployment's states. `None` if they depend
@@ -87,48 +168,16 @@ impl<'a> Starts<'a> {
     /// # Errors
     /// If the study asks for a calendar month, and neither names one nor has a held-out period.
     pub fn origin(&self, deployment: Option<&Fingerprint>) -> Result<Option<Origin>, StepError> {
-        Ok(match self.config.start {
+        let StartRequest { config, timestamps, deployed, .. } = self.request;
+        Ok(match config.start {
             StartKind::Random | StartKind::Rows => None,
             StartKind::Nearest => Some(Origin::States(deployment.cloned())),
             StartKind::CalendarMonth => {
-                Some(Origin::Month { month: self.month()?, before: self.deployed.map(year_of) })
+                Some(Origin::Month { month: self.request.month()?, before: deployed.map(year_of) })
             }
-            StartKind::Recent => {
-                let timestamps = self.model.frames.timestamps();
-                Some(Origin::Rows(self.deployed.map_or(timestamps.len(), |before| {
-                    timestamps.partition_point(|&time| time < before)
-                })))
-            }
-        })
-    }
-
-    fn month(&self) -> Result<u8, StepError> {
-        self.config
-            .month
-            .or_else(|| self.deployed.map(month_of))
-            .context("rollout.start = \"calendar_month\" needs rollout.month, or a held-out period")
-    }
-
-    fn source(&self) -> Result<StartSource<'_>, StepError> {
-        let timestamps = self.model.frames.timestamps();
-        let before = self.deployed;
-        Ok(match self.config.start {
-            StartKind::Random => StartSource::Random,
-            StartKind::Recent => {
-                let window = self.config.recent_window;
-                StartSource::Recent { timestamps, before, window }
-            }
-            StartKind::Rows => {
-                StartSource::Rows { rows: &self.listed, absent: self.config.absent }
-            }
-            StartKind::Nearest => StartSource::Nearest {
-                states: self.metric.as_ref().context(
-                    "rollout.start = \"nearest\" needs a held-out period; set data.held_out, or [deployments]",
-                )?,
-            },
-            StartKind::CalendarMonth => {
-                StartSource::CalendarMonth { timestamps, month: self.month()?, before }
-            }
+            StartKind::Recent => Some(Origin::Rows(deployed.map_or(timestamps.len(), |before| {
+                timestamps.partition_point(|&time| time < before)
+            }))),
         })
     }
 }
@@ -237,6 +286,8 @@ fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> Result<RowIndex, S
 
 #[cfg(test)]
 mod tests {
+    use calib_core::Segments;
+
     use super::*;
 
     fn recorded(replaced: Option<f32>) -> (RequestedStart, Option<f32>) {
@@ -249,6 +300,43 @@ mod tests {
 
     fn told(summary: &StartSummary) -> (usize, Option<f64>, Option<f64>) {
         (summary.replaced, summary.mean_distance, summary.largest_distance)
+    }
+
+    /// Returns why start states of five hourly rows from 1970-01-01 are refused. Two more rows are held out.
+    fn refusal(config: &RolloutConfig) -> Option<String> {
+        let frames = |rows: std::ops::Range<i64>| {
+            let count = rows.end - rows.start;
+            let times = rows.map(|hour| Timestamp::from_micros(hour * 3_600_000_000)).collect();
+            let states = States::new(vec![0.0; count as usize], count as usize, 1).expect("finite");
+            let segments = Segments::from_lengths([count as usize]).expect("valid");
+            Frames::new(times, segments, states).expect("valid")
+        };
+        let (train, held_out) = (frames(0..5), frames(5..7));
+        let checked = check(config, &DataConfig::default(), &train, Some(&held_out));
+        checked.err().map(|reason| reason.to_string())
+    }
+
+    #[test]
+    fn start_states_that_the_log_lacks_are_refused_without_a_model() {
+        let config = |start: StartKind| RolloutConfig { start, ..RolloutConfig::default() };
+        let rows = |rows: &[u32]| RolloutConfig {
+            rows: rows.iter().map(|&row| RowIndex(row)).collect(),
+            ..config(StartKind::Rows)
+        };
+        assert_eq!(refusal(&rows(&[0, 4])), None);
+        let told = refusal(&rows(&[0, 5])).expect("row 5 is held out");
+        let expected = "[rollout]: start row 5 does not exist: the data has rows 0 to 4";
+        assert_eq!(told, expected);
+        let month = |month: u8| {
+            let month = Some(month);
+            refusal(&RolloutConfig { month, ..config(StartKind::CalendarMonth) })
+        };
+        let told = month(1).expect("the deployment is in the same year");
+        assert!(told.contains("no rows in month 1 of a year before 1970"), "{told}");
+        assert!(month(3).expect("no such month").contains("no rows in month 3"));
+        for start in [StartKind::Random, StartKind::Nearest, StartKind::Recent] {
+            assert_eq!(refusal(&config(start)), None, "{start:?}");
+        }
     }
 
     #[test]

@@ -410,10 +410,10 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation
     StoredArtefact { step: StepKind::Represent, study: &manifest.study, directory: &directory }
         .check(job)?;
     if manifest.key != key(job, dataset)? {
-        bail!(
+        return Err(StepError::Stale(format!(
             "the representation in {} was made from other data; run `{command}` again",
             directory.display()
-        );
+        )));
     }
     read(&directory, &manifest, &command).map(Some)
 }

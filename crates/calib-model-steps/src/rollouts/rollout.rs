@@ -26,7 +26,7 @@ use crate::{
     model::{
         kinds::search_place,
         model_files::{self, OpenModel},
-        starts::{StartSummary, Starts, summaries},
+        starts::{self, StartSummary, Starts, summaries},
     },
     rollouts::{
         collapse::{self, Collapse},
@@ -175,6 +175,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
     };
     let needed = announce(study, &model, sensors.len(), context);
     if job.policy().is_dry() {
+        starts::check(&study.rollout, &study.data, &model.frames, held_out)?;
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
@@ -198,6 +199,26 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
     }
     let took = clock.elapsed();
     Ok(StepResult::Made(Rollouts { manifest, one_step, directory, freshness, took }))
+}
+
+/// Checks the start states of rollouts whose model is still to be built, as far as they follow from the log.
+///
+/// # Errors
+/// If the log lacks them, or cannot be read.
+pub fn before_model(job: &Job, context: &RunContext) -> Result<(), StepError> {
+    // Another log has other rows.
+    if context.stands_in().is_some() {
+        return Ok(());
+    }
+    let study = job.study();
+    let dataset = match partition::load(job, &context.silent()) {
+        // The step itself tells that the deployment is left out.
+        Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
+            return Ok(());
+        }
+        parts => parts?.dataset,
+    };
+    starts::check(&study.rollout, &study.data, &dataset.train, dataset.held_out.as_ref())
 }
 
 /// Returns the sensors of the sweep, or all, with their columns.

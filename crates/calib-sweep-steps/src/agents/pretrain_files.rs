@@ -9,7 +9,7 @@ use calib_agent::{AgentConfig, Checkpoint, Epoch, FittedPredictor, Pretrained, l
 use calib_base::{
     Context as _, StepError,
     artefact::{self, Artefact, Facts},
-    bail, ensure,
+    ensure,
     log::partition::{PretrainPart, span},
     stale::StoredArtefact,
 };
@@ -223,7 +223,30 @@ fn directory(job: &Job) -> Option<PathBuf> {
 
 /// Returns the checkpoint for each sensor's agents, checked against the study, and notes for the
 /// reader.
+///
+/// # Errors
+/// [`StepError::Missing`] or [`StepError::Stale`] if the study's own pre-training has to run first. Returns another
+/// error if the agents do not fit the study, or if those in `pretrain.checkpoint` cannot be used.
 pub(crate) fn starts(
+    job: &Job,
+    dataset: &Dataset,
+    part: Option<&PretrainPart>,
+    sensors: &[(String, usize)],
+    candidates: &[Candidate],
+) -> Result<(BTreeMap<String, Start>, Vec<String>), StepError> {
+    let found = checked_starts(job, dataset, part, sensors, candidates);
+    found.map_err(|reason| {
+        // No step of this study makes the agents that it takes from elsewhere.
+        let is_given = job.study().pretrain.checkpoint.is_some();
+        if is_given && reason.lacks_result() {
+            StepError::message(format!("pretrain.checkpoint: {reason}"))
+        } else {
+            reason
+        }
+    })
+}
+
+fn checked_starts(
     job: &Job,
     dataset: &Dataset,
     part: Option<&PretrainPart>,
@@ -236,9 +259,10 @@ pub(crate) fn starts(
     };
     let command = job.command(StepKind::Pretrain);
     let manifest: PretrainManifest = artefact::require(&directory, &command)?;
-    check_columns(&directory, &manifest, dataset)?;
+    check_columns(&directory, &manifest, dataset)
+        .map_err(|reason| StepError::Stale(reason.to_string()))?;
     if manifest.data != part.fingerprint {
-        bail!(
+        return Err(StepError::Stale(format!(
             "the agents in {} were pre-trained on {}, and the study gives {} to pre-training; {}",
             directory.display(),
             manifest.span,
@@ -247,33 +271,27 @@ pub(crate) fn starts(
                 Some(_) => "give both studies the same [data], [preprocess] and periods".to_owned(),
                 None => format!("run `{command}` again"),
             }
-        );
+        )));
+    }
+    if study.pretrain.checkpoint.is_none() {
+        let kept = StoredArtefact {
+            step: StepKind::Pretrain,
+            study: &manifest.study,
+            directory: &directory,
+        };
+        kept.check(job)?;
     }
     let mut starts = BTreeMap::new();
     for (sensor, column) in sensors {
-        let agent =
-            manifest.agents.iter().find(|agent| agent.sensor == *sensor).with_context(|| {
-                let known: Vec<&str> =
-                    manifest.agents.iter().map(|agent| agent.sensor.as_str()).collect();
-                format!(
-                    "no agent in {} predicts {sensor}: it has {}; run `{command}` again",
-                    directory.display(),
-                    known.join(", ")
-                )
-            })?;
-        if study.pretrain.checkpoint.is_none() {
-            let key = agent_key(study, &part.fingerprint, sensor, *column)?;
-            let kept = StoredArtefact {
-                step: StepKind::Pretrain,
-                study: &manifest.study,
-                directory: &directory,
-            };
-            kept.check(job)?;
-            ensure!(
-                agent.key == key,
+        let agent = manifest.agents.iter().find(|agent| agent.sensor == *sensor);
+        let agent = agent.ok_or_else(|| no_agent(sensor, &directory, &manifest, &command))?;
+        if study.pretrain.checkpoint.is_none()
+            && agent.key != agent_key(study, &part.fingerprint, sensor, *column)?
+        {
+            return Err(StepError::Stale(format!(
                 "the agent for {sensor} in {} was pre-trained otherwise; run `{command}` again",
                 directory.display()
-            );
+            )));
         }
         for candidate in candidates {
             check_candidate(&directory, agent, candidate, dataset.train.states().columns())?;
@@ -298,6 +316,27 @@ pub(crate) fn starts(
         starts.insert(sensor.clone(), start);
     }
     Ok((starts, vec![note(study, part, dataset)?]))
+}
+
+/// Returns the error that the agents of `manifest` do not predict `sensor`.
+fn no_agent(
+    sensor: &str,
+    directory: &Path,
+    manifest: &PretrainManifest,
+    command: &str,
+) -> StepError {
+    let known: Vec<&str> = manifest.agents.iter().map(|agent| agent.sensor.as_str()).collect();
+    let reason = format!(
+        "no agent in {} predicts {sensor}: it has {}; run `{command}` again",
+        directory.display(),
+        known.join(", ")
+    );
+    // An agent that diverged would diverge again.
+    if manifest.diverged.contains_key(sensor) {
+        StepError::message(reason)
+    } else {
+        StepError::Stale(reason)
+    }
 }
 
 /// Returns a note on the data of the pre-training, and on the data for choosing a setting.

@@ -8,18 +8,21 @@ use calib_base::{
     output::{bytes, count, counted, duration_of_secs},
 };
 use calib_core::{RowIndex, RowStream};
-use calib_model_steps::model::model_files;
+use calib_model_steps::model::{model_files, starts};
 use calib_study::{Job, Study};
 use calib_sweep::{RaceKind, RunStream};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::sweep::{
-    cost::{Cost, MEASURED_STEPS, TrainedInPass},
-    groups::StudyGroup,
-    plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
-    setting::{candidates_of, scorable},
-    streams::Streams,
+use crate::{
+    agents::pretrain_files,
+    sweep::{
+        cost::{Cost, MEASURED_STEPS, TrainedInPass},
+        groups::StudyGroup,
+        plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
+        setting::{candidates_of, scorable},
+        streams::Streams,
+    },
 };
 
 /// Bytes of one setting's result in the file of a unit, and of each point of its learning curve.
@@ -130,6 +133,17 @@ pub fn before_model(job: &Job, tally: &DryRunTally, context: &RunContext) -> Res
     let span = StudyGroup::longest(&groups);
     let dataset = &parts.dataset;
     let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    // Another log has other rows, and its states are no states of given agents.
+    if context.stands_in().is_none() {
+        let held_out = dataset.held_out.as_ref();
+        if study.has_model() {
+            starts::check(&study.sweep_starts(), &study.data, &dataset.train, held_out)?;
+        }
+        if study.pretrain.checkpoint.is_some() {
+            let part = parts.pretrain.as_ref();
+            pretrain_files::starts(job, dataset, part, &sensors, &candidates)?;
+        }
+    }
     let starts = BTreeMap::new();
     let trained = TrainedInPass {
         study,

@@ -6,7 +6,7 @@ use calib_agent::{Part, SimplePredictor};
 use calib_base::{
     Context as _, StepError,
     artefact::{self, MANIFEST, TOOL},
-    bail, ensure,
+    bail,
     log::{context::RunContext, partition},
     outcome::{NoPlan, Outcome, StepResult},
     output::{significant, span},
@@ -244,11 +244,12 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
         bail!("there is nothing to judge: {reason}");
     }
     let store = unit_store(&paths.sweep(), manifest.arithmetic.as_deref());
-    let results = store.collect(&manifest.units, &manifest.settings).with_context(|| {
-        format!(
-            "the sweep is not complete; run `{}` again",
-            manifest.again(&job.command(StepKind::Sweep))
-        )
+    let results = store.collect(&manifest.units, &manifest.settings).map_err(|reason| {
+        StepError::Missing(format!(
+            "the sweep is not complete; run `{}` again: {}",
+            manifest.again(&job.command(StepKind::Sweep)),
+            StepError::from(reason)
+        ))
     })?;
     let sensors = study.sweep.sensors.iter();
     let profile = learned::profile(job)?;
@@ -439,7 +440,8 @@ fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, Step
     check_log(job, &manifest, context)?;
     let model = model_files::content_of(job)?;
     if model.is_some() && model != manifest.model {
-        bail!("the model was built again after the sweep; run `{again}` again");
+        let reason = format!("the model was built again after the sweep; run `{again}` again");
+        return Err(StepError::Stale(reason));
     }
     artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
     if manifest.left_out.is_none() {
@@ -455,12 +457,13 @@ fn check_log(job: &Job, swept: &SweepFacts, context: &RunContext) -> Result<(), 
     }
     let dataset = partition::load(job, &context.silent())?.dataset;
     let held_out = swept.held_out.as_ref().and_then(|states| states.data.as_ref());
-    ensure!(
-        dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out,
+    if dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out {
+        return Ok(());
+    }
+    Err(StepError::Stale(format!(
         "the sweep in {} is of other data than those in {}; run `{}` again",
         job.layout().sweep().display(),
         job.study().data.path.0.join(", "),
         job.command(StepKind::Sweep)
-    );
-    Ok(())
+    )))
 }

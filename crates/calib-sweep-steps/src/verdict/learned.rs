@@ -46,11 +46,12 @@ impl Learned {
         let directory = job.layout().model();
         let build = job.command(StepKind::BuildModel);
         let model: ModelManifest = artefact::require(&directory, &build)?;
-        ensure!(
-            model_files::has_profile(&model, &directory),
-            "profile.json of the model in {} is not what was written; run `{build}` to make it again",
-            directory.display()
-        );
+        if !model_files::has_profile(&model, &directory) {
+            return Err(StepError::Stale(format!(
+                "profile.json of the model in {} is not what was written; run `{build}` to make it again",
+                directory.display()
+            )));
+        }
         Ok(Self {
             profile: profile(job)?,
             rows: model.rows,
