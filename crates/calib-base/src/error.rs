@@ -44,6 +44,8 @@ pub enum StepError {
     Unscorable(String),
     /// The step needs libtorch, and this calib was built without it.
     Unavailable(String),
+    /// A log of decisions, its model or its agents cannot be used.
+    Control(Box<ControlError>),
     /// A file could not be read or written, or has unexpected content.
     Storage(Box<FileError>),
     /// Any other error.
@@ -129,6 +131,7 @@ impl StepError {
             }
             Self::Study(error) => error.as_ref(),
             Self::Data(error) => error.as_ref(),
+            Self::Control(error) => error.as_ref(),
             Self::Storage(error) => error.as_ref(),
             Self::Other(error) => error.as_ref(),
         };
@@ -189,6 +192,15 @@ impl From<DataError> for StepError {
     }
 }
 
+impl From<ControlError> for StepError {
+    fn from(error: ControlError) -> Self {
+        match error {
+            ControlError::Cancelled(cancelled) => cancelled.into(),
+            other => Self::Control(Box::new(other)),
+        }
+    }
+}
+
 impl From<TableError> for StepError {
     fn from(error: TableError) -> Self {
         match error {
@@ -239,7 +251,7 @@ macro_rules! from_others {
 }
 
 from_errors_with_files!(DynamicsError, KnnError, RepresentError, SweepError);
-from_errors!(AgentError, ControlError, ModelError, RolloutError);
+from_errors!(AgentError, ModelError, RolloutError);
 from_others!(
     io::Error,
     FromUtf8Error,

@@ -427,8 +427,8 @@ impl ControlDrafting<'_> {
 
 /// Whether a log has more actions than a study may have.
 fn has_many_actions(reason: &StepError) -> bool {
-    let StepError::Other(reason) = reason.root() else { return false };
-    matches!(reason.downcast_ref::<ControlError>(), Some(ControlError::ManyActions { .. }))
+    let StepError::Control(reason) = reason.root() else { return false };
+    matches!(reason.as_ref(), ControlError::ManyActions { .. })
 }
 
 /// Returns doubts about choices from this log that do not depend on the agents.
