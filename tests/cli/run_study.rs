@@ -175,6 +175,55 @@ fn a_dry_run_writes_nothing() {
     assert!(!place.path().join("study-results/sweep").exists());
 }
 
+#[test]
+fn a_dry_run_says_how_long_each_step_takes_and_all_together() {
+    let place = Place::with_study();
+    place.extend_study(
+        "[pretrain]\nepochs = 2\nfraction = 0.4\n\
+         [models.laplacian.representation]\nkind = \"laplacian\"\ndimension = 4\nhidden_units = 16\nsteps = 200\n\
+         [models.network]\nmodel.kind = \"nn\"\ndynamics = { hidden_units = 16, epochs = 2 }\n",
+    );
+    let dry = place.calib(&["run", "study.toml", "--dry-run"]);
+    dry.succeeds();
+    let told = dry.stderr();
+    let steps: Vec<&str> = told.split("\n[").skip(1).collect();
+    // Pre-training, the representation, two models, their rollouts and sweeps, the verdict.
+    assert_eq!(steps.len(), 9, "{told}");
+    for step in steps {
+        let is_timed = step.contains("expecting about ");
+        assert_eq!(is_timed, !step.contains("] evaluate"), "{step}");
+    }
+    let mut lines = told.lines();
+    let all = lines.find(|line| line.contains("In all: about ")).expect(&told);
+    for part in [" of a processor on this machine, up to ", " of memory, up to "] {
+        assert!(all.contains(part), "{all}");
+    }
+    assert!(all.ends_with(" on disk; without the time of reading the log, evaluate"), "{all}");
+    let plan = place.calib(&["run", "study.toml", "--dry-run", "--json", "-q"]).json(&[0]);
+    for step in plan["steps"].as_array().expect("steps") {
+        let secs = step["cost"]["processor_secs"].as_f64();
+        let is_timed =
+            !["reading the log", "evaluate"].contains(&step["step"].as_str().expect("a name"));
+        assert_eq!(secs.is_some_and(|secs| secs > 0.0), is_timed, "{step}");
+    }
+    assert!(!place.path().join("study-results").exists(), "nothing is written");
+}
+
+#[test]
+fn what_is_up_to_date_has_no_expected_cost() {
+    let place = Place::with_study();
+    let told = |command: &str| {
+        let dry = place.calib(&[command, "study.toml", "--dry-run"]);
+        dry.succeeds();
+        dry.stderr()
+    };
+    for command in ["build-model", "rollout"] {
+        place.calib(&[command, "study.toml"]).succeeds();
+        assert!(!told(command).contains("expecting about "), "{}", told(command));
+    }
+    assert!(told("run").contains("; without the time of evaluate"), "{}", told("run"));
+}
+
 /// 20,000 bytes are free, and the smallest step writes ten times as much.
 #[test]
 fn work_that_the_disk_has_no_room_for_is_refused_before_it_begins() {

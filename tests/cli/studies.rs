@@ -10,6 +10,8 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     let said = dry.stderr();
     assert!(said.contains("dry run: rollout waits for the steps before it\n"), "{said}");
     assert!(said.contains("rows x 11 columns in ") && said.contains("expecting about "), "{said}");
+    assert!(said.contains("to do: simulate, reading the log, build-model, "), "{said}");
+    assert!(said.contains("of a processor on this machine"), "{said}");
     assert!(!said.contains("data.path"), "{said}");
     assert!(!place.path().join("data").exists());
 

@@ -83,7 +83,16 @@ impl TimeTaken {
         let secs = clock.elapsed().as_secs_f64();
         (made, Self { secs, processor_secs: processor_secs() - before })
     }
+
+    /// Returns the processor time, s. It is the wall time of work that is short against the ticks in which processor
+    /// time is reported, or where the system does not report it.
+    pub fn on_processors(&self) -> f64 {
+        if self.processor_secs < TEN_TICKS { self.secs } else { self.processor_secs }
+    }
 }
+
+/// Ten ticks of the processor time that Linux reports, s.
+const TEN_TICKS: f64 = 0.1;
 
 /// Returns the processor time of this process so far, as Linux reports it.
 fn processor_secs() -> f64 {
@@ -117,6 +126,13 @@ mod tests {
         let stat = "71 (a b) c) S 1 71 71 0 -1 4194304 150 0 0 0 1234 66 7 8 20 0 4 0 99 1 1 1";
         assert_eq!(processor_secs_in(stat), Some(13.0));
         assert_eq!(processor_secs_in("71 (a) S 1"), None);
+    }
+
+    #[test]
+    fn short_work_has_its_wall_time() {
+        let taken = |processor_secs: f64| TimeTaken { secs: 0.07, processor_secs };
+        assert_eq!(taken(0.09).on_processors(), 0.07);
+        assert_eq!(taken(0.13).on_processors(), 0.13);
     }
 
     #[test]

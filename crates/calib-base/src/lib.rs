@@ -9,6 +9,7 @@
 
 pub mod artefact;
 pub mod clock;
+pub mod cost;
 pub mod disk_room;
 mod error;
 pub mod frames;

@@ -5,7 +5,9 @@ use std::{collections::BTreeSet, path::Path};
 use calib_base::{
     StepError,
     artefact::{self, Artefact, Facts},
+    cost::{ExpectedStep, StepCost},
     log::{context::RunContext, plant_of_study, prepared},
+    output::{bytes, duration_of_secs},
 };
 use calib_model_steps::{
     model::model_files::{self, ModelManifest},
@@ -36,9 +38,12 @@ pub(crate) struct PlannedStep {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) deployment: Option<String>,
     pub(crate) state: State,
-    /// Expected cost of the step, if known.
+    /// Passes and time of a sweep, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     expected: Option<Expected>,
+    /// Expected cost of the step, if known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cost: Option<StepCost>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
@@ -96,6 +101,11 @@ impl Plan {
         Ok(())
     }
 
+    /// Adds the simulation of the log, which comes before all other steps.
+    pub(crate) fn simulate_first(&mut self, job: &Job) {
+        self.steps.insert(0, PlannedStep::new(StepKind::Simulate, job, State::ToDo));
+    }
+
     pub(crate) fn steps(&self) -> &[PlannedStep] {
         &self.steps
     }
@@ -131,6 +141,40 @@ impl Plan {
         }
     }
 
+    /// Adds the expected costs of steps.
+    pub(crate) fn add_costs(&mut self, all: &[ExpectedStep]) {
+        for ExpectedStep { step, model, deployment, cost } in all {
+            let planned = self.steps.iter_mut().find(|planned| {
+                planned.step == *step
+                    && planned.model == *model
+                    && planned.deployment == *deployment
+            });
+            if let Some(planned) = planned {
+                planned.cost = Some(*cost);
+            }
+        }
+    }
+
+    /// Returns a line on the cost of all steps that are to do, if that of any is known. It names the other steps.
+    pub(crate) fn in_all(&self) -> Option<String> {
+        let to_do = || self.steps.iter().filter(|planned| planned.state == State::ToDo);
+        let cost = to_do().filter_map(|planned| planned.cost).reduce(StepCost::then)?;
+        let unknown = to_do().filter(|planned| planned.cost.is_none());
+        let unknown: BTreeSet<StepKind> = unknown.map(|planned| planned.step).collect();
+        let unknown: Vec<&str> = unknown.into_iter().map(StepKind::label).collect();
+        let without = if unknown.is_empty() {
+            String::new()
+        } else {
+            format!("; without the time of {}", unknown.join(", "))
+        };
+        Some(format!(
+            "In all: about {} of a processor on this machine, up to {} of memory, up to {} on disk{without}",
+            duration_of_secs(cost.processor_secs),
+            bytes(cost.memory),
+            bytes(cost.disk),
+        ))
+    }
+
     /// Returns one line on the steps that are up to date, and one on those to do.
     pub(crate) fn lines(&self) -> Vec<String> {
         let told = |state: State, name: &str| {
@@ -163,7 +207,7 @@ impl PlannedStep {
     fn new(step: StepKind, part: &Job, state: State) -> Self {
         let model = part.model().map(str::to_owned);
         let deployment = part.deployment().map(str::to_owned);
-        Self { step, model, deployment, state, expected: None }
+        Self { step, model, deployment, state, expected: None, cost: None }
     }
 
     /// Whether the step covers this part of the study, alone or with others.
@@ -222,7 +266,45 @@ mod tests {
     use super::*;
 
     fn planned(step: StepKind, model: &str, state: State) -> PlannedStep {
-        PlannedStep { step, model: Some(model.to_owned()), deployment: None, state, expected: None }
+        PlannedStep {
+            step,
+            model: Some(model.to_owned()),
+            deployment: None,
+            state,
+            expected: None,
+            cost: None,
+        }
+    }
+
+    #[test]
+    fn costs_add_up_and_unknown_ones_are_named() {
+        let steps = vec![
+            planned(StepKind::BuildModel, "a", State::UpToDate),
+            planned(StepKind::BuildModel, "b", State::ToDo),
+            planned(StepKind::Sweep, "a", State::ToDo),
+            planned(StepKind::Sweep, "b", State::ToDo),
+            planned(StepKind::Evaluate, "", State::ToDo),
+        ];
+        let mut plan = Plan { steps };
+        assert_eq!(plan.in_all(), None);
+        let expected = |step: StepKind, model: &str, processor_secs: f64| ExpectedStep {
+            step,
+            model: Some(model.to_owned()),
+            deployment: None,
+            cost: StepCost { processor_secs, memory: 1 << 20, disk: 512 },
+        };
+        plan.add_costs(&[
+            expected(StepKind::BuildModel, "b", 1.5),
+            expected(StepKind::Sweep, "a", 2.0),
+            expected(StepKind::Sweep, "b", 3.0),
+            expected(StepKind::Sweep, "c", 100.0),
+        ]);
+        let told = plan.in_all().expect("costs");
+        assert_eq!(
+            told,
+            "In all: about 6.5 s of a processor on this machine, up to 1.0 MiB of memory, up to 1.5 KiB on disk; \
+             without the time of evaluate"
+        );
     }
 
     #[test]

@@ -151,9 +151,12 @@ pub(crate) fn run_to(
     let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
     let on_devices = on_devices.collect::<Result<Vec<_>, StepError>>()?;
     let arithmetic = on_devices.iter().flatten().map(|device| device.class()).next();
-    let mut plan = Plan::of(job, &jobs, arithmetic, context)?;
-    talk.say_all(&plan.lines());
     let plant = PlantOfStudy::of(job)?;
+    let mut plan = Plan::of(job, &jobs, arithmetic, context)?;
+    if plant.as_ref().is_some_and(|plant| is_made(plant, job)) {
+        plan.simulate_first(job);
+    }
+    talk.say_all(&plan.lines());
     let stages = stages(&models, plant.as_ref(), extent, &plan, job);
     let progress = RunProgress::new(talk, stages, &plan, &jobs)?;
     let log = match plant {
@@ -168,13 +171,9 @@ pub(crate) fn run_to(
             job = log.job().clone();
             models = self::models(&job)?;
             talk = log.context(&talk);
+            talk.expect(StepKind::Simulate, &job, log.simulating());
         }
-        StudyLog::None => {
-            talk.say(&format!("then: {}", remaining(&models).join(", ")));
-            tell(&plan, &job, context)?;
-            let outcome = Outcome::Done;
-            return Ok(StudyRun { evaluation: None, left_out: Vec::new(), outcome });
-        }
+        StudyLog::None => return without_log(&models, &plan, &job, &talk, context),
     }
     let (job, talk) = (&job, &talk);
     streams::check(&models[0].job.before_deployment()?, talk)?;
@@ -192,6 +191,7 @@ pub(crate) fn run_to(
         }
     }
     plan.expect(&tally.expected());
+    plan.add_costs(&talk.expected());
     talk.say_all(&Vec::from_iter(tally.in_all()));
     tell(&plan, job, context)?;
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
@@ -207,9 +207,23 @@ pub(crate) fn run_to(
             context.error(reason);
         }
     }
+    talk.say_all(plan.in_all().as_slice());
     say_done(clock.elapsed(), context);
     let outcome = outcomes.into_iter().find(|outcome| *outcome != Outcome::Done);
     Ok(StudyRun { evaluation, left_out, outcome: outcome.unwrap_or(Outcome::Done) })
+}
+
+/// Ends a dry run that cannot estimate the steps after the simulation.
+fn without_log(
+    models: &[Model],
+    plan: &Plan,
+    job: &Job,
+    talk: &Printer,
+    context: &RunContext,
+) -> Result<StudyRun, StepError> {
+    talk.say(&format!("then: {}", remaining(models).join(", ")));
+    tell(plan, job, context)?;
+    Ok(StudyRun { evaluation: None, left_out: Vec::new(), outcome: Outcome::Done })
 }
 
 /// Reports the duration of a run next to its estimate. After a long run the estimate is always shown, otherwise only in
@@ -368,6 +382,7 @@ fn stand_in(plant: &PlantOfStudy, job: &Job, talk: &RunContext) -> Result<StudyL
     match StandInLog::of(&plant.options, job, talk) {
         Ok(log) => {
             talk.say("a sample of that log stands in for it in what follows");
+            talk.say(&log.simulating().line());
             Ok(StudyLog::StandIn(log))
         }
         Err(reason) if reason.was_cancelled() || is_of_study(&reason) => Err(reason),

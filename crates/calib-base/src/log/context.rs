@@ -7,14 +7,21 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-use crate::{log::prepared::Prepared, output::Printer};
+use calib_study::{Job, StepKind};
 
-/// The observer of a command's steps, and the logs that they have opened. Within a command, a log is as it was when it
-/// was first read, and files are compared with their recorded fingerprints once.
+use crate::{
+    cost::{ExpectedStep, StepCost},
+    log::prepared::Prepared,
+    output::Printer,
+};
+
+/// The observer of a command's steps, the logs that they have opened, and the costs that they expect. Within a command,
+/// a log is as it was when it was first read, and files are compared with their recorded fingerprints once.
 #[derive(Clone)]
 pub struct RunContext {
     printer: Printer,
     opened: Arc<Mutex<Opened>>,
+    expected: Arc<Mutex<Vec<ExpectedStep>>>,
     /// Number of rows that each row of the log represents, if it is a [stand-in](crate::log::stand_in) for another log.
     stand_in: Option<usize>,
 }
@@ -29,7 +36,12 @@ struct Opened {
 impl RunContext {
     /// Returns the context of a new command. Logs may have changed since an earlier command opened them.
     pub fn new(printer: &Printer) -> Self {
-        Self { printer: printer.clone(), opened: Arc::default(), stand_in: None }
+        Self {
+            printer: printer.clone(),
+            opened: Arc::default(),
+            expected: Arc::default(),
+            stand_in: None,
+        }
     }
 
     /// Returns the context for a step on the way to another result.
@@ -59,6 +71,19 @@ impl RunContext {
     /// Returns the number of rows that each row of a stand-in log represents, or `None` for an ordinary log.
     pub fn stands_in(&self) -> Option<usize> {
         self.stand_in
+    }
+
+    /// Records the expected cost of a step for this part of a study, in a dry run.
+    pub fn expect(&self, step: StepKind, part: &Job, cost: StepCost) {
+        let model = part.model().map(str::to_owned);
+        let deployment = part.deployment().map(str::to_owned);
+        let mut expected = self.expected.lock().unwrap_or_else(PoisonError::into_inner);
+        expected.push(ExpectedStep { step, model, deployment, cost });
+    }
+
+    /// Returns the recorded costs.
+    pub fn expected(&self) -> Vec<ExpectedStep> {
+        self.expected.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Returns a log below `root` that was opened before.

@@ -1,6 +1,6 @@
 //! A stand-in for a log that is not simulated yet, so that a dry run can estimate the cost of a study.
 
-use std::iter::repeat_n;
+use std::{iter::repeat_n, path::Path};
 
 use calib_core::{Frames, Monitor, Period, Segment, Segments, States, Timestamp};
 use calib_data::{DataConfig, Dataset, table::write_log};
@@ -9,7 +9,10 @@ use calib_plant::{Plant, PlantOptions};
 use calib_study::Job;
 
 use crate::{
-    StepError, ensure,
+    StepError,
+    clock::TimeTaken,
+    cost::StepCost,
+    ensure,
     log::{context::RunContext, plant_of_study},
     memory,
     output::bytes,
@@ -25,6 +28,7 @@ pub struct StandInLog {
     _folder: TemporaryFolder,
     job: Job,
     rows_each: usize,
+    simulating: StepCost,
 }
 
 impl StandInLog {
@@ -38,7 +42,8 @@ impl StandInLog {
         let study = job.study();
         // The study's own subsampling is already applied here.
         let subsample = study.preprocess.subsample as u64;
-        let wanted = (Plant::new(options.clone())?.instants() / subsample).div_ceil(ENOUGH_ROWS);
+        let instants = Plant::new(options.clone())?.instants();
+        let wanted = (instants / subsample).div_ceil(ENOUGH_ROWS);
         let period = options.period.as_secs() * subsample as f64;
         let rows_each = wanted.clamp(1, (LONGEST_PERIOD / period).max(1.0) as u64);
         let options = PlantOptions {
@@ -46,7 +51,9 @@ impl StandInLog {
             ..options.clone()
         };
         let plant = Plant::new(options)?;
-        let values = plant.instants().saturating_mul(4 * plant.schema().len() as u64);
+        let sampled_instants = plant.instants().max(1);
+        let of_instant = 4 * plant.schema().len() as u64;
+        let values = sampled_instants.saturating_mul(of_instant);
         let available = memory::available().unwrap_or(u64::MAX);
         let room = available / 8;
         ensure!(
@@ -56,9 +63,16 @@ impl StandInLog {
             bytes(room)
         );
         let progress = context.progress();
-        let sampled = sampled(plant, &progress)?;
         let folder = TemporaryFolder::new()?;
-        write_log(&folder.path().join("log.parquet"), &sampled.timestamps, &sampled.channels)?;
+        let path = folder.path().join("log.parquet");
+        let (written, taken) = TimeTaken::by(|| write(plant, &path, &progress));
+        written?;
+        let simulating = StepCost {
+            processor_secs: taken.on_processors() * instants as f64 / sampled_instants as f64,
+            // A day is in memory at a time.
+            memory: 0,
+            disk: instants.saturating_mul(of_instant),
+        };
         let mut request = job.request().clone();
         let path = toml::Value::String(folder.path().display().to_string());
         request.set.push(format!("data.path={path}"));
@@ -77,12 +91,17 @@ impl StandInLog {
             bytes(states),
             bytes(room)
         );
-        Ok(Self { _folder: folder, job, rows_each: rows_each as usize })
+        Ok(Self { _folder: folder, job, rows_each: rows_each as usize, simulating })
     }
 
     /// Returns the study that reads it.
     pub fn job(&self) -> &Job {
         &self.job
+    }
+
+    /// Returns the expected cost of simulating the log that it stands in for.
+    pub fn simulating(&self) -> StepCost {
+        self.simulating
     }
 
     /// Returns the context for the steps of that study.
@@ -95,6 +114,12 @@ impl StandInLog {
 struct SampledLog {
     timestamps: Vec<Timestamp>,
     channels: Vec<(String, Vec<f32>)>,
+}
+
+/// Simulates the whole log of `plant`, and writes it to a file.
+fn write(plant: Plant, path: &Path, monitor: &dyn Monitor) -> Result<(), StepError> {
+    let SampledLog { timestamps, channels } = sampled(plant, monitor)?;
+    Ok(write_log(path, &timestamps, &channels)?)
 }
 
 fn sampled(mut plant: Plant, monitor: &dyn Monitor) -> Result<SampledLog, StepError> {

@@ -32,7 +32,7 @@ use serde::Serialize;
 use crate::{
     model::{
         build_check::{check_against_brute_force, recall_of},
-        build_network,
+        build_cost, build_network,
         build_plan::{BuildPlan, Spilled, Training},
         jumps,
         model_files::{self, MemberSummary, ModelFacts, ModelManifest, model_key},
@@ -125,6 +125,7 @@ pub fn run(
         return Ok(planned(plan, &directory, context));
     };
     if is_dry {
+        build_cost::expect(job, *prepared, &config, width, &plan, context)?;
         return Ok(planned(plan, &directory, context));
     }
     let partition::Parts { dataset, pretrain, states } = partition::parts(study, *prepared)?;

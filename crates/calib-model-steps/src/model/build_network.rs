@@ -16,7 +16,7 @@ use calib_core::Transitions;
 use calib_data::Dataset;
 use calib_files::write_json;
 use calib_model::ModelKind;
-use calib_study::Job;
+use calib_study::{Job, StepKind};
 use serde::Serialize;
 
 use crate::model::{
@@ -53,6 +53,14 @@ pub(crate) fn run(
     let key = train_model::key(&dataset.fingerprint, job)?;
     train_model::announce(study, &dataset, context);
     if job.policy().is_dry() {
+        // The time of another arithmetic is not known.
+        if options.device.is_none()
+            && !model_files::is_kept(job, &dataset)
+            && let Some(cost) = train_model::cost(study, &dataset, &context.silent().progress())?
+        {
+            context.say(&cost.line());
+            context.expect(StepKind::BuildModel, job, cost);
+        }
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(None));
     }

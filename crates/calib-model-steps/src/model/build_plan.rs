@@ -3,7 +3,9 @@
 use std::{ops::Range, path::Path};
 
 use calib_base::{
-    StepError, bail, disk_room,
+    StepError, bail,
+    cost::StepCost,
+    disk_room,
     log::prepared::Known,
     memory,
     options::{BuildOptions, Spill},
@@ -185,6 +187,11 @@ impl BuildPlan {
             directory,
             "choose a folder on another disk with --output, or lower model.neighbors or model.members",
         )
+    }
+
+    /// Returns the cost of a build that takes `processor_secs`.
+    pub(super) fn cost(&self, processor_secs: f64) -> StepCost {
+        StepCost { processor_secs, memory: self.memory_bytes, disk: self.disk_bytes }
     }
 
     /// Returns the plan in a sentence.

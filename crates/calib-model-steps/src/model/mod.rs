@@ -2,6 +2,7 @@
 //! through one interface.
 
 pub(crate) mod build_check;
+pub(crate) mod build_cost;
 pub mod build_model;
 pub(crate) mod build_network;
 pub mod build_plan;

@@ -12,12 +12,13 @@ use calib_base::{
     artefact::{self, Manifest as _},
     bail,
     clock::Stopwatch,
+    cost::{StepCost, processor_secs},
     ensure, memory,
     options::Device,
     output::{Printer, bytes, count, counted, significant},
     torch,
 };
-use calib_core::{Monitor as _, Seed, Transitions};
+use calib_core::{Monitor, Seed, Transitions};
 use calib_data::Dataset;
 use calib_dynamics::{
     Dynamics, DynamicsConfig, FeedForward, FeedForwardTrainer, Recurrent, RecurrentTrainer,
@@ -28,6 +29,7 @@ use calib_files::{
     write_atomically, write_json, write_tensors,
 };
 use calib_model::ModelKind;
+use calib_nn::Mlp;
 use calib_study::{Job, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -173,17 +175,100 @@ pub(crate) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
 /// Returns the memory for training on the processor: the states twice, copies of the weights, and a
 /// mini-batch.
 fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
-    let config = &study.dynamics;
     let columns = dataset.train.states().columns();
-    let layers = std::iter::repeat_n(config.hidden_units, config.hidden_layers);
-    let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([columns]).collect();
     let states = 8 * (dataset.train.rows() * columns) as u64;
-    let network = match study.model.kind {
-        ModelKind::Nn => calib_nn::training_bytes(&sizes, config.batch_size),
+    states.saturating_add(network_bytes(study, columns))
+}
+
+/// Returns the memory for training without the states.
+fn network_bytes(study: &Study, columns: usize) -> u64 {
+    let config = &study.dynamics;
+    match study.model.kind {
+        ModelKind::Nn => calib_nn::training_bytes(&layer_sizes(config, columns), config.batch_size),
         ModelKind::Gru => calib_dynamics::recurrent_training_bytes(config, columns),
         ModelKind::Knn | ModelKind::Torchscript | ModelKind::None => 0,
+    }
+}
+
+/// Returns the number of units of each layer of a feed-forward network for states of `columns` columns.
+fn layer_sizes(config: &DynamicsConfig, columns: usize) -> Vec<usize> {
+    let layers = std::iter::repeat_n(config.hidden_units, config.hidden_layers);
+    [columns].into_iter().chain(layers).chain([columns]).collect()
+}
+
+/// A step size with which no training diverges while it is timed.
+const SMALL_LEARNING_RATE: f64 = 1e-6;
+/// Largest number of products of weights and states of a timed mini-batch: some tenths of a second with the gradients.
+const MOST_WORK: usize = 2_000_000_000;
+
+/// Returns the settings of a training that can be timed. Its epochs take about as long as those of `config`, whose
+/// mini-batches may be larger.
+fn timeable(kind: ModelKind, config: &DynamicsConfig, columns: usize) -> DynamicsConfig {
+    let sizes = layer_sizes(config, columns);
+    let products = sizes.windows(2).map(|layer| layer[0] * layer[1]).sum::<usize>();
+    let of_item = match kind {
+        // Three gates, each of the inputs and of the hidden state, for each state of a sequence.
+        ModelKind::Gru => products.saturating_mul(6 * config.sequence_length),
+        _ => products,
     };
-    states.saturating_add(network)
+    let batch_size = (MOST_WORK / of_item.max(1)).max(2).min(config.batch_size);
+    DynamicsConfig { batch_size, learning_rate: SMALL_LEARNING_RATE, ..config.clone() }
+}
+
+/// Returns the expected cost of training the network on this processor, from some updates of one like it. `None` if it
+/// is trained elsewhere, or does not fit into memory.
+pub(super) fn cost(
+    study: &Study,
+    dataset: &Dataset,
+    monitor: &dyn Monitor,
+) -> Result<Option<StepCost>, StepError> {
+    let memory = training_bytes(study, dataset);
+    if memory::available().is_some_and(|available| memory > available) {
+        return Ok(None);
+    }
+    let states = dataset.train.states();
+    let config = timeable(study.model.kind, &study.dynamics, states.columns());
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    let data = Transitioning::new(states, &transitions, config.validation_fraction)?;
+    let seed = Seed::new(study.seed).child("dynamics");
+    let mut trainer: Box<dyn Trainer + '_> = match study.model.kind {
+        ModelKind::Nn => Box::new(FeedForwardTrainer::new(&data, &config, seed)),
+        ModelKind::Gru => Box::new(RecurrentTrainer::new(&data, &config, seed)?),
+        ModelKind::Knn | ModelKind::Torchscript | ModelKind::None => return Ok(None),
+    };
+    // The weights, and the checkpoint until the end.
+    let arrays = [trainer.weights()?, trainer.checkpoint()?];
+    let values = arrays.iter().flat_map(|arrays| &arrays.tensors).map(|array| array.values.len());
+    let disk = 4 * values.sum::<usize>() as u64;
+    let epoch = processor_secs(monitor, |monitor| {
+        monitor.begin("training", trainer.updates_per_epoch() as u64);
+        trainer.epoch(monitor)
+    })?;
+    Ok(Some(StepCost { processor_secs: epoch * config.epochs as f64, memory, disk }))
+}
+
+/// Returns a network of the study's shape for states of `columns` columns, which has learned nothing. `None` if the
+/// study does not give its shape, or its training does not fit into memory.
+pub(crate) fn untrained(
+    study: &Study,
+    columns: usize,
+) -> Result<Option<Box<dyn Dynamics>>, StepError> {
+    let needed = network_bytes(study, columns);
+    if memory::available().is_some_and(|available| needed > available) {
+        return Ok(None);
+    }
+    let config = &study.dynamics;
+    let seed = Seed::new(study.seed).child("dynamics");
+    let network: Box<dyn Dynamics> = match study.model.kind {
+        ModelKind::Nn => Box::new(FeedForward::new(Mlp::new(&layer_sizes(config, columns), seed))?),
+        ModelKind::Gru => {
+            let DynamicsConfig { hidden_units, hidden_layers, sequence_length, .. } = *config;
+            let history = sequence_length.saturating_sub(1);
+            Box::new(Recurrent::random(columns, hidden_units, hidden_layers, history, seed))
+        }
+        ModelKind::Knn | ModelKind::Torchscript | ModelKind::None => return Ok(None),
+    };
+    Ok(Some(network))
 }
 
 /// Refuses training that does not fit in memory. The memory of libtorch depends on the device.
@@ -309,4 +394,26 @@ pub(crate) fn open(
         ModelKind::Torchscript => torch::open_script(&directory.join(SCRIPT), columns)?,
         ModelKind::Knn | ModelKind::None => bail!("only a network has weights"),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mini_batches_that_nobody_waits_for_are_cut() {
+        let config = DynamicsConfig {
+            hidden_layers: 1,
+            hidden_units: 1_000,
+            batch_size: 1 << 20,
+            sequence_length: 10,
+            ..DynamicsConfig::default()
+        };
+        let batch = |kind: ModelKind, config: &DynamicsConfig| timeable(kind, config, 5).batch_size;
+        // Two layers of 5 x 1000 weights.
+        assert_eq!(batch(ModelKind::Nn, &config), 200_000);
+        assert_eq!(batch(ModelKind::Gru, &config), 3_333);
+        let small = DynamicsConfig { batch_size: 1, ..config };
+        assert_eq!(batch(ModelKind::Nn, &small), 1);
+    }
 }

@@ -2,15 +2,18 @@
 
 use std::time::Duration;
 
-use calib_base::{StepError, clock::Stopwatch, disk_room};
+use calib_base::{
+    StepError, clock::Stopwatch, cost::StepCost, disk_room, log::context::RunContext, memory,
+    options::Device,
+};
 use calib_core::{Monitor, Seed, Segments};
 use calib_data::Dataset;
 use calib_represent::{
     CURVE_POINTS, LaplacianConfig, RepresentationKind, SCORED_PAIRS, Split, Training, encode, score,
 };
-use calib_study::{Job, Study};
+use calib_study::{Job, StepKind, Study};
 
-use super::{Material, seed};
+use super::{Material, RepresentationManifest, grid, seed};
 
 /// Minimum time for the updates of a candidate.
 const TIMED: Duration = Duration::from_millis(50);
@@ -59,6 +62,48 @@ impl RepresentationCost {
             disk: disk_bytes(&candidates, material),
         })
     }
+
+    /// Returns the cost of the step.
+    pub(super) fn of_step(&self) -> StepCost {
+        // Scoring takes all threads.
+        let scoring = self.scoring * rayon::current_num_threads() as f64;
+        let processor_secs = self.trainings.iter().sum::<f64>() + scoring;
+        StepCost { processor_secs, memory: self.memory, disk: self.disk }
+    }
+}
+
+/// Reports the expected cost of the representations, unless they are there. The time of an imported one, and of another
+/// arithmetic, is not known.
+pub(super) fn expect(
+    job: &Job,
+    device: Option<Device>,
+    dataset: &Dataset,
+    key: &str,
+    context: &RunContext,
+) -> Result<(), StepError> {
+    let study = job.study();
+    let directory = job.layout().representation();
+    let redoes = job.policy().redoes();
+    let is_there = !redoes && RepresentationManifest::find(&directory, key).is_some();
+    let is_trained_here = takes_disk(job) && device.is_none();
+    if is_there || !is_trained_here {
+        return Ok(());
+    }
+    let material = Material::of(dataset);
+    let needed = needed_bytes(study, material);
+    if memory::available().is_some_and(|available| needed > available) {
+        return Ok(());
+    }
+    let left = if redoes {
+        study.representation.candidates()
+    } else {
+        grid::left(study, material, &directory)?
+    };
+    let progress = context.silent().progress();
+    let cost = RepresentationCost::measure(study, material, &left, &progress)?.of_step();
+    context.say(&cost.line());
+    context.expect(StepKind::Represent, job, cost);
+    Ok(())
 }
 
 /// The time of a candidate, in seconds.
@@ -293,6 +338,9 @@ mod tests {
         assert_eq!(cost.trainings.len(), 2);
         assert_eq!(cost.trainings[0], cost.trainings[1], "they differ in the step size");
         assert!(cost.trainings[0] > 0.0 && cost.scoring > 0.0, "{cost:?}");
+        let step = cost.of_step();
+        assert!(step.processor_secs > cost.trainings.iter().sum::<f64>(), "{step:?}");
+        assert_eq!((step.memory, step.disk), (cost.memory, cost.disk));
         // 2 · 4 + 4 + 4 · 3 + 3 = 27 weights, and 2 · 8 + 8 + 8 · 3 + 3 = 51; ψ of 200 states.
         assert_eq!(cost.disk, 4 * (2 * 27 + 2 * 51 + 51 + 200 * 3));
         assert!(cost.memory > 4 * 200 * (2 * 2 + 3), "{cost:?}");

@@ -168,6 +168,7 @@ pub fn run(
     let directory = job.layout().representation();
     announce(study, &dataset, context);
     if job.policy().is_dry() {
+        cost::expect(job, device, &dataset, &key, context)?;
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }

@@ -2,6 +2,7 @@
 
 pub mod collapse;
 pub mod comparison;
+mod cost;
 pub mod figures;
 pub mod one_step;
 pub mod rollout;

@@ -31,6 +31,7 @@ use crate::{
     rollouts::{
         collapse::{self, Collapse},
         comparison::{self, Comparison},
+        cost::{self, Extent},
         figures,
         one_step::{self, OneStep},
         trajectory_columns::Columns,
@@ -173,9 +174,13 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
         Some(noise) => artefact::key(&(inputs, noise))?,
         None => artefact::key(&inputs)?,
     };
-    let needed = announce(study, &model, sensors.len(), context);
+    let extent = Extent::of(study, &*model.model, sensors.len());
+    announce(study, &model, extent.memory(), context);
     if job.policy().is_dry() {
         starts::check(&study.rollout, &study.data, &model.frames, held_out)?;
+        if job.policy().redoes() || RolloutManifest::find(&directory, &key).is_none() {
+            cost::expect(job, &model, extent, context)?;
+        }
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
@@ -184,7 +189,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
         (manifest, Freshness::Kept)
     } else {
         let remedy = "lower rollout.steps or rollout.rollouts, or name fewer sweep.sensors";
-        memory::require(needed, "the rollouts", remedy)?;
+        memory::require(extent.memory(), "the rollouts", remedy)?;
         let record = Record { model: &model.frames, deployment: held_out };
         let from = (&starts, record);
         let made = roll_out(study, &model, from, &sensors, key, &directory, context)?;
@@ -201,24 +206,30 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
     Ok(StepResult::Made(Rollouts { manifest, one_step, directory, freshness, took }))
 }
 
-/// Checks the start states of rollouts whose model is still to be built, as far as they follow from the log.
+/// Checks the start states of rollouts whose model is still to be built, as far as they follow from the log, and
+/// reports the expected cost.
 ///
 /// # Errors
 /// If the log lacks them, or cannot be read.
 pub fn before_model(job: &Job, context: &RunContext) -> Result<(), StepError> {
-    // Another log has other rows.
-    if context.stands_in().is_some() {
-        return Ok(());
-    }
     let study = job.study();
-    let dataset = match partition::load(job, &context.silent()) {
+    let log = if context.stands_in().is_some() { job.before_deployment()? } else { job.clone() };
+    let dataset = match partition::load(&log, &context.silent()) {
         // The step itself tells that the deployment is left out.
         Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
             return Ok(());
         }
         parts => parts?.dataset,
     };
-    starts::check(&study.rollout, &study.data, &dataset.train, dataset.held_out.as_ref())
+    // A stand-in has other rows than the log.
+    if context.stands_in().is_none() {
+        starts::check(&study.rollout, &study.data, &dataset.train, dataset.held_out.as_ref())?;
+    }
+    let sensors = match study.sweep.sensors.len() {
+        0 => dataset.train.states().columns(),
+        sensors => sensors,
+    };
+    cost::expect_before_model(job, &dataset.train, sensors, context)
 }
 
 /// Returns the sensors of the sweep, or all, with their columns.
@@ -235,26 +246,16 @@ fn sensors(
     model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
 }
 
-/// Bytes of a row of the trajectories, besides its state, and for each sensor: the table, its copy that is written, and
-/// its figure. Measured, rounded up.
-const ROW_BYTES: u64 = 88;
-const SENSOR_BYTES: u64 = 56;
-
-/// Reports the rollouts that begin, and returns the bytes that they take.
-fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) -> u64 {
+/// Reports the rollouts that begin, and the bytes that they take.
+fn announce(study: &Study, model: &OpenModel, needed: u64, printer: &Printer) {
     let RolloutConfig { steps, rollouts, .. } = study.rollout;
-    let members = model.model.members();
-    let rows = (members * rollouts * (steps + 1)) as u64;
-    let per_state = model.model.state_bytes();
-    let needed = rows.saturating_mul(per_state + ROW_BYTES + SENSOR_BYTES * sensors as u64);
     printer.say(&format!(
         "rollout: {} x {} of {} steps; about {} of memory",
-        counted(members, "ensemble member"),
+        counted(model.model.members(), "ensemble member"),
         counted(rollouts, "rollout"),
         count(steps),
         bytes(needed),
     ));
-    needed
 }
 
 fn roll_out(

@@ -15,6 +15,7 @@ use calib_base::{
     artefact::{self, Below, DirectoryLock},
     bail,
     clock::Stopwatch,
+    cost::{StepCost, processor_secs},
     log::{
         context::RunContext,
         partition::{self, Parts, span},
@@ -23,10 +24,10 @@ use calib_base::{
     outcome::{NoPlan, StepResult},
     output::{Printer, bytes, count},
 };
-use calib_core::{RowStream, Seed};
+use calib_core::{Monitor, RowStream, Seed};
 use calib_files::write_json;
 use calib_model_steps::model::model_files::sensor_columns;
-use calib_study::{Job, Study};
+use calib_study::{Job, StepKind, Study};
 use serde::Serialize;
 
 use crate::agents::{
@@ -94,8 +95,16 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
         .iter()
         .filter(|wanted| !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor))
         .collect();
-    announce(study, &parts, &wanted, missing.len(), context)?;
+    let cost = announce(study, &parts, &wanted, missing.len(), context)?;
     if job.policy().is_dry() {
+        if !missing.is_empty() {
+            let processor_secs = processor_secs(&context.silent().progress(), |monitor| {
+                train(study, &parts, &missing, None, monitor)
+            })?;
+            let cost = StepCost { processor_secs, ..cost };
+            context.say(&cost.line());
+            context.expect(StepKind::Pretrain, job, cost);
+        }
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
@@ -120,7 +129,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
         shares::remove(&directory, &wanted)?;
     }
     let trained = missing.len() + of_shares.len();
-    let pretrained = train(study, &parts, &missing, &file, context)?;
+    let pretrained = train(study, &parts, &missing, Some(&file), &context.progress())?;
     claim.begin()?;
     shares::take(&directory, &of_shares)?;
     let mut diverged = of_shares.diverged;
@@ -236,13 +245,14 @@ fn state_file(directory: &Path, missing: &[&AgentToTrain]) -> Result<StateFile, 
     Ok(StateFile::new(directory.join(".unfinished.safetensors"), artefact::key(&keys)?))
 }
 
+/// Reports the agents to train, and returns what they take, still without time.
 fn announce(
     study: &Study,
     parts: &Parts,
     wanted: &[AgentToTrain],
     missing: usize,
     printer: &Printer,
-) -> Result<(), StepError> {
+) -> Result<StepCost, StepError> {
     let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
     let width = part.frames.states().columns();
     let parameters = parameter_count(&study.agent, study.agent.seen_width(width));
@@ -264,6 +274,7 @@ fn announce(
         part.frames.rows(),
         rayon::current_num_threads(),
     );
+    let disk = (parameters * 4 * 3 * wanted.len()) as u64;
     printer.say(&format!(
         "{} of {} agents left to train, {} parameters each, at most {} epochs; \
          expecting {} of memory beside the states and {} on disk",
@@ -272,7 +283,7 @@ fn announce(
         count(parameters),
         count(study.pretrain.epochs),
         bytes(memory),
-        bytes((parameters * 4 * 3 * wanted.len()) as u64),
+        bytes(disk),
     ));
     match memory::available() {
         Some(available) if missing > 0 && memory > available => bail!(
@@ -281,16 +292,17 @@ fn announce(
             bytes(memory),
             bytes(available)
         ),
-        _ => Ok(()),
+        _ => Ok(StepCost { processor_secs: 0.0, memory, disk }),
     }
 }
 
+/// Pre-trains the `missing` agents. With a `file`, an interrupted training resumes.
 pub(super) fn train(
     study: &Study,
     parts: &Parts,
     missing: &[&AgentToTrain],
-    file: &StateFile,
-    printer: &Printer,
+    file: Option<&StateFile>,
+    monitor: &dyn Monitor,
 ) -> Result<Vec<Result<TrainedAgent, PretrainingDiverged>>, StepError> {
     if missing.is_empty() {
         return Ok(Vec::new());
@@ -335,7 +347,7 @@ pub(super) fn train(
         settings: study.pretrain.settings(),
         seed: Seed::new(study.seed).child("pretrain"),
     };
-    let trained = pretrain(training, &learners, Some(file), &printer.progress());
+    let trained = pretrain(training, &learners, file, monitor);
     let trained = trained.context("pre-training")?.into_iter().zip(fitted);
     Ok(trained
         .map(|(pretrained, baseline)| Ok(TrainedAgent { pretrained: pretrained?, baseline }))

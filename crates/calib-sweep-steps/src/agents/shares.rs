@@ -115,9 +115,8 @@ pub(super) fn run(
     let name = format!("{}{UNFINISHED}", &key[..KEY_DIGITS]);
     let file = StateFile::new(directory.join(SHARES).join(name), key);
     let width = parts.dataset.train.states().columns();
-    for (AgentToTrain { sensor, column, key }, ended) in
-        left.iter().zip(train(study, parts, &left, &file, printer)?)
-    {
+    let trained = train(study, parts, &left, Some(&file), &printer.progress())?;
+    for (AgentToTrain { sensor, column, key }, ended) in left.iter().zip(trained) {
         let ended = match ended {
             Ok(pretrained) => {
                 let config = study.pretrain.agent(&study.agent.for_sensor(sensor));

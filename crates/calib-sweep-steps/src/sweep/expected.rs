@@ -3,13 +3,15 @@
 use std::{collections::BTreeMap, path::Path};
 
 use calib_base::{
-    StepError, disk_room,
+    StepError,
+    cost::StepCost,
+    disk_room,
     log::context::RunContext,
     output::{bytes, count, counted, duration_of_secs},
 };
 use calib_core::{RowIndex, RowStream};
 use calib_model_steps::model::{model_files, starts};
-use calib_study::{Job, Study};
+use calib_study::{Job, StepKind, Study};
 use calib_sweep::{RaceKind, RunStream};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -78,6 +80,11 @@ impl Expected {
             processor_secs: pass_secs * passes as f64,
             disk: result_bytes(study, results),
         }
+    }
+
+    /// Returns the cost of the step, given its memory in bytes.
+    pub(crate) fn of_step(&self, memory: u64) -> StepCost {
+        StepCost { processor_secs: self.processor_secs, memory, disk: self.disk }
     }
 
     pub(crate) fn line(&self) -> String {
@@ -159,9 +166,10 @@ pub fn before_model(job: &Job, tally: &DryRunTally, context: &RunContext) -> Res
     let left = passes - tally.count_repeated(streams.into_iter().flatten());
     let sizes = Sizes::of(study, dataset, span, [units, passes]);
     let threads = rayon::current_num_threads();
+    let memory = Memory::of(&sizes, &agents_of(&candidates), threads);
     // A substitute log is in memory itself.
     if context.stands_in().is_none() {
-        Memory::of(&sizes, &agents_of(&candidates), threads).check()?;
+        memory.check()?;
     }
     let frames = &dataset.train;
     let states = span.states().min(frames.rows()).min(MEASURED_STEPS);
@@ -173,6 +181,7 @@ pub fn before_model(job: &Job, tally: &DryRunTally, context: &RunContext) -> Res
     let pass_secs = cost.of(sensors.len().div_ceil(groups.len()));
     let expected = Expected::new(pass_secs, left, threads, results, study);
     context.say(&expected.line());
+    context.expect(StepKind::Sweep, job, expected.of_step(memory.total));
     tally.expect(job, expected);
     Ok(())
 }

@@ -21,7 +21,7 @@ use calib_base::{
 use calib_data::Dataset;
 use calib_files::{read_json, write_json};
 use calib_model_steps::model::model_files;
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Layout, StepKind, Study};
 use calib_sweep::{
     Baselines, Candidate, CompletedSweep, Plan, Span, StoredUnits, Unit, UnitResult, UnitRuns,
     UnitStore,
@@ -259,6 +259,7 @@ fn expected(
     let cost = setting.cost(job.study(), tally.measured(), &context.silent().progress())?;
     let sensors_of_pass = setting.sensors.len().div_ceil(setting.groups.len());
     let expected = Expected::of(cost, plan, passes, sensors_of_pass, job.study());
+    context.expect(StepKind::Sweep, job, expected.of_step(plan.memory.total));
     tally.expect(job, expected.clone());
     Ok(expected)
 }

@@ -8,7 +8,7 @@ mod show;
 mod summary;
 mod tables;
 
-use calib_base::{StepError, output::Printer};
+use calib_base::{StepError, clock::TimeTaken, output::Printer};
 use calib_core::{Monitor as _, Timestamp};
 use calib_dtw::{PatternSet, Settings, StepPattern};
 use calib_model::{RequestedStart, Trajectory};
@@ -175,6 +175,28 @@ pub(crate) fn compare(
     let counts = Counts { rollouts: jobs.len(), left_out, ended_early };
     let summary = summary(&pairs, counts, against)?;
     Ok(ComparedPairs { pairs, summary })
+}
+
+/// Number of states of the series that are timed.
+const TIMED_STATES: usize = 1_000;
+
+/// Returns the seconds to compare `steps` steps of one rollout with the record on one sensor. They are measured with
+/// shorter series.
+pub(super) fn secs_of_pair(steps: usize) -> Result<f64, StepError> {
+    let set = PatternSet::new(step_patterns()?, Settings::default());
+    let states = steps + 1;
+    let timed = states.clamp(FEWEST_STEPS + 1, TIMED_STATES);
+    let series = |phase: f64| -> Vec<f64> {
+        (0..timed).map(|state| (0.1 * state as f64 + phase).sin()).collect()
+    };
+    let (query, reference) = (series(0.0), series(1.0));
+    let (compared, taken) = TimeTaken::by(|| -> Result<(), StepError> {
+        set.distances(&query, &reference)?;
+        MEASURES.iter().try_for_each(|measure| (measure.distance)(&query, &reference).map(drop))
+    });
+    compared?;
+    // Warping compares every state with every other.
+    Ok(taken.secs * (states as f64 / timed as f64).powi(2))
 }
 
 fn is_of_deployment(trajectory: &Trajectory) -> bool {
