@@ -41,7 +41,7 @@ class Tuned:
     """Settings that failed."""
     halved: list[tuple[int, list[Setting]]]
     """With ``halving``: after how many steps which settings were left out."""
-    verdict: dict[str, Any]
+    verdict: dict[str, Any] = field(repr=False)
     """All figures, as ``calib control --json`` has them under ``verdict``, with settings by their place in `settings`."""
     runs: list[dict[str, Any]] = field(repr=False)
     """Every setting in every member and run: `setting` and its `place` in `settings`, `kind`, `member`, `run`, `mean_return`, `episodes`, `terminals`,
