@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -61,17 +62,30 @@ def shown(cells: list[Any]) -> list[list[tuple[str, str]]]:
     return [[told(output) for output in cell.get("outputs", [])] for cell in cells]
 
 
-def test_the_notebook_shows_what_is_saved_in_it() -> None:
+def texts(cells: list[Any]) -> list[str]:
+    """Returns the outputs that are HTML."""
+    return [output["data"].get("text/html", "") for cell in cells for output in cell.get("outputs", []) if "data" in output]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "figures", "words"),
+    [("frame_to_verdict.ipynb", "image/svg+xml", 2, ("PIT300", "Report")), ("tune_agent.ipynb", "image/png", 2, ("learning_rate", "mean_rank"))],
+)
+def test_notebooks_show_what_is_saved_in_them(name: str, kind: str, figures: int, words: tuple[str, ...]) -> None:
     nbclient = pytest.importorskip("nbclient")
     nbformat = pytest.importorskip("nbformat")
-    saved = nbformat.read(EXAMPLES / "frame_to_verdict.ipynb", as_version=4)
-    notebook = nbformat.read(EXAMPLES / "frame_to_verdict.ipynb", as_version=4)
+    saved = nbformat.read(EXAMPLES / name, as_version=4)
+    notebook = nbformat.read(EXAMPLES / name, as_version=4)
     nbclient.NotebookClient(notebook, timeout=60, kernel_name="python3").execute()
     assert shown(notebook.cells) == shown(saved.cells), "save it anew with scripts/notebook.py"
-    kinds = [kind for cell in shown(saved.cells) for kind, _ in cell]
-    assert sum("image/svg+xml" in kind for kind in kinds) == 2
-    texts = [output["data"].get("text/html", "") for cell in saved.cells for output in cell.get("outputs", []) if "data" in output]
-    assert any("PIT300" in text and "Report" in text for text in texts)
+    assert sum(kind in kinds for cell in shown(saved.cells) for kinds, _ in cell) == figures
+    assert any(all(word in text for word in words) for text in texts(saved.cells))
+
+
+def test_the_notebook_has_the_agent_of_the_example() -> None:
+    cells = json.loads((EXAMPLES / "tune_agent.ipynb").read_text(encoding="utf-8"))["cells"]
+    example = (EXAMPLES / "tune_numpy.py").read_text(encoding="utf-8")
+    assert any(text.startswith("class Agent:") and f"\n\n\n{text}\n\n\n" in example for text in map("".join, (cell["source"] for cell in cells)))
 
 
 def test_optuna_tunes_an_example(study: calib_rl.Study) -> None:
@@ -107,5 +121,3 @@ def test_agents_that_act_are_tuned(tmp_path: Path) -> None:
     assert command_line("simulate", tmp_path / "pole", "--task", "cart-pole", "--policy", "random", "--transitions", 600).returncode == 0
     told = run("tune_numpy.py", tmp_path / "pole", tmp_path / "numpy", 300)
     assert "all reasons" in told and "worst_rank" in told and (tmp_path / "numpy" / "units").is_dir()
-    pytest.importorskip("stable_baselines3")
-    assert "all reasons" in run("tune_sb3.py", tmp_path / "pole", tmp_path / "sb3", 100)
