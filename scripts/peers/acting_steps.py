@@ -5,7 +5,7 @@
 
 Runs with whatever Python has calib_rl, gymnasium, numpy, polars, and stable_baselines3, which is skipped where it is missing. The model is of a log of cart-pole under random
 actions, as `calib simulate --task cart-pole` has it. Every round runs every contender once; what is shown is the median of processor seconds, with the smallest and the largest
-rate, because machines are shared.
+rate, because machines are shared. At the end, `live=True` is compared with the nearest level, in logs of two lengths of a tank with four columns.
 """
 
 import os
@@ -44,6 +44,45 @@ def log(rows):
         now += np.timedelta64(1_000_000, "us")
         seen, reward, over, _, _ = env.step(action)
     return polars.DataFrame({"time": np.array(times), **told})
+
+
+def tank(rows):
+    """Returns a log of a tank whose valve is set at random to any position, with three columns that have nothing to do with it."""
+    rng = np.random.default_rng(1)
+    valves, level, levels = rng.random(rows), 0.5, []
+    for valve in valves:
+        levels.append(level)
+        level = float(np.clip(level + 0.1 * (valve - 0.5) + rng.normal(0.0, 0.01), 0.0, 1.0))
+    times = np.datetime64("2024-01-01", "us") + np.arange(rows) * np.timedelta64(60_000_000, "us")
+    others = {f"other{number}": rng.normal(size=rows) for number in range(3)}
+    reward = -np.abs(np.array(levels) - 0.6)
+    return polars.DataFrame({"time": times, "level": levels, **others, "valve": valves, "reward": reward})
+
+
+def stepping(env, actions):
+    """Returns what steps in an environment so many times."""
+
+    def work(count):
+        for number in range(count):
+            _, _, end, cut, _ = env.step(actions[number % len(actions)])
+            if end or cut:
+                env.reset()
+        return count
+
+    env.reset(seed=0)
+    return work
+
+
+def measured(contenders, rounds):
+    """Prints the steps a processor second of each contender, which are in turn in every round."""
+    rates = {name: [] for name in contenders}
+    for _ in range(rounds):
+        for name, (work, count) in contenders.items():
+            begun = time.process_time()
+            steps = work(count)
+            rates[name].append(steps / (time.process_time() - begun))
+    for name, each in rates.items():
+        print(f"  {name}: {statistics.median(each):,.0f} ({min(each):,.0f} to {max(each):,.0f})")
 
 
 class InNumpy:
@@ -116,15 +155,6 @@ def main():
         numpy = InNumpy(model, 0, envs, 500)
         alone = gymnasium.vector.SyncVectorEnv([lambda: OneInNumpy(model) for _ in range(envs)])
         alone.reset()
-        single = calib_rl.gym.make(model)
-        single.reset(seed=0)
-
-        def of_single(count):
-            for number in range(count):
-                _, _, end, cut, _ = single.step(int(actions[number % 512, 0]))
-                if end or cut:
-                    single.reset()
-            return count
 
         def of_batches(step):
             def work(count):
@@ -138,7 +168,7 @@ def main():
             f"make_vec, {envs} walks": (of_batches(vector.step), 2000),
             f"the same model in NumPy, {envs} walks": (of_batches(numpy.step), 500),
             f"SyncVectorEnv of {envs} of one walk in NumPy": (of_batches(alone.step), 20),
-            "make, one walk": (of_single, 50_000),
+            "make, one walk": (stepping(calib_rl.gym.make(model), actions[:, 0].tolist()), 50_000),
         }
         try:
             from stable_baselines3.common.vec_env import DummyVecEnv
@@ -151,15 +181,20 @@ def main():
             walks.reset()
             contenders[f"DummyVecEnv of {envs} of Gymnasium's CartPole-v1"] = (of_batches(world.step), 40)
             contenders[f"DummyVecEnv of {envs} of make"] = (of_batches(walks.step), 40)
-        rates = {name: [] for name in contenders}
-        for _ in range(arguments.rounds):
-            for name, (work, count) in contenders.items():
-                begun = time.process_time()
-                steps = work(count)
-                rates[name].append(steps / (time.process_time() - begun))
         print(f"steps a second: median ({arguments.rounds} rounds, smallest to largest); {model}")
-        for name, each in rates.items():
-            print(f"  {name}: {statistics.median(each):,.0f} ({min(each):,.0f} to {max(each):,.0f})")
+        measured(contenders, arguments.rounds)
+        contenders = {}
+        for rows in (5_000, 50_000):
+            tank_model = calib_rl.build_model(
+                tank(rows), f"{folder}/tank-{rows}", actions=["valve"], reward="reward", levels=7, timeout=100
+            )
+            values = rng.random((1000, 1)).astype(np.float32)
+            for live in (False, True):
+                env = calib_rl.gym.make(tank_model, action_space="box", live=live)
+                name = f"make with action_space=\"box\"{', live=True' if live else ''}, log of {rows:,} rows"
+                contenders[name] = (stepping(env, values), 2000)
+        print(f"steps a second with numbers as actions: {tank_model}")
+        measured(contenders, arguments.rounds)
 
 
 if __name__ == "__main__":
