@@ -13,16 +13,10 @@ python=$tools/ray/bin/python
 "$python" -m pip install --quiet 'ray[rllib]==2.40.0' sympy jinja2
 "$python" -m pip install --quiet --force-reinstall --no-deps "$wheel"
 
-# PyPI has PyTorch for Linux with CUDA alone, whose libraries take 2 GB. Without a GPU none of their functions is called: empty
-# libraries of their names will do, if functions are looked up when they are called.
-env -u LIBTORCH -u LIBTORCH_USE_PYTORCH bash "$root/scripts/libtorch.sh"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-ldd "$root/.libtorch/torch/lib/libtorch_python.so" | awk '/not found/ { print $1 }' | sort -u | while read -r name; do
-    cc -shared -x c /dev/null -o "$work/$name" -Wl,-soname,"$name"
-done
-echo 'import os, sys; sys.setdlopenflags(os.RTLD_LAZY)' >"$work/sitecustomize.py"
-export LD_LIBRARY_PATH=$work PYTHONPATH=$work:$root/.libtorch:$root/python/examples RAY_USAGE_STATS_ENABLED=0
+. "$root/scripts/pytorch.sh"
+export PYTHONPATH=$PYTHONPATH:$root/.libtorch:$root/python/examples RAY_USAGE_STATS_ENABLED=0
 
 cd "$work"
 "$tools/ray/bin/calib" -q simulate pole --task cart-pole --policy random --transitions 500 >/dev/null

@@ -22,12 +22,6 @@ def test_gymnasium_finds_nothing_wrong(model: calib_rl.Model) -> None:
         assert not [str(of.message) for of in told if "action" not in str(of.message).lower()]
 
 
-def test_stable_baselines_finds_nothing_wrong(model: calib_rl.Model) -> None:
-    checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    for env in (calib_rl.gym.make(model), calib_rl.gym.make(model, units="physical")):
-        checker.check_env(env, skip_render_check=True)
-
-
 def test_a_model_without_actions_takes_no_action_space(model: calib_rl.Model) -> None:
     box = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
     for make in (lambda: calib_rl.gym.make(model, action_space=box), lambda: calib_rl.gym.make_vec(model, 2, action_space=box)):
