@@ -4,7 +4,7 @@ use calib_data::{AngleOf, ChannelProfile, DropReason, Profile};
 
 use calib_pipeline::{
     Descriptions, Printer, StepError,
-    output::{count, counted, percent, rounded, span, table},
+    output::{count, counted, number, percent, span, table},
 };
 
 use crate::cli::InspectArgs;
@@ -131,31 +131,7 @@ fn channel_row(channel: &ChannelProfile, rows: u64) -> Vec<String> {
     ]
 }
 
-/// Formats a number with three digits or all digits before the point; a dash stands for a missing one. Only those outside of
-/// 1e-4 to 1e6 have an exponent, so that one tiny number leaves the others readable.
+/// Formats the number; a dash stands for a missing one.
 fn readable(value: Option<f64>) -> String {
-    let Some(value) = value else { return "–".to_owned() };
-    // Single precision of 0.0001 is slightly less.
-    let size = rounded(value, 3).abs();
-    if value == 0.0 {
-        "0".to_owned()
-    } else if (1e-4..=1e6).contains(&size) {
-        let digits_before_point = value.abs().log10().floor().max(2.0) as usize + 1;
-        rounded(value, digits_before_point).to_string()
-    } else {
-        format!("{value:.2e}")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_very_large_and_small_numbers_have_an_exponent() {
-        let plain = [1e-4, 0.009_999_999_8, 0.1, 2.0, 1_237.4, 0.0, -33.41].map(Some);
-        assert_eq!(plain.map(readable), ["0.0001", "0.01", "0.1", "2", "1237", "0", "-33.4"]);
-        let mixed = [Some(1e-9), Some(1.0), Some(f64::from(1e-4_f32)), Some(-2.5e7), None];
-        assert_eq!(mixed.map(readable), ["1.00e-9", "1", "0.0001", "-2.50e7", "–"]);
-    }
+    value.map_or_else(|| "–".to_owned(), number)
 }

@@ -145,7 +145,7 @@ fn an_inspected_log_counts_one_of_a_thing_as_one() {
     assert!(told.contains("40 states in 1 segment, 39 transitions"), "{told}");
     assert!(told.contains("for agents that act: 39 transitions in 1 episode"), "{told}");
     assert!(told.contains("states of 1 column, without"), "{told}");
-    let reward = "reward: mean -0.513, from -1.00 to 0 a step; recorded episodes: mean return ";
+    let reward = "reward: mean -0.513, from -1 to 0 a step; recorded episodes: mean return ";
     assert!(told.contains(reward), "{told}");
 }
 

@@ -19,7 +19,7 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     let swept = told(&["--set=control.grid={ temperature = [1.0, 100000.0] }"]);
     assert!(!swept.contains("is more than the spread"), "one of them fits: {swept}");
     let swept = told(&["--set=control.grid={ initial_weight = [1e6, 2e6] }"]);
-    assert!(swept.contains("initial weights put the first values at 1.00e7, more"), "{swept}");
+    assert!(swept.contains("initial weights put the first values at 1e7, more"), "{swept}");
     assert!(swept.contains("set control.grid.initial_weight to 0"), "{swept}");
     // A pole that stands for some 20 steps: returns differ by about 20 with a
     // discount of 1, and hardly with a discount of 0.1.
@@ -39,7 +39,7 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     // Four columns and six pairs give an initial value of 1,500, the columns alone give 600; the spread is about 9.
     let weight = "--set=control.agent.initial_weight=150";
     let paired = told(&[weight]);
-    assert!(paired.contains("initial weights put the first values at 1500, more"), "{paired}");
+    assert!(paired.contains("initial weights put the first values at 1,500, more"), "{paired}");
     let alone = told(&[weight, "--set=control.agent.pairs=false"]);
     assert!(!alone.contains("initial weights put"), "{alone}");
 }

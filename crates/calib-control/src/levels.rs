@@ -1,5 +1,7 @@
 use std::cmp::Ordering;
 
+use calib_core::exact;
+
 use crate::ControlError;
 
 /// The actions of a log: every combination of values of its action columns that occurs, in ascending
@@ -50,7 +52,7 @@ impl Levels {
     pub fn name(&self, action: usize, columns: &[String]) -> String {
         let values = columns.iter().zip(&self.values[action]);
         let told: Vec<String> =
-            values.map(|(column, &value)| format!("{column}={}", short(value))).collect();
+            values.map(|(column, &value)| format!("{column}={}", exact(value))).collect();
         told.join(" ")
     }
 }
@@ -59,13 +61,6 @@ impl Levels {
 fn compare(a: &[f64], b: &[f64]) -> Ordering {
     let mut orders = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
     orders.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
-}
-
-/// Formats a value with only the digits that it needs.
-fn short(value: f64) -> String {
-    // A log of single precision holds 0.28 as 0.2800000011920929.
-    let single = value as f32;
-    if f64::from(single) == value { single.to_string() } else { value.to_string() }
 }
 
 #[cfg(test)]

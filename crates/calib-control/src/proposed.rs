@@ -74,7 +74,7 @@ pub fn is_beyond_returns(first_value: f64, spread: f64) -> bool {
 
 /// Rounds to two significant digits. A log does not give these numbers more precisely.
 pub fn two_digits(value: f64) -> f64 {
-    format!("{value:.1e}").parse().unwrap_or(value)
+    calib_core::rounded(value, 2)
 }
 
 #[cfg(test)]

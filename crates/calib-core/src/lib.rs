@@ -12,6 +12,7 @@
 //! - [`Monitor`], [`Cancelled`]: progress and cancellation, seen from inside long work.
 //! - [`Stream`], [`RowStream`]: the states that an agent sees. Replay and rollout look the same to
 //!   it.
+//! - [`number()`], [`setting`], [`percent`], [`count`], [`exact`]: numbers formatted for readers.
 //!
 //! ```
 //! use calib_core::{RowIndex, Seed, Segments, Transitions};
@@ -23,6 +24,7 @@
 //! // What is drawn follows from names and numbers, not from the order of work.
 //! let seed = Seed::new(7).child("rollout");
 //! assert_eq!(seed.number(3).rng().bits(), seed.number(3).rng().bits());
+//! assert_eq!(calib_core::percent(0.217), "22 %");
 //! # Ok::<(), calib_core::SegmentError>(())
 //! ```
 
@@ -30,6 +32,7 @@ mod column;
 mod frames;
 mod index;
 mod monitor;
+mod number;
 mod seed;
 mod segment;
 mod states;
@@ -41,6 +44,7 @@ pub use column::{Bounds, Column, ColumnKind, Normalised, Normaliser, Physical};
 pub use frames::{Frames, FramesError};
 pub use index::{RowIndex, TransitionIndex};
 pub use monitor::{Cancelled, Monitor, Silent};
+pub use number::{count, exact, factor, is_many_times, number, percent, rounded, setting, whole};
 pub use seed::{Rng, Seed};
 pub use segment::{Segment, SegmentError, Segments};
 pub use states::{States, StatesError};

@@ -1,6 +1,6 @@
 //! Warnings about parts of a log that are probably not as intended, in sentences.
 
-use calib_core::Timestamp;
+use calib_core::{Timestamp, number};
 use calib_text::format_time;
 
 use crate::{
@@ -404,17 +404,7 @@ impl FarOut {
         let [low, high] = self.trained?;
         let (end, name) = if self.furthest < 0.0 { (low, "minimum") } else { (high, "maximum") };
         let value = end + self.furthest * (high - low);
-        Some(format!(", up to {}: the training {name} is {}", short(value), short(end)))
-    }
-}
-
-/// Rounds a value to four digits, without an exponent unless it needs one.
-fn short(value: f64) -> String {
-    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
-    if rounded != 0.0 && !(1e-4..1e9).contains(&rounded.abs()) {
-        format!("{rounded:e}")
-    } else {
-        rounded.to_string()
+        Some(format!(", up to {}: the training {name} is {}", number(value), number(end)))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use calib_core::Bounds;
+use calib_core::{Bounds, exact};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -89,29 +89,18 @@ impl fmt::Display for DropReason {
                 fraction * 100.0
             ),
             Self::Constant { value, word: None } => {
-                write!(f, "constant at {} in the training range", Short(*value))
+                write!(f, "constant at {} in the training range", exact(*value))
             }
             Self::Constant { value, word: Some(word) } => {
-                write!(f, "constant at {word} (read as {}) in the training range", Short(*value))
+                write!(f, "constant at {word} (read as {}) in the training range", exact(*value))
             }
             Self::NoSpread { low, high } => {
-                write!(f, "its normalisation range is from {} to {}", Short(*low), Short(*high))
+                write!(f, "its normalisation range is from {} to {}", exact(*low), exact(*high))
             }
             Self::OneHot { columns } => {
                 write!(f, "read as a column of 0 and 1 for each value: {}", columns.join(", "))
             }
         }
-    }
-}
-
-/// A recorded value. If single precision holds it, as in most logs, it is shown with the digits of single
-/// precision.
-struct Short(f64);
-
-impl fmt::Display for Short {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let single = self.0 as f32;
-        if f64::from(single) == self.0 { write!(f, "{single}") } else { write!(f, "{}", self.0) }
     }
 }
 

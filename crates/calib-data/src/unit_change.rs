@@ -6,7 +6,7 @@
 //! does not change all three by the same factor. (The numbers are our choices: with them, no channel of the recorded
 //! plant logs that we have is reported.)
 
-use calib_core::Timestamp;
+use calib_core::{Timestamp, number};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -92,7 +92,7 @@ impl UnitChange {
 
     /// What is said of it, without the name of its channel. Its time is `shown`.
     pub(crate) fn told(&self, shown: &str) -> String {
-        let range = |[low, high]: [f64; 2]| format!("{} to {}", rounded(low), rounded(high));
+        let range = |[low, high]: [f64; 2]| format!("{} to {}", number(low), number(high));
         format!(
             "two ranges that do not overlap, mostly {} before {shown} and {} from then on; did its unit or its zero change? Let data.train and \
              data.held_out begin after that time, correct the values, or leave the channel out with data.exclude",
@@ -100,11 +100,6 @@ impl UnitChange {
             range(self.after)
         )
     }
-}
-
-/// Rounds a number to three significant digits.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// A position at which the medians of the blocks before and after do not overlap.

@@ -5,25 +5,17 @@
 //! - [`Overview`]: a page of charts and tables on several studies.
 //! - [`AgentConduct`]: what an agent that acts does, and its figures.
 //! - [`Verdict`]: what to deploy for one sensor, with its reasons in sentences.
-//! - [`number`], [`setting`], [`percent`], [`count`], [`duration`]: numbers formatted for readers.
 //!
 //! This crate lays out curves and paints them as SVG. tiny-skia, with a compiled-in font, turns the same layout into pixels.
 //! The output does not depend on the fonts, the clock or the locale of the machine: equal rows give equal bytes.
-//!
-//! ```
-//! use calib_report::{number, percent, setting};
-//!
-//! assert_eq!((number(0.012_345), percent(0.217)), ("0.0123".to_owned(), "22 %".to_owned()));
-//! assert_eq!(setting(1e-4), "1e-4");
-//! ```
 
 mod chart;
 mod conduct;
 mod downsample;
+mod duration;
 mod environment;
 mod error;
 mod figures;
-mod number;
 mod overview;
 mod page;
 mod report;
@@ -32,6 +24,7 @@ mod setting;
 pub use chart::{Axis, Chart, Colour, Dash, Marker, Point, Rule, Scale, ScaleKind, Series, Side};
 pub use conduct::{ActionShares, AgentConduct, ColumnConduct, SetPointValues, SetValues};
 pub use downsample::{min_max_in_time, min_max_indices};
+pub use duration::duration;
 pub use environment::LearningEnvironment;
 pub use error::ReportError;
 pub use figures::{
@@ -39,7 +32,6 @@ pub use figures::{
     PeriodUse, RankCurve, RecordedFigure, RecordedLevel, RecordedPeriod, RolloutFigure,
     RolloutGrid, RolloutRow, Samples, Sensitivity, Trajectory,
 };
-pub use number::{count, duration, number, percent, setting};
 pub use overview::{Decision, Overview, OverviewFigure, Support};
 pub use report::{
     Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile, Grade,

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::number::setting;
+use calib_core::setting;
 
 /// One value of the grid: a number (`1e-4`) or a name (`adam`).
 #[derive(Debug, Clone, PartialEq)]

@@ -1,12 +1,13 @@
 use std::time::Duration;
 
+use calib_core::{number, rounded};
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 
 use super::escape::{Lines, harmless};
 
 /// Formats `1234567` as `1,234,567`.
 pub fn count(number: usize) -> String {
-    calib_report::count(number as u64)
+    calib_core::count(number as u64)
 }
 
 /// Formats `1536` as `1.5 KiB`.
@@ -48,7 +49,7 @@ pub fn span(secs: f64) -> String {
     const UNITS: [(f64, &str); 4] = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "min"), (1.0, "s")];
     let secs = if secs < 60.0 { secs } else { secs.round() };
     let Some(largest) = UNITS.iter().position(|(size, _)| secs >= *size) else {
-        return format!("{} s", significant(secs));
+        return format!("{} s", number(secs));
     };
     let (size, unit) = UNITS[largest];
     let Some(&(smaller, smaller_unit)) = UNITS.get(largest + 1) else {
@@ -75,47 +76,10 @@ pub fn counted(number: usize, noun: &str) -> String {
     format!("{} {noun}{}", count(number), if number == 1 { "" } else { "s" })
 }
 
-/// Formats `0.0123` as `1.2 %`.
-pub fn percent(share: f64) -> String {
-    if share.is_infinite() {
-        return "diverged".to_owned();
-    }
-    let percent = 100.0 * share;
-    if percent == 0.0 || percent.abs() >= 10.0 {
-        format!("{percent:.0} %")
-    } else {
-        format!("{percent:.1} %")
-    }
-}
-
-/// Formats with three significant digits, in scientific notation where plain digits would be long.
-pub fn significant(number: f64) -> String {
-    if number.is_infinite() {
-        return "diverged".to_owned();
-    }
-    if number == 0.0 {
-        return "0".to_owned();
-    }
-    let magnitude = number.abs().log10().floor();
-    if !(-3.0..6.0).contains(&magnitude) {
-        return format!("{number:.2e}");
-    }
-    let decimals = (2.0 - magnitude).max(0.0) as usize;
-    format!("{number:.decimals$}")
-}
-
-/// Rounds `number` to `digits` significant digits, at least one.
-pub fn rounded(number: f64, digits: usize) -> f64 {
-    format!("{number:.*e}", digits - 1).parse().unwrap_or(number)
-}
-
 /// Formats a number of which only the first two digits are known: `12518` as `13,000`.
-pub fn about(number: f64) -> String {
-    if number < 100.0 {
-        significant(rounded(number, 2))
-    } else {
-        count(rounded(number, 2) as usize)
-    }
+pub fn about(value: f64) -> String {
+    let value = rounded(value, 2);
+    if value < 100.0 { number(value) } else { count(value as usize) }
 }
 
 /// Formats a table for a terminal: the first column is text, the others are numbers.
@@ -148,17 +112,11 @@ mod tests {
         let spans = [0.0, 0.5, 1.25, 59.9, 60.0, 90.0, 3_599.7, 468_012.0, 86_400.0].map(span);
         assert_eq!(
             spans,
-            ["0 s", "0.500 s", "1.25 s", "59.9 s", "1 min", "1 min 30 s", "1 h", "5 d 10 h", "1 d"]
+            ["0 s", "0.5 s", "1.25 s", "59.9 s", "1 min", "1 min 30 s", "1 h", "5 d 10 h", "1 d"]
         );
         let short_of_whole = [863_940.0, 86_390.0, 100_000.0, 172_790.0].map(span);
         assert_eq!(short_of_whole, ["10 d", "1 d", "1 d 4 h", "2 d"]);
-        assert_eq!(percent(0.0123), "1.2 %");
-        assert_eq!(significant(0.012_345), "0.0123");
-        assert_eq!(significant(123.4), "123");
-        assert_eq!(significant(1.0e-5), "1.00e-5");
-        assert_eq!(significant(f64::INFINITY), "diverged");
         assert_eq!([12_518.3, 4096.0, 99.6, 0.0].map(about), ["13,000", "4,100", "100", "0"]);
-        assert_eq!((rounded(0.253, 1), rounded(2_600.0, 1)), (0.3, 3000.0));
     }
 
     #[test]

@@ -263,7 +263,7 @@ fn a_unit_that_changes_in_the_training_range_is_told() {
     let doubts = profile.value_doubts(&ShownClock::default());
     let [(name, doubt)] = &doubts[..] else { panic!("one doubt: {doubts:?}") };
     assert_eq!(*name, "height");
-    let told = "two ranges that do not overlap, mostly 10 to 16 before 2024-01-01 00:06:40 and 1000 to 1600 from then on";
+    let told = "two ranges that do not overlap, mostly 10 to 16 before 2024-01-01 00:06:40 and 1,000 to 1,600 from then on";
     assert!(doubt.starts_with(told), "{doubt}");
     let data = DataConfig { time_zone: Some("Europe/Berlin".to_owned()), ..folder.data() };
     let clock = ShownClock::of(&data, true);

@@ -1,6 +1,6 @@
 //! Start states as requested in a study.
 
-use calib_base::{Context as _, StepError, bail, output::significant};
+use calib_base::{Context as _, StepError, bail, output::number};
 use calib_core::{Frames, RowIndex, Seed, States, Timestamp, Transitions};
 use calib_data::{DataConfig, Moment};
 use calib_files::Fingerprint;
@@ -235,8 +235,7 @@ impl StartSummary {
     pub fn text(&self) -> Option<String> {
         let Self { starts, replaced, mean_distance, largest_distance } = self;
         let (mean, largest) = mean_distance.zip(*largest_distance)?;
-        let away =
-            format!("{} away on average, {} at most", significant(mean), significant(largest));
+        let away = format!("{} away on average, {} at most", number(mean), number(largest));
         Some(match replaced {
             0 => format!(
                 "all {starts} start states are the model's nearest to those asked for ({away})"

@@ -15,7 +15,7 @@ use calib_base::{
     cost::{StepCost, processor_secs},
     ensure, memory,
     options::Device,
-    output::{Printer, bytes, count, counted, significant},
+    output::{Printer, bytes, count, counted, number},
     torch,
 };
 use calib_core::{Monitor, Seed, Transitions};
@@ -73,8 +73,8 @@ impl fmt::Display for TrainingSummary {
             "weights of epoch {} of {}, one-step validation loss {} (no change at all: {}); {}",
             count(self.kept_epoch),
             count(self.epochs),
-            significant(self.validation_loss),
-            significant(self.persistence_loss),
+            number(self.validation_loss),
+            number(self.persistence_loss),
             self.backend,
         )
     }

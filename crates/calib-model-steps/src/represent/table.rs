@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_base::{
     StepError, artefact,
-    output::{Printer, significant, table},
+    output::{Printer, number, table},
 };
 use calib_data::table::Table;
 use calib_report::{Best, Cell, Table as ReportTable};
@@ -120,8 +120,8 @@ pub(crate) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Resu
         .candidates
         .iter()
         .enumerate()
-        .map(|(number, candidate)| {
-            let mut row = vec![number.to_string()];
+        .map(|(place, candidate)| {
+            let mut row = vec![place.to_string()];
             row.extend(fields.iter().map(|(_, value)| {
                 candidate.config.as_ref().map_or_else(String::new, |config| plain(value(config)))
             }));
@@ -130,14 +130,11 @@ pub(crate) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Resu
                     format!("{:.3}", scores.dynamics_awareness),
                     format!("{:.3}", scores.uniqueness),
                     scores.live_dimensions.to_string(),
-                    candidate
-                        .points
-                        .last()
-                        .map_or_else(String::new, |point| significant(point.loss)),
+                    candidate.points.last().map_or_else(String::new, |point| number(point.loss)),
                 ]),
                 None => row.extend([const { String::new() }; 4]),
             }
-            row.push(verdict(number, candidate, manifest.chosen));
+            row.push(verdict(place, candidate, manifest.chosen));
             row
         })
         .collect();
@@ -176,8 +173,8 @@ pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
         "loss at the end",
         "verdict",
     ]);
-    let rows = manifest.candidates.iter().enumerate().map(|(number, candidate)| {
-        let mut row = vec![Cell::Text(number.to_string())];
+    let rows = manifest.candidates.iter().enumerate().map(|(place, candidate)| {
+        let mut row = vec![Cell::Text(place.to_string())];
         row.extend(fields.iter().map(|(_, value)| {
             candidate
                 .config
@@ -192,11 +189,11 @@ pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
                 candidate
                     .points
                     .last()
-                    .map_or(Cell::Missing, |point| Cell::Text(significant(point.loss))),
+                    .map_or(Cell::Missing, |point| Cell::Text(number(point.loss))),
             ]),
             None => row.extend([const { Cell::Missing }; 4]),
         }
-        row.push(Cell::Text(verdict(number, candidate, manifest.chosen)));
+        row.push(Cell::Text(verdict(place, candidate, manifest.chosen)));
         row
     });
     let imported = manifest.study.representation.kind == RepresentationKind::Import;
@@ -206,7 +203,7 @@ pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
             "Scored on the last {} training states{}. calib uses the one with the highest \
              dynamics awareness of those with a uniqueness above {LEAST_UNIQUENESS}. Bold: the largest of a column; \
              scores have no intervals, so small differences may be chance.",
-            calib_report::count(manifest.validation_rows as u64),
+            calib_core::count(manifest.validation_rows as u64),
             // The training data of an imported one are not known.
             if imported { "" } else { ", which they were not trained on" },
         ),

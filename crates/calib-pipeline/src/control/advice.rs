@@ -3,7 +3,7 @@
 mod beside;
 mod reasons;
 
-use calib_base::output::{percent, significant};
+use calib_base::output::{number, percent};
 use calib_control::{Doubt, FEWEST_BLOCKS, KINDS_AGREE, ReturnVerdict};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
@@ -230,8 +230,8 @@ impl Advice<'_> {
             ),
             None => format!(
                 "{first}: {} per episode in the models, and recorded episodes got {}{}.",
-                significant(promised),
-                significant(verdict.behaviour.mean),
+                number(promised),
+                number(verdict.behaviour.mean),
                 verdict.behaviour.interval.map_or_else(String::new, interval)
             ),
         }
@@ -282,7 +282,7 @@ impl Advice<'_> {
             .ranks_over_default
             .filter(|ranks| ranks.mean > 0.0 && verdict.default != Some(verdict.chosen))?;
         let around = ranks.interval.map_or_else(String::new, interval);
-        let by = significant(ranks.mean);
+        let by = number(ranks.mean);
         Some(format!("Ahead of the default by {by} in mean rank, over blocks of the log{around}."))
     }
 
@@ -409,11 +409,11 @@ pub(super) fn rank_name(rule: RankRule) -> &'static str {
 fn difference(difference: &Difference) -> String {
     let sign = if difference.mean >= 0.0 { "+" } else { "" };
     let interval = difference.interval.map_or_else(String::new, interval);
-    format!("{sign}{} in the model, over blocks of the log{interval}", significant(difference.mean))
+    format!("{sign}{} in the model, over blocks of the log{interval}", number(difference.mean))
 }
 
 fn interval(interval: Interval) -> String {
-    format!(" (95 %: {} to {})", significant(interval.low), significant(interval.high))
+    format!(" (95 %: {} to {})", number(interval.low), number(interval.high))
 }
 
 fn interval_of_amounts(interval: Interval) -> String {
@@ -424,7 +424,7 @@ fn interval_of_amounts(interval: Interval) -> String {
 /// Formats a difference, such as "2.5 more" or "2.5 less".
 fn amount(difference: f64) -> String {
     let side = if difference < 0.0 { "less" } else { "more" };
-    format!("{} {side}", significant(difference.abs()))
+    format!("{} {side}", number(difference.abs()))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Warnings about agent values that do not fit the returns of a log. Both are in units of return.
 
-use calib_base::output::{count, significant};
+use calib_base::output::{count, number};
 use calib_control::{
     AgentConfig, ControlConfig, Decisions, ProposedSettings, is_beyond_returns, is_random,
 };
@@ -38,7 +38,7 @@ impl BesideReturns {
     fn told(&self, timeout: usize) -> String {
         format!(
             "the spread of the recorded returns, {} (gamma {}, timeout {})",
-            significant(self.spread),
+            number(self.spread),
             self.gamma,
             count(timeout)
         )
@@ -79,7 +79,7 @@ pub(super) fn beyond_returns(
     let beyond = first.map(|nearest| {
         format!(
             "initial weights put the first values at {}, more than a hundred times {}, so that agents spend their run on unlearning them: set {} to 0, or about {}",
-            significant(nearest.value.abs()),
+            number(nearest.value.abs()),
             nearest.told(timeout),
             swept_key("initial_weight", config.grid.initial_weight.is_some()),
             ProposedSettings::for_spread(nearest.spread, &config.agent, columns).initial_weights[1]

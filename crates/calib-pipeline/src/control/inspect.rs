@@ -1,6 +1,6 @@
 use calib_base::{
     StepError,
-    output::{Printer, counted, significant},
+    output::{Printer, counted, number},
 };
 use calib_control::{ActionModel, ControlConfig, Decisions, Distance};
 use calib_model_steps::represent::decisions;
@@ -53,15 +53,15 @@ impl RewardSummary {
         })
     }
 
-    /// Returns a line such as "reward: mean 1.20, from 0 to 3.00 a step; recorded episodes: mean return 36.0".
+    /// Returns a line such as "reward: mean 1.2, from 0 to 3 a step; recorded episodes: mean return 36".
     fn line(&self) -> String {
         let Self { mean, least, largest, mean_return, beyond_whole_episodes } = self;
         format!(
             "reward: mean {}, from {} to {} a step; recorded episodes: mean return {}{}",
-            significant(*mean),
-            significant(*least),
-            significant(*largest),
-            significant(*mean_return),
+            number(*mean),
+            number(*least),
+            number(*largest),
+            number(*mean_return),
             beyond_whole_episodes.map_or_else(String::new, |reason| format!(". {reason}"))
         )
     }

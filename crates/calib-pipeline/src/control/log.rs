@@ -4,7 +4,7 @@ use calib_base::{
     Context as _, StepError, ensure,
     log::plant_of_study::data_of,
     memory::{self, NoRoom},
-    output::{Printer, count, counted, significant},
+    output::{Printer, count, counted, number},
 };
 use calib_control::{
     ActionModel, ColumnFindings, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
@@ -208,21 +208,21 @@ fn without_outlying(
 /// Returns the warning about outlying values of a column. The first is at time `at`.
 fn outlying_told(name: &str, found: &OutlyingActions, at: &str) -> String {
     let OutlyingActions { rows, range: [least, largest], others: [low, high] } = found;
-    let [low, high] = [*low, *high].map(significant);
+    let [low, high] = [*low, *high].map(number);
     let values = match rows.len() {
         1 => format!("{least} at {at} stands"),
         many if least == largest => {
             format!("{least} in {} rows, first at {at}, stands", count(many))
         }
-        many if significant(*least) == significant(*largest) => {
+        many if number(*least) == number(*largest) => {
             // The values look the same with three digits.
             format!("{} from {least} to {largest}, first at {at}, stand", counted(many, "value"))
         }
         many => format!(
             "{} from {} to {}, first at {at}, stand",
             counted(many, "value"),
-            significant(*least),
-            significant(*largest)
+            number(*least),
+            number(*largest)
         ),
     };
     let remedy = match rows.len() {
@@ -406,7 +406,7 @@ mod tests {
         assert!(near.contains("8 values from 50.001 to 50.002, first at noon, stand"), "{near}");
         assert!(near.contains("or add the values to data.missing_values"), "{near}");
         let two = told(2, [50.0, 52.0]);
-        assert!(two.contains("2 values from 50.0 to 52.0"), "{two}");
+        assert!(two.contains("2 values from 50 to 52"), "{two}");
         assert!(two.contains("or add 50 and 52 to data.missing_values"), "{two}");
         let infinite = told(1, [f64::INFINITY; 2]);
         assert!(!infinite.contains("data.missing_values"), "{infinite}");

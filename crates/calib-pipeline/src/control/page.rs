@@ -111,7 +111,7 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
                     if fitted.converged || fitted.value.is_infinite() {
                         Cell::Number(fitted.value)
                     } else {
-                        let value = calib_report::number(fitted.value);
+                        let value = calib_core::number(fitted.value);
                         Cell::Text(format!("{value} {}", show::NOT_CONVERGED))
                     }
                 }));
@@ -156,7 +156,7 @@ fn maps(evaluation: &ControlEvaluation) -> Vec<Table> {
         Table {
             title: format!("Coverage along {}", map.column),
             caption: "Share of the recorded states of each fifth of the column near which the action was taken.".to_owned(),
-            columns: std::iter::once("action".to_owned()).chain(map.upper.iter().map(|upper| format!("to {}", calib_report::number(*upper)))).collect(),
+            columns: std::iter::once("action".to_owned()).chain(map.upper.iter().map(|upper| format!("to {}", calib_core::number(*upper)))).collect(),
             rows: evaluation.log.actions.iter().zip(&map.covered).map(|(action, covered)| {
             let shares = covered.iter().map(|&share| Cell::Percent(share));
             std::iter::once(Cell::Text(action.name.clone())).chain(shares).collect()

@@ -1,7 +1,7 @@
 use calib_base::{
     StepError,
     outcome::{Outcome, Told},
-    output::{Printer, count, counted, percent, significant, table},
+    output::{Printer, count, counted, number, percent, table},
 };
 use calib_control::{FittedQValue, Importance};
 use calib_stats::RankRule;
@@ -96,7 +96,7 @@ fn settings(log: &ActionLogSummary) -> String {
         .settings
         .iter()
         .map(|setting| {
-            let quantiles = setting.quantiles.iter().map(|&value| significant(value));
+            let quantiles = setting.quantiles.iter().map(|&value| number(value));
             std::iter::once(setting.column.clone()).chain(quantiles).collect::<Vec<_>>()
         })
         .collect();
@@ -114,12 +114,7 @@ pub(super) fn states(log: &ActionLogSummary) -> String {
         .iter()
         .map(|action| {
             let own = action.states.iter().take(COLUMNS).map(|[low, middle, high]| {
-                format!(
-                    "{} ({} to {})",
-                    significant(*middle),
-                    significant(*low),
-                    significant(*high)
-                )
+                format!("{} ({} to {})", number(*middle), number(*low), number(*high))
             });
             std::iter::once(action.name.clone()).chain(own).collect::<Vec<_>>()
         })
@@ -164,7 +159,7 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
                 if evaluation.has_failed(candidate) {
                     FAILED.to_owned()
                 } else {
-                    significant(selection.mean_errors[candidate])
+                    number(selection.mean_errors[candidate])
                 },
                 percent(verdict.coverage[candidate].uncovered()),
                 percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
@@ -222,15 +217,15 @@ fn fitted_q(fitted: &FittedQValue) -> String {
     if !fitted.value.is_finite() {
         "diverged".to_owned()
     } else if fitted.converged {
-        significant(fitted.value)
+        number(fitted.value)
     } else {
-        format!("{} {NOT_CONVERGED}", significant(fitted.value))
+        format!("{} {NOT_CONVERGED}", number(fitted.value))
     }
 }
 
 /// Formats a value by importance sampling, and the number of episodes that it rests on.
 fn importance(estimate: Importance) -> [String; 2] {
-    let value = estimate.value.map_or_else(|| "none".to_owned(), significant);
+    let value = estimate.value.map_or_else(|| "none".to_owned(), number);
     [value, format!("{:.1}", estimate.effective_episodes)]
 }
 
@@ -238,7 +233,7 @@ fn importance(estimate: Importance) -> [String; 2] {
 /// none.
 fn doubly_robust(value: Option<f64>, fitted: &FittedQValue) -> String {
     match value {
-        Some(value) => significant(value),
+        Some(value) => number(value),
         None if fitted.value.is_finite() => "none".to_owned(),
         None => "diverged".to_owned(),
     }

@@ -3,7 +3,7 @@
 use calib_base::{
     StepError,
     clock::unix_secs,
-    output::{Printer, count, counted, duration_of_secs, percent, significant, table},
+    output::{Printer, count, counted, duration_of_secs, number, percent, table},
     progress::CommandState,
 };
 
@@ -117,7 +117,7 @@ fn tell_control(ranking: &ControlRanking, printer: &Printer) -> Result<(), StepE
     ))?;
     let settings = ranking.settings.iter().map(|setting| {
         let none = if setting.has_failed { FAILED } else { "diverged" };
-        let mean = setting.mean_return.map_or_else(|| none.to_owned(), significant);
+        let mean = setting.mean_return.map_or_else(|| none.to_owned(), number);
         SettingRow {
             name: &setting.setting,
             is_default: setting.is_default,

@@ -6,7 +6,7 @@ use calib_agent::Part;
 use calib_base::{
     StepError,
     outcome::{Outcome, Told},
-    output::{Printer, count, counted, duration, percent, significant, table},
+    output::{Printer, count, counted, duration, number, percent, table},
 };
 use calib_report::{Cell, Table};
 use calib_validity::{CAP, FEWEST_PLANTS, Validity};
@@ -130,7 +130,7 @@ fn print(shown: &Table, printer: &Printer) -> Result<(), StepError> {
 fn text(cell: &Cell) -> String {
     match cell {
         Cell::Text(text) => text.clone(),
-        Cell::Number(value) => significant(*value),
+        Cell::Number(value) => number(*value),
         Cell::Percent(share) => percent(*share),
         Cell::Count(value) => count(*value as usize),
         Cell::Setting(setting) => setting.to_string(),

@@ -83,7 +83,7 @@ fn rounded(value: f64, digits: usize) -> Value {
     if value.is_infinite() {
         return json!("diverged");
     }
-    let short: f64 = format!("{value:.*e}", digits - 1).parse().unwrap_or(value);
+    let short = calib_core::rounded(value, digits);
     // Whole numbers have no ".0": there are thousands of them.
     if short.fract() == 0.0 && short.abs() < 1e15 { json!(short as i64) } else { json!(short) }
 }

@@ -1,10 +1,11 @@
 //! Ticks of an axis: their positions and labels.
 
+use calib_core::{number, setting, whole};
+
 use super::{
     Scale, ScaleKind,
     dates::{dates, dates_apart},
 };
-use crate::number::{number, setting, whole};
 
 /// One tick of an axis; minor ticks have no label.
 #[derive(Debug, Clone, PartialEq)]

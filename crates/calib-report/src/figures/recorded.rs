@@ -1,10 +1,11 @@
 //! Recorded values of a sensor, period by period: the training range and each deployment.
 
+use calib_core::number;
 use calib_stats::{median, quantile};
 
 use super::rollout::axis_label;
 use crate::chart::{Axis, Chart, Colour, Dash, GridCell, Point, Rule, Scale, Series, Side, extent};
-use crate::number::{duration, number};
+use crate::duration::duration;
 use crate::{Figure, ReportError};
 
 const HEIGHT: f64 = 110.0;

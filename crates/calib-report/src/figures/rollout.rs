@@ -1,8 +1,10 @@
 //! Rollouts over the true trajectory, in physical units.
 
+use calib_core::number;
+
 use crate::chart::{Axis, Chart, Colour, Dash, Detail, Point, Scale, Series, Side, extent};
 use crate::downsample::min_max_indices;
-use crate::number::{duration, number, time_unit};
+use crate::duration::{duration, time_unit};
 use crate::{Figure, ReportError};
 
 /// Drawn points per trajectory. Longer ones are thinned so that every peak stays visible.

@@ -2,7 +2,7 @@
 
 use super::rollout::{Trajectory, axis_label, checked_length, scale_around};
 use crate::chart::{Axis, Chart, Colour, GridCell, Scale};
-use crate::number::{duration, time_unit};
+use crate::duration::{duration, time_unit};
 use crate::{Figure, ReportError};
 
 /// Points per small plot.

@@ -2,13 +2,13 @@
 
 use std::fmt::Write;
 
+use calib_core::count;
 use maud::{Markup, html};
 
 use super::figure::{Drawn, Numbers, still};
 use super::{Section, SectionEntry, several, text::prose};
 use crate::chart::Detail;
 use crate::figures::NRMSE;
-use crate::number::count;
 use crate::{
     Cell, Chart, ErrorSource, Report, ReportError, RolloutFigure, Samples, Sensitivity, Table,
     Trajectory,

@@ -1,12 +1,12 @@
 //! A sweep of several hyperparameters: their importance, one plot each, and two against each other.
 
+use calib_core::number;
 use maud::{Markup, html};
 
 use super::figure::{legend, still_plot, still_tools};
 use super::tables::rows;
 use super::text::prose;
 use crate::figures::{Heat, HeatCell};
-use crate::number::number;
 use crate::{Cell, ReportError, Sensitivity, Table};
 
 /// Steps of colour between the best and the worst cell.

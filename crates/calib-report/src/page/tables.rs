@@ -1,10 +1,11 @@
 //! Tables, the data profile, and the instructions to reproduce the report.
 
+use calib_core::{count, number, percent};
 use maud::{Markup, html};
 
 use super::text::prose;
 use super::{Section, SectionEntry};
-use crate::number::{count, duration, number, percent};
+use crate::duration::duration;
 use crate::{
     Cell, Channel, ChannelStatus, DataProfile, JumpStatistics, Report, Reproduction, Setting, Table,
 };

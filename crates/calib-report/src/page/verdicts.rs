@@ -1,11 +1,11 @@
 //! The first section of the report, with the verdicts.
 
+use calib_core::{is_many_times, number, percent};
 use maud::{Markup, html};
 
 use super::Section;
 use super::tables::table;
 use super::text::prose;
-use crate::number::{is_many_times, number, percent};
 use crate::report::{are_of_several_models, caveats, summary};
 use calib_stats::Bounded;
 

@@ -1,8 +1,9 @@
 //! Caveats: what to know before relying on verdicts, each mentioned once.
 
+use calib_core::percent;
+
 use super::sentence::listed;
 use super::{ChoiceBaseline, Grade, Separation, Verdict};
-use crate::number::percent;
 
 /// Rankings with a smaller correlation than this contradict each other. Our choice.
 const CONTRADICTS: f64 = -0.5;

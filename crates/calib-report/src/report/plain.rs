@@ -1,8 +1,9 @@
 //! Meaning of a verdict for the plant, in one or two sentences without statistics.
 
+use calib_core::{number, percent};
+
 use super::sentence::{assigned, chance_of_change, changed};
 use super::{ChoiceBaseline, Grade, Separation, Simpler, Verdict};
-use crate::number::{number, percent};
 
 impl Verdict {
     /// Returns the cost of the choice on held-out data, the cost of changing nothing, and what to do if neither is good enough.

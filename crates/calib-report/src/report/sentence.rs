@@ -1,10 +1,10 @@
 //! A verdict in sentences for readers without knowledge of statistics.
 
 use calib_agent::SimplePredictor;
+use calib_core::{factor, is_many_times, number, percent};
 use calib_stats::{Bounded, Estimate, Interval};
 
 use super::{Alternative, ChoiceBaseline, Grade, HeldOutResult, Reason, Separation, Verdict};
-use crate::number::{factor, is_many_times, number, percent};
 use crate::{Setting, figures::NRMSE};
 
 mod words;

@@ -1,11 +1,11 @@
 //! Simple predictors beside the chosen agent.
 
 use calib_agent::SimplePredictor;
+use calib_core::number;
 use calib_stats::{Estimate, Interval};
 
 use super::Verdict;
 use super::sentence::{chance_of_change, changed, listed};
-use crate::number::number;
 
 /// Result of a simple predictor on the held-out windows, or on those of the replayed log.
 #[derive(Debug, Clone, PartialEq)]

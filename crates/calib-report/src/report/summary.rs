@@ -1,8 +1,9 @@
 //! All verdicts in a few sentences.
 
+use calib_core::{number, percent};
+
 use super::sentence::{assigned, listed};
 use super::{ChoiceBaseline, Grade, Report, Verdict};
-use crate::number::{number, percent};
 
 /// Whether several models have verdicts on the same sensor.
 pub(crate) fn are_of_several_models(verdicts: &[Verdict]) -> bool {

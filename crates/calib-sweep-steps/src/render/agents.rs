@@ -3,7 +3,7 @@ use calib_base::{
     StepError,
     artefact::MANIFEST,
     outcome::{Outcome, Told},
-    output::{Printer, duration, significant, table},
+    output::{Printer, duration, number, table},
 };
 use calib_study::{Job, StepKind};
 
@@ -50,7 +50,7 @@ impl Told for PretrainedAgents {
 fn row(agent: &PretrainedAgent) -> Vec<String> {
     let kept = agent.curve.get(agent.epoch.saturating_sub(1));
     let loss = |value: fn(&Epoch) -> f64| {
-        kept.map_or_else(|| "unknown".to_owned(), |epoch| significant(value(epoch)))
+        kept.map_or_else(|| "unknown".to_owned(), |epoch| number(value(epoch)))
     };
     vec![
         agent.sensor.clone(),
@@ -64,5 +64,5 @@ fn row(agent: &PretrainedAgent) -> Vec<String> {
 
 fn nrmse(epoch: Option<&Epoch>) -> String {
     let nrmse = epoch.and_then(|epoch| epoch.validation_nrmse);
-    nrmse.map_or_else(|| "unknown".to_owned(), significant)
+    nrmse.map_or_else(|| "unknown".to_owned(), number)
 }

@@ -1,6 +1,6 @@
 //! The choices of models in each deployment, side by side in the terminal.
 
-use calib_base::output::{percent, significant, table};
+use calib_base::output::{number, percent, table};
 
 use crate::verdict::compare::{JudgedModel, by_deployment};
 
@@ -30,7 +30,7 @@ pub(crate) fn choices(parts: &[JudgedModel]) -> String {
                 or_dash(online.and_then(|online| Some(percent(online.regret?.value)))),
                 or_dash(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
             ];
-            let of_rollouts = [warping.map(significant), collapse(part, &first.sensor)];
+            let of_rollouts = [warping.map(number), collapse(part, &first.sensor)];
             let of_rollouts = of_rollouts.map(or_dash).into_iter().filter(|_| has_models);
             let row = [first.sensor.clone()].into_iter().chain(deployment).chain(model);
             rows.push(row.chain(chosen).chain(of_rollouts).collect());

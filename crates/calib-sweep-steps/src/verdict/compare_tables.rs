@@ -138,8 +138,7 @@ pub(crate) fn data_of_models(group: &[&JudgedModel]) -> (Option<DataProfile>, St
         let name = part.model_name();
         fingerprints.push(format!("{name}: {}", part.report.reproduction.fingerprint));
         if let (Some(whole), Some(own)) = (&mut data, &part.report.data) {
-            let states =
-                format!("{}, {} to {}", calib_report::count(own.rows), own.first, own.last);
+            let states = format!("{}, {} to {}", calib_core::count(own.rows), own.first, own.last);
             whole.facts.push((format!("{name}: states"), states));
         }
     }

@@ -9,7 +9,7 @@ use calib_base::{
     bail,
     log::{context::RunContext, partition},
     outcome::{NoPlan, Outcome, StepResult},
-    output::{significant, span},
+    output::{number, span},
     stale::StoredArtefact,
 };
 use calib_core::{Monitor, Seed};
@@ -328,8 +328,8 @@ fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<S
     Some(format!(
         "half of the values lie above {} in the training range and above {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
          train on a time that is like the present (data.train)",
-        significant(learned.median),
-        significant(held_out.median)
+        number(learned.median),
+        number(held_out.median)
     ))
 }
 

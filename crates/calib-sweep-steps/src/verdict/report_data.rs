@@ -34,15 +34,15 @@ fn windows(judged: &Judged, held_out_rows: u64) -> String {
         sensors.map(|sensor| judged.manifest.windows_of(sensor).len()).collect();
     let shares = counts
         .iter()
-        .map(|count| calib_report::percent((count * steps) as f64 / held_out_rows as f64));
+        .map(|count| calib_core::percent((count * steps) as f64 / held_out_rows as f64));
     let unit = if counts.iter().all(|&count| count == 1) { "window" } else { "windows" };
     let beside_gaps = share_beside_gaps(judged)
         .filter(|share| *share < 1.0 - LOST_TO_GAPS)
-        .map(|share| format!("; gaps leave {} of them to score", calib_report::percent(share)));
+        .map(|share| format!("; gaps leave {} of them to score", calib_core::percent(share)));
     format!(
         "{} {unit} of {} steps ({} of the states{})",
         counts.iter().map(ToString::to_string).collect::<Vec<String>>().join(" or "),
-        calib_report::count(steps as u64),
+        calib_core::count(steps as u64),
         shares.collect::<Vec<String>>().join(" or "),
         beside_gaps.unwrap_or_default()
     )
@@ -96,7 +96,7 @@ pub(crate) fn data_profile(learned: &Learned, judged: &Judged) -> DataProfile {
 }
 
 fn fact(name: &str, number: u64) -> (String, String) {
-    (name.to_owned(), calib_report::count(number))
+    (name.to_owned(), calib_core::count(number))
 }
 
 const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];
@@ -104,7 +104,7 @@ const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];
 /// Returns facts about the deployment that was used for judging.
 pub(crate) fn deployment_facts(judged: &Judged) -> Vec<(String, String)> {
     let Some(held_out) = &judged.manifest.held_out else { return Vec::new() };
-    let values = [calib_report::count(held_out.rows), judged.clock.range(held_out.times)];
+    let values = [calib_core::count(held_out.rows), judged.clock.range(held_out.times)];
     HELD_OUT.map(str::to_owned).into_iter().zip(values).collect()
 }
 

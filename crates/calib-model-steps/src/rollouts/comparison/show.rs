@@ -2,7 +2,7 @@
 
 use calib_base::{
     StepError,
-    output::{Printer, count, significant, table},
+    output::{Printer, count, number, table},
 };
 use calib_stats::{ClusterSummary, Interval};
 
@@ -110,13 +110,13 @@ pub(super) fn basis(comparison: &Comparison) -> String {
 
 /// Formats half the width of an interval around a mean.
 pub(super) fn plus_minus(interval: Interval) -> String {
-    format!("± {}", significant((interval.high - interval.low) / 2.0))
+    format!("± {}", number((interval.high - interval.low) / 2.0))
 }
 
 /// Formats a mean, with half the width of its interval if there is one.
 pub(super) fn mean_and_half(mean: f64, interval: Option<Interval>) -> String {
     let half = interval.map(|interval| format!(" {}", plus_minus(interval)));
-    format!("{}{}", significant(mean), half.unwrap_or_default())
+    format!("{}{}", number(mean), half.unwrap_or_default())
 }
 
 fn summary_text(summary: Option<&ClusterSummary>) -> String {

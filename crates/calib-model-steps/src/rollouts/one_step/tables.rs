@@ -2,7 +2,7 @@
 
 use calib_base::{
     Context as _, StepError,
-    output::{Printer, count, significant, table},
+    output::{Printer, count, number, table},
 };
 use calib_report::{Best, Cell, Table};
 use calib_stats::{ErrorRatio, Interval};
@@ -45,7 +45,7 @@ pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepErro
     ))?;
     let rows: Vec<Vec<String>> = named(one_step)
         .map(|(name, error)| {
-            let no_change = significant(error.no_change_rmse);
+            let no_change = number(error.no_change_rmse);
             let range = error.relative_interval.map(|interval| format!(" ({})", range(interval)));
             let relative = number_text(error.relative) + &range.unwrap_or_default();
             vec![label(name), number_text(error.rmse), no_change, relative]
@@ -69,11 +69,11 @@ fn label(sensor: Option<&str>) -> String {
 
 /// Formats the number, or a dash.
 fn number_text(value: Option<f64>) -> String {
-    value.map_or_else(|| "–".to_owned(), significant)
+    value.map_or_else(|| "–".to_owned(), number)
 }
 
 fn range(interval: Interval) -> String {
-    format!("{} to {}", significant(interval.low), significant(interval.high))
+    format!("{} to {}", number(interval.low), number(interval.high))
 }
 
 /// Compares every two of the models.
@@ -109,7 +109,7 @@ pub fn report_tables(models: &[&OneStepModel]) -> Result<Vec<Table>, StepError> 
     for (place, (sensor, error)) in named(&first.one_step).enumerate() {
         let mut row = vec![Cell::Text(label(sensor))];
         row.extend(models.iter().flat_map(|model| cells(model.error(sensor))));
-        row.push(Cell::Text(significant(error.no_change_rmse)));
+        row.push(Cell::Text(number(error.no_change_rmse)));
         rows.push(row);
         let best = if several { not_worse(models, sensor)? } else { Vec::new() };
         bold.extend(best.into_iter().map(|model| (place, 1 + 3 * model)));
@@ -214,7 +214,7 @@ fn of_two(ratio: Option<ErrorRatio>) -> [Cell; 2] {
         ratio.interval.map(|interval| format!(" ({})", range(interval))).unwrap_or_default();
     let [one, other] = ratio.smaller;
     [
-        Cell::Text(format!("{}{range}", significant(ratio.ratio))),
+        Cell::Text(format!("{}{range}", number(ratio.ratio))),
         Cell::Text(format!("{} : {}", count(one), count(other))),
     ]
 }

@@ -1,6 +1,6 @@
 //! Comparison of the choice with policies that learn nothing, and with the recorded behaviour.
 
-use calib_base::output::{percent, significant};
+use calib_base::output::{number, percent};
 use calib_control::{BestConstant, OutlyingMember, RandomActions, RecordedReturn};
 use calib_report::listed;
 
@@ -16,8 +16,8 @@ impl Advice<'_> {
         let told = format!(
             "always taking {} gets {} per episode in the model, and the chosen setting gets {}, learning included",
             self.action(action),
-            significant(constant),
-            significant(promised)
+            number(constant),
+            number(promised)
         );
         let learn = format!("or let agents learn for longer ({steps})");
         let over = self.verdict.constant.as_ref().and_then(|best| best.over.as_ref());
@@ -41,8 +41,8 @@ impl Advice<'_> {
         let over = beside.and_then(|beside| beside.over.as_ref()).filter(|over| over.mean > 0.0);
         let told = format!(
             "random actions get {} per episode in the models, and the chosen setting gets {}, learning included",
-            significant(random),
-            significant(promised)
+            number(random),
+            number(promised)
         );
         let learn = "record more varied actions, sweep settings that explore less,";
         let Some(around) = over.and_then(|over| over.interval) else {
@@ -57,7 +57,7 @@ impl Advice<'_> {
                 what: format!(
                     "{chance}: without the {} of ensemble member {member}, in which it gets {}, the interval would exclude 0",
                     kind.name(),
-                    significant(chosen_return)
+                    number(chosen_return)
                 ),
                 remedy: format!(
                     "make more runs ({runs}), or use more ensemble members ({members})"
@@ -80,13 +80,13 @@ impl Advice<'_> {
         let over = more_than(other, over.as_ref());
         let each: Vec<String> = kinds
             .iter()
-            .map(|own| format!("{} in {}", significant(own.mean_return), own.kind.name()))
+            .map(|own| format!("{} in {}", number(own.mean_return), own.kind.name()))
             .collect();
         let each = if each.len() > 1 { format!(" ({})", listed(&each)) } else { String::new() };
         format!(
             "Best constant action: always {} gets {} in the model{each}, where {} of its steps are not covered.{over}",
             self.action(*action),
-            significant(*mean_return),
+            number(*mean_return),
             percent(*uncovered),
         )
     }
@@ -95,7 +95,7 @@ impl Advice<'_> {
 /// Returns a sentence on the return of random actions.
 pub(super) fn beside_random_actions(random: &RandomActions) -> String {
     let over = more_than("that", random.over.as_ref());
-    format!("Random actions get {} in the model.{over}", significant(random.mean_return))
+    format!("Random actions get {} in the model.{over}", number(random.mean_return))
 }
 
 /// Returns a sentence on the return of the recorded behaviour.
@@ -103,9 +103,9 @@ pub(super) fn recorded_episodes(recorded: &RecordedReturn) -> String {
     let RecordedReturn { mean, interval: around, best, .. } = *recorded;
     format!(
         "Recorded episodes: mean return {}{}{}.{}",
-        significant(mean),
+        number(mean),
         around.map_or_else(String::new, interval),
-        best.map_or_else(String::new, |best| format!(", at most {}", significant(best))),
+        best.map_or_else(String::new, |best| format!(", at most {}", number(best))),
         beyond_whole_episodes(recorded).map_or_else(String::new, |reason| format!(" {reason}"))
     )
 }
@@ -114,9 +114,9 @@ pub(super) fn recorded_episodes(recorded: &RecordedReturn) -> String {
 /// like a mistake.
 pub(crate) fn beyond_whole_episodes(recorded: &RecordedReturn) -> Option<&'static str> {
     let RecordedReturn { mean, best, worst, .. } = *recorded;
-    let told = significant(mean);
+    let told = number(mean);
     // Values that print alike do not count as beyond each other.
-    let is_beyond = |whole: f64, is_farther: bool| is_farther && significant(whole) != told;
+    let is_beyond = |whole: f64, is_farther: bool| is_farther && number(whole) != told;
     let above = best.is_some_and(|best| is_beyond(best, mean > best));
     let below = worst.is_some_and(|worst| is_beyond(worst, mean < worst));
     (above || below).then_some(

@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 
-use calib_base::output::{counted, percent, significant};
+use calib_base::output::{counted, number, percent};
 use calib_control::{Doubt, FEWEST_BLOCKS};
 
 use super::{Advice, Vocabulary};
@@ -95,16 +95,16 @@ impl Advice<'_> {
             Doubt::BelowRecorded { promised, recorded } => (
                 format!(
                     "the chosen setting gets {} per episode in the model, learning included, and the recorded behaviour got {}",
-                    significant(*promised),
-                    significant(*recorded)
+                    number(*promised),
+                    number(*recorded)
                 ),
                 format!("keep that, or let agents learn for longer ({steps})"),
             ),
             Doubt::AboveRecorded { promised, best } => (
                 format!(
                     "the model promises {} per episode, and no recorded episode got more than {}: nothing in the record shows that so much is possible",
-                    significant(*promised),
-                    significant(*best)
+                    number(*promised),
+                    number(*best)
                 ),
                 "record better episodes, or try the choice where it can do no harm".to_owned(),
             ),
@@ -119,8 +119,8 @@ impl Advice<'_> {
                 "jumps between recorded rows move {} by {} times its recorded range in an episode of the chosen setting in the model (standard error {}), always to the \
                  same side: together they undo what its actions do, for example if an actuator was never recorded beyond some level",
                 self.columns.get(column).map_or("?", String::as_str),
-                significant(mean),
-                significant(error)
+                number(mean),
+                number(error)
             ),
             remedy: "record steps there, or take the change of the column for the action"
                 .to_owned(),

@@ -140,14 +140,14 @@ fn more_than_random_actions_get_is_told_with_its_interval() {
         advice.reasons().remove(0).whole()
     };
     let chance = reason(Some(-12.0), None);
-    let told = "gets 38.0, learning included, which could be chance (95 % over blocks of the log: 12.0 less to 40.0 more); record";
+    let told = "gets 38, learning included, which could be chance (95 % over blocks of the log: 12 less to 40 more); record";
     assert!(chance.contains(told), "{chance}");
     let more = "narrow the interval with more ensemble members (control.model.members)";
     assert!(chance.ends_with(more), "{chance}");
     let network =
         OutlyingMember { kind: ActionModelKind::Network, member: 2, chosen_return: -501.0 };
     let one = reason(Some(-12.0), Some(network));
-    let named = "40.0 more): without the network of ensemble member 2, in which it gets -501, the interval would exclude 0; make more runs (control.runs)";
+    let named = "40 more): without the network of ensemble member 2, in which it gets -501, the interval would exclude 0; make more runs (control.runs)";
     assert!(one.contains(named) && !one.contains("varied actions"), "{one}");
     let alone = reason(None, None);
     assert!(alone.contains("that it learns anything of use is not shown; record"), "{alone}");
@@ -166,7 +166,7 @@ fn ranks_and_few_blocks_are_told_once() {
     };
     let few = of_blocks(3);
     let ranks =
-        "Ahead of the default by 1.00 in mean rank, over blocks of the log (95 %: 0.500 to 1.50).";
+        "Ahead of the default by 1 in mean rank, over blocks of the log (95 %: 0.5 to 1.5).";
     assert!(few.iter().any(|line| line == ranks), "{few:?}");
     let weak = "Intervals over 3 blocks of the log are weak: use 4 ensemble members or more (control.model.members).";
     assert_eq!(few.iter().filter(|line| *line == weak).count(), 1, "{few:?}");
@@ -203,7 +203,7 @@ fn a_recorded_mean_beyond_every_whole_episode_has_its_reason() {
     let below = told(-120.0, Some(-20.0), Some(-110.0));
     assert!(below.contains("beyond every whole episode, because it counts parts"), "{below}");
     let within = told(90.0, Some(110.0), Some(20.0));
-    assert_eq!(within, "Recorded episodes: mean return 90.0, at most 110.");
+    assert_eq!(within, "Recorded episodes: mean return 90, at most 110.");
     let alike = told(110.000_000_1, Some(110.0), Some(110.0));
     assert!(alike.ends_with("at most 110."), "a rounding: {alike}");
     assert!(told(5.0, None, None).ends_with("mean return 5.00."));
@@ -288,9 +288,9 @@ fn the_first_screen_has_the_number_and_the_strongest_reasons() {
     let shown = advice.summary();
     assert_eq!(shown.len(), 2 + MOST_REASONS, "{shown:?}");
     assert_eq!(shown[0], "Deploy nothing on this evidence.");
-    let number = "a=2 is first by mean rank: 2.00 more per episode than the default in the models (95 % over blocks of the log: 1.00 less to 5.00 more).";
+    let number = "a=2 is first by mean rank: 2 more per episode than the default in the models (95 % over blocks of the log: 1 less to 5 more).";
     assert_eq!(shown[1], number);
-    let parts = ["the recorded behaviour got 4.00", "has no such action", "no clear difference"];
+    let parts = ["the recorded behaviour got 4", "has no such action", "no clear difference"];
     for (line, part) in shown[2..].iter().zip(parts) {
         assert!(line.contains(part) && !line.contains(';'), "{shown:?}");
     }
@@ -303,7 +303,8 @@ fn the_first_screen_has_the_number_and_the_strongest_reasons() {
     for default in [None, Some(1)] {
         let alone = ReturnVerdict { default, ..verdict.clone() };
         let shown = advice_on(&alone, &settings).summary();
-        let number = "a=2 is first by mean rank: 3.00 per episode in the models, and recorded episodes got 1.00.";
+        let number =
+            "a=2 is first by mean rank: 3 per episode in the models, and recorded episodes got 1.";
         assert_eq!(shown[1], number);
     }
 }
@@ -357,15 +358,15 @@ fn a_constant_action_is_told_with_its_kinds_and_whether_it_could_be_chance() {
         advice.why().join("\n")
     };
     let chance = told(Some(1.0));
-    let kinds = "always off gets 71.0 in the model (132 in neighbors and 10.0 in increments)";
+    let kinds = "always off gets 71 in the model (132 in neighbors and 10 in increments)";
     assert!(chance.contains(kinds), "{chance}");
-    let could = "gets 3.00, learning included, which could be chance (95 % over blocks of the log: 3.00 less to 1.00 more); try that action first";
+    let could = "gets 3, learning included, which could be chance (95 % over blocks of the log: 3 less to 1 more); try that action first";
     assert!(chance.contains(could), "{chance}");
-    let beside = "The chosen setting gets 1.00 less than the action that is best in the other ensemble members (95 %";
+    let beside = "The chosen setting gets 1 less than the action that is best in the other ensemble members (95 %";
     assert!(chance.contains(beside), "{chance}");
     let sure = told(Some(-0.5));
     assert!(sure.contains("learning included; take that action"), "{sure}");
     let alone = told(None);
     assert!(alone.contains("which could be chance; try that action first"), "{alone}");
-    assert!(alone.contains("The chosen setting gets 1.00 less than that."), "{alone}");
+    assert!(alone.contains("The chosen setting gets 1 less than that."), "{alone}");
 }

@@ -3,7 +3,7 @@
 use calib_base::{
     StepError,
     outcome::Told,
-    output::{Printer, count, counted, duration, percent, significant, span, table},
+    output::{Printer, count, counted, duration, number, percent, span, table},
 };
 use calib_control::Algorithm;
 use calib_study::shell_words;
@@ -39,7 +39,7 @@ fn found(proposed: &ProposedControlStudy) -> String {
         chosen.study.display(),
         held(chosen.transitions, chosen.episodes, chosen.terminals),
         counted(chosen.columns.len(), "column"),
-        significant(chosen.mean_return)
+        number(chosen.mean_return)
     )
 }
 
@@ -68,11 +68,11 @@ fn actions(proposed: &ProposedControlStudy) -> String {
 
 /// Returns the values of the default, with their reasons.
 fn numbers(chosen: &ChosenControl) -> String {
-    let step_size = significant(chosen.step_size);
-    let spread = format!("the spread of recorded returns is {}", significant(chosen.return_spread));
+    let step_size = number(chosen.step_size);
+    let spread = format!("the spread of recorded returns is {}", number(chosen.return_spread));
     match chosen.algorithm {
         Algorithm::ExpectedSarsa => {
-            let temperature = significant(chosen.temperature);
+            let temperature = number(chosen.temperature);
             format!(
                 "step size {step_size} and temperature {temperature}, in units of return: {spread}"
             )

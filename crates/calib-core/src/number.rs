@@ -1,4 +1,4 @@
-//! Numbers formatted for readers.
+//! Numbers formatted for readers, alike on the terminal, in messages and in reports.
 
 /// Formats `value` with three significant digits: `0.0123`, `1.5`, `28,800`, `3.16e-4`; `diverged` if it is not finite.
 pub fn number(value: f64) -> String {
@@ -33,12 +33,12 @@ pub fn percent(share: f64) -> String {
 }
 
 /// Formats a ratio: `55`, `more than 1,000`; `diverged` if it is not finite.
-pub(crate) fn factor(ratio: f64) -> String {
+pub fn factor(ratio: f64) -> String {
     if is_many_times(ratio) { format!("more than {}", number(MANY_TIMES)) } else { number(ratio) }
 }
 
 /// Whether a share is above the largest multiple that [`factor`] gives as a number.
-pub(crate) fn is_many_times(share: f64) -> bool {
+pub fn is_many_times(share: f64) -> bool {
     share > MANY_TIMES && share.is_finite()
 }
 
@@ -55,26 +55,22 @@ pub fn count(value: u64) -> String {
     out
 }
 
-/// Formats a time span in the largest unit that keeps it above one: `30 s`, `8.33 h`, `14 d`.
-pub fn duration(secs: f64) -> String {
-    let (unit, name) = time_unit(secs);
-    format!("{} {name}", number(secs / unit))
-}
-
-/// Returns the unit in which `secs` reads best: its length in seconds, and its name.
-pub(crate) fn time_unit(secs: f64) -> (f64, &'static str) {
-    match secs.abs() {
-        size if size >= 3.0 * 86_400.0 => (86_400.0, "d"),
-        size if size >= 2.0 * 3_600.0 => (3_600.0, "h"),
-        size if size >= 3.0 * 60.0 => (60.0, "min"),
-        _ => (1.0, "s"),
-    }
-}
-
 /// Rounds `value` to a whole number with thousands separators.
-pub(crate) fn whole(value: f64) -> String {
+pub fn whole(value: f64) -> String {
     let whole = count(value.abs().round() as u64);
     if value < 0.0 { format!("-{whole}") } else { whole }
+}
+
+/// Formats a recorded value with all digits that it needs. If single precision holds it, as in most logs, these are the
+/// digits of single precision: `0.28`, and not `0.2800000011920929`.
+pub fn exact(value: f64) -> String {
+    let single = value as f32;
+    if f64::from(single) == value { single.to_string() } else { value.to_string() }
+}
+
+/// Rounds `value` to `digits` significant digits, at least one.
+pub fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
 }
 
 fn significant(value: f64, smallest_plain: f64) -> String {
@@ -88,8 +84,8 @@ fn significant(value: f64, smallest_plain: f64) -> String {
     let scientific = format!("{value:.2e}");
     let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
     let exponent: i32 = exponent.parse().unwrap_or(0);
-    let rounded = 10f64.powi(exponent);
-    if rounded < smallest_plain * 0.999 || exponent >= 6 {
+    let power = 10f64.powi(exponent);
+    if power < smallest_plain * 0.999 || exponent >= 6 {
         return format!("{}e{exponent}", trimmed(mantissa.to_owned()));
     }
     if exponent >= 3 {
@@ -175,13 +171,9 @@ mod tests {
     }
 
     #[test]
-    fn counts_and_durations() {
-        assert_eq!(
-            (count(7), count(1_000), count(1_234_567)),
-            ("7".into(), "1,000".into(), "1,234,567".into())
-        );
-        assert_eq!(duration(30.0), "30 s");
-        assert_eq!(duration(30_000.0), "8.33 h");
-        assert_eq!(duration(14.0 * 86_400.0), "14 d");
+    fn counts_have_separators_and_recorded_values_their_digits() {
+        assert_eq!([7, 1_000, 1_234_567].map(count), ["7", "1,000", "1,234,567"]);
+        assert_eq!([f64::from(0.28_f32), 0.28, 2.0].map(exact), ["0.28", "0.28", "2"]);
+        assert_eq!((rounded(0.253, 1), rounded(2_600.0, 1)), (0.3, 3000.0));
     }
 }
