@@ -92,11 +92,6 @@ impl StepError {
         matches!(self.root(), Self::Cancelled)
     }
 
-    /// Whether something is missing that another attempt may provide.
-    pub fn is_incomplete(&self) -> bool {
-        matches!(self.root(), Self::Incomplete(_))
-    }
-
     /// Whether an earlier step has to run, because its result is missing or stale.
     pub fn lacks_result(&self) -> bool {
         matches!(self.root(), Self::Missing(_) | Self::Stale(_))

@@ -288,7 +288,7 @@ pub fn cluster_plan(
 ///
 /// # Errors
 /// Returns an error if the plan comes from another version of calib or another kind of processor, the plan is damaged,
-/// the shard fails ([`StepError::is_incomplete`]), or the observer asks to stop.
+/// the shard fails ([`StepError::Incomplete`]), or the observer asks to stop.
 pub fn cluster_run(
     plan: &Path,
     shard: usize,
@@ -313,7 +313,7 @@ pub fn cluster_status(
 /// Merges the results of all shards into the files that one process would have written. Reports each finished sweep.
 ///
 /// # Errors
-/// Returns an error if a shard is missing or invalid ([`StepError::is_incomplete`]). Nothing is written in that case.
+/// Returns an error if a shard is missing or invalid ([`StepError::Incomplete`]). Nothing is written in that case.
 pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<MergedSweeps, StepError> {
     cluster::merge(plan, &RunContext::new(printer))
 }

@@ -39,17 +39,6 @@ impl LossConfig {
             LossForm::B => (self.beta, self.zeta),
         }
     }
-
-    /// Returns the stationary second moment of ψ along an eigenfunction whose correlation over one
-    /// drawn pair is `correlation` μ: max(0, ζ − c(1−μ)/β) in form A, and max(0, (ζ − c(1−μ))/β) in
-    /// form B.
-    ///
-    /// Derived: with ψ = Σ aₖ fₖ eₖ over orthonormal eigenfunctions, the expected loss is Σ
-    /// 2c(1−μₖ)aₖ² + q aₖ⁴ − 2l aₖ². Its minimum is aₖ² = (l − c(1−μₖ))/q where that is positive.
-    pub fn stationary_moment(&self, correlation: f64) -> f64 {
-        let (quartic, quadratic) = self.repulsion();
-        ((quadratic - self.attraction * (1.0 - correlation)) / quartic).max(0.0)
-    }
 }
 
 /// Hyperparameters of one representation. Every field is a scalar and has a default.
@@ -161,18 +150,6 @@ fn check_whole(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn modes_survive_where_the_theory_says() {
-        let a = LossConfig::default();
-        assert!((a.stationary_moment(1.0) - 0.05).abs() < 1e-12);
-        assert!(a.stationary_moment(0.76) > 0.0 && a.stationary_moment(0.74) == 0.0);
-        let half = LossConfig { attraction: 0.5, ..a };
-        assert!(half.stationary_moment(0.51) > 0.0 && half.stationary_moment(0.49) == 0.0);
-        let b = LossConfig { form: LossForm::B, ..a };
-        assert!((b.stationary_moment(1.0) - 0.01).abs() < 1e-12);
-        assert!(b.stationary_moment(0.96) > 0.0 && b.stationary_moment(0.94) == 0.0);
-    }
 
     #[test]
     fn come_back_from_a_manifest() {

@@ -155,7 +155,7 @@ impl Learned {
             }
         }
         for (correlation, vector) in eigenvectors {
-            let moment = loss.stationary_moment(*correlation);
+            let moment = stationary_moment(loss, *correlation);
             for i in 0..n {
                 for j in 0..n {
                     expected[i * n + j] += moment * vector[i] * vector[j];
@@ -230,12 +230,22 @@ fn config(loss: LossConfig) -> LaplacianConfig {
     }
 }
 
+/// Returns the stationary second moment of ψ along an eigenfunction whose correlation over one drawn pair is
+/// `correlation` μ: max(0, ζ − c(1−μ)/β) in form A, and max(0, (ζ − c(1−μ))/β) in form B.
+///
+/// Derived: with ψ = Σ aₖ fₖ eₖ over orthonormal eigenfunctions, the expected loss is Σ 2c(1−μₖ)aₖ² + q aₖ⁴ − 2l aₖ².
+/// Its minimum is aₖ² = (l − c(1−μₖ))/q where that is positive.
+fn stationary_moment(loss: &LossConfig, correlation: f64) -> f64 {
+    let (quartic, quadratic) = loss.repulsion();
+    ((quadratic - loss.attraction * (1.0 - correlation)) / quartic).max(0.0)
+}
+
 /// Compares second moments, live dimensions and subspace with theory.
 fn check(chain: &Chain, loss: LossConfig) {
     let config = config(loss);
     let learned = learn(chain, &config);
     let vectors = eigenvectors(&learned.averaged, chain.n);
-    let expected: Vec<f64> = vectors.iter().map(|(mu, _)| loss.stationary_moment(*mu)).collect();
+    let expected: Vec<f64> = vectors.iter().map(|(mu, _)| stationary_moment(&loss, *mu)).collect();
     let greatest = expected[0];
     let moments = learned.moments();
     for (at, (got, expected)) in moments.iter().zip(&expected).enumerate() {
@@ -243,7 +253,8 @@ fn check(chain: &Chain, loss: LossConfig) {
     }
     // Modes near the threshold may be live or not.
     let sure = expected.iter().filter(|&&moment| moment > 0.1 * greatest).count();
-    let possible = vectors.iter().filter(|(mu, _)| loss.stationary_moment(mu + 0.03) > 0.0).count();
+    let possible =
+        vectors.iter().filter(|(mu, _)| stationary_moment(&loss, mu + 0.03) > 0.0).count();
     assert!((sure..=possible).contains(&learned.live), "{sure} {} {possible}", learned.live);
     let [got, theory] = learned.operators(&loss, &vectors);
     let difference: Vec<f64> = got.iter().zip(&theory).map(|(a, b)| a - b).collect();
