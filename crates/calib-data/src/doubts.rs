@@ -408,7 +408,7 @@ impl FarOut {
     }
 }
 
-/// Returns the message for channels that are pairs of words, each [with its words](crate::switches::Switch::told);
+/// Returns the message for channels that are pairs of words, each [with its words](calib_text::Switch::told);
 /// `None` for no channels.
 pub(crate) fn read_as_switches(channels: &[String]) -> Option<String> {
     let named = first_few(channels)?;

@@ -66,7 +66,6 @@ mod shown_clock;
 mod sketch;
 mod statistics;
 mod survey;
-mod switches;
 pub mod table;
 mod tags;
 mod text;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Normalisation, PreprocessConfig,
     channel::{Moments, is_same, quantile},
-    switches::Switch,
+    text::Switch,
 };
 
 /// Why a channel is not a sensor of the states.

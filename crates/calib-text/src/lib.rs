@@ -5,6 +5,7 @@
 //! - [`Dialect`]: recognises the separator, header and units of a table from its first rows.
 //! - [`Cell`], [`Words`]: a cell in eight bytes.
 //! - [`cell_of`], [`plain_decimal`], [`Signs`]: numbers, and their decimal sign.
+//! - [`Switch`], [`Quality`]: words for the state of a switch, and codes of good and bad values.
 //! - [`Candidates`], [`Notation`]: the notations that a column of times may have; [`TimestampUnit`], [`units`]: the
 //!   unit of numeric times.
 //! - [`Zone`], [`LocalTimes`]: local clocks, on which one hour per year occurs twice.
@@ -18,22 +19,28 @@
 //! ```
 
 mod cell;
+mod cut_number;
 mod dialect;
 mod notation;
 mod number;
+mod quality;
 mod record;
+mod switch;
 mod time;
 mod unit;
 mod zone;
 
 pub use cell::{Cell, Words};
+pub use cut_number::{decimals_before_cut, has_decimals};
 pub use dialect::{Dialect, TextColumn, decode, unbracketed};
 pub use notation::{Candidates, Likely, Notation, Unreadable, compact_pattern, is_time_of_day};
 pub use number::{
     Decimal, LARGEST, SignError, Signs, cell_of, either_way, may_be_thousand, parse_number,
     plain_decimal,
 };
+pub use quality::Quality;
 pub use record::{Marks, RecordReader};
+pub use switch::Switch;
 pub use time::{ParsedTime, format_time, parse_stamp, parse_time};
 pub use unit::{TimestampUnit, unit_readings, units};
 pub use zone::{LocalTimes, Zone};

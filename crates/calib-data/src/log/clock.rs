@@ -220,37 +220,25 @@ fn decided(
             refuse_far_days(file, time, &found, one, monitor)?;
             return Ok(one.notation.clone());
         }
-        found = by_all_rows(file, time, found, monitor)?;
-    }
-    if found.is_ambiguous() {
-        let days = days_of(file, time, monitor)?;
-        let Some(likely) = found.likely(&cells, &days) else {
-            return Err(DataError::AmbiguousTimes {
-                path: file.path.clone(),
-                example: found.example.clone(),
-                readings: found.readings(),
-            });
-        };
-        doubts.insert(likely.told);
-        return Ok(likely.notation);
+        let days = read_all_rows(file, time, &mut found, monitor)?;
+        found = checked(found, file, time)?;
+        if found.is_ambiguous() {
+            let Some(likely) = found.likely(&cells, &days) else {
+                return Err(DataError::AmbiguousTimes {
+                    path: file.path.clone(),
+                    example: found.example.clone(),
+                    readings: found.readings(),
+                });
+            };
+            doubts.insert(likely.told);
+            return Ok(likely.notation);
+        }
     }
     Ok(found.left.swap_remove(0))
 }
 
 /// Number of days that show the order of the fields of dates. Our choice.
 const ENOUGH_DAYS: usize = 1_000;
-
-/// Returns the times of the first rows whose date is not that of the row before.
-fn days_of(file: &TextFile, time: usize, monitor: &dyn Monitor) -> Result<Vec<String>, DataError> {
-    let mut days: Vec<String> = Vec::new();
-    for_each_time(file, time, monitor, |text| {
-        if days.last().is_none_or(|last| date_in(last) != date_in(text)) {
-            days.push(text.to_owned());
-        }
-        days.len() < ENOUGH_DAYS
-    })?;
-    Ok(days)
-}
 
 /// Returns the part of a time before the time of day.
 fn date_in(text: &str) -> &str {
@@ -364,22 +352,27 @@ fn for_each_time(
     Ok(())
 }
 
-/// Reads the times of all rows until one of them decides. Several notations remain if no row does.
-fn by_all_rows(
+/// Reads the times of all rows until one of them decides. Several notations remain in `found` if no row does. Returns
+/// the times of the first rows whose date is not that of the row before.
+fn read_all_rows(
     file: &TextFile,
     time: usize,
-    mut found: Candidates,
+    found: &mut Candidates,
     monitor: &dyn Monitor,
-) -> Result<Candidates, DataError> {
+) -> Result<Vec<String>, DataError> {
+    let mut days: Vec<String> = Vec::new();
     // Any number can be read in every unit.
-    if found.left.iter().any(|notation| !matches!(notation, Notation::Number(_))) {
-        for_each_time(file, time, monitor, |text| {
-            // What none of them can read is a damaged line, which is told later.
-            if found.left.iter().any(|notation| notation.read(text).is_some()) {
-                found.note(text);
-            }
-            found.is_ambiguous()
-        })?;
-    }
-    checked(found, file, time)
+    let may_decide = found.left.iter().any(|notation| !matches!(notation, Notation::Number(_)));
+    for_each_time(file, time, monitor, |text| {
+        let has_enough = days.len() == ENOUGH_DAYS;
+        if !has_enough && days.last().is_none_or(|last| date_in(last) != date_in(text)) {
+            days.push(text.to_owned());
+        }
+        // What none of them can read is a damaged line, which is told later.
+        if may_decide && found.left.iter().any(|notation| notation.read(text).is_some()) {
+            found.note(text);
+        }
+        found.is_ambiguous() && (may_decide || days.len() < ENOUGH_DAYS)
+    })?;
+    Ok(days)
 }

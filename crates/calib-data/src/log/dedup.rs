@@ -6,8 +6,7 @@ use calib_text::format_time;
 use crate::{
     AngleOf, Contradictions,
     channel::is_same,
-    switches::Switch,
-    text::{Cell, Words},
+    text::{Cell, Switch, Words},
 };
 
 /// Number of contradictions of a log that are shown.

@@ -346,7 +346,7 @@ fn quality_of(
     let columns = head.columns();
     let name = &columns[column].name;
     let told = |reason: String| format!("{}, column {name:?}: {reason}", head.path().display());
-    match Quality::of(&codes, data) {
+    match Quality::of(&codes, &data.good_quality) {
         Ok(Quality::UnknownWords(reason)) => {
             Ok(Some((column, Quality::UnknownWords(told(reason)))))
         }

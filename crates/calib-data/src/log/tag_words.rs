@@ -5,8 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::head::Head;
 use crate::{
     DataError,
-    switches::Switch,
-    text::{Decimal, parse_number},
+    text::{Decimal, Switch, parse_number},
 };
 
 /// Words name tags if the numbers beside each vary by this share of all variance at most: a state, such as the weather, tells less. Our choice.

@@ -9,10 +9,7 @@ use calib_text::LARGEST;
 use polars::prelude as pl;
 
 use super::columns::Store;
-use crate::{
-    switches::Switch,
-    text::{Cell, Decimal, Words, cell_of},
-};
+use crate::text::{Cell, Decimal, Switch, Words, cell_of};
 
 /// Maximum number of distinct words; all further words count as one.
 const WORDS: usize = 1_000;

@@ -6,13 +6,12 @@ use std::{
 };
 
 use calib_core::Monitor;
-use calib_text::{Decimal, Dialect};
+use calib_text::{Decimal, Dialect, decimals_before_cut, has_decimals};
 use rayon::prelude::*;
 
 use super::{
     RecordReader, TextColumn,
     blocks::{Block, Blocks},
-    cut_number::{decimals_before_cut, has_decimals},
     decode,
     input::{self, Compression, fill, unreadable},
     shown,

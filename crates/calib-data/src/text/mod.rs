@@ -6,22 +6,19 @@
 
 mod annotated;
 mod blocks;
-mod cut_number;
 mod file;
 mod input;
-mod quality;
 
 pub(crate) use calib_text::{
-    Candidates, Cell, Decimal, LocalTimes, Marks, Notation, RecordReader, Signs, TextColumn,
-    Unreadable, Words, Zone, cell_of, compact_pattern, decode, either_way, is_time_of_day,
-    may_be_thousand, parse_number, plain_decimal, unbracketed,
+    Candidates, Cell, Decimal, LocalTimes, Marks, Notation, Quality, RecordReader, Signs, Switch,
+    TextColumn, Unreadable, Words, Zone, cell_of, compact_pattern, decode, either_way,
+    is_time_of_day, may_be_thousand, parse_number, plain_decimal, unbracketed,
 };
 
 pub(crate) use self::{
     annotated::{Annotated, Key, is_annotated, names as annotated_names},
     file::{Records, TextFile, is_value},
     input::{is_empty, size},
-    quality::Quality,
 };
 
 /// Quotes the beginning of a cell for a message.

@@ -4,13 +4,13 @@
 //! number of decimals, and some end with a zero, the export pads them. A last number with fewer decimals then differs
 //! from the format of the export.
 
-use calib_text::Decimal;
+use crate::Decimal;
 
 /// Minimum number of numbers that show the format of a column. Our choice.
 const FEWEST: usize = 20;
 
 /// Returns the number of decimals in the numbers `before` the last one, if the last one has fewer.
-pub(super) fn decimals_before_cut(last: &str, before: &[&str], decimal: Decimal) -> Option<usize> {
+pub fn decimals_before_cut(last: &str, before: &[&str], decimal: Decimal) -> Option<usize> {
     let sign = match decimal {
         Decimal::Point => '.',
         Decimal::Comma => ',',
@@ -29,7 +29,7 @@ pub(super) fn decimals_before_cut(last: &str, before: &[&str], decimal: Decimal)
 }
 
 /// Whether `cell` is a plain number with so many decimals, or no number.
-pub(super) fn has_decimals(cell: &str, decimals: usize, decimal: Decimal) -> bool {
+pub fn has_decimals(cell: &str, decimals: usize, decimal: Decimal) -> bool {
     let sign = if decimal == Decimal::Comma { ',' } else { '.' };
     !cell.contains(|c: char| c.is_ascii_digit())
         || fraction(cell, sign).is_some_and(|fraction| fraction.len() == decimals)

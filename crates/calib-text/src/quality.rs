@@ -2,11 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::DataConfig;
-
 /// The meaning of quality codes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Quality {
+pub enum Quality {
     /// The good codes in the study.
     Given(Vec<String>),
     /// Words such as `Good`, and yes or no.
@@ -23,10 +21,13 @@ pub(crate) enum Quality {
 }
 
 impl Quality {
-    /// Determines the meaning from the study, or from the first codes of a log.
-    pub(crate) fn of(codes: &[&str], data: &DataConfig) -> Result<Self, String> {
-        if !data.good_quality.is_empty() {
-            return Ok(Self::Given(data.good_quality.iter().map(|code| lower(code)).collect()));
+    /// Determines the meaning from the `good` codes of the study if it names some, or from the first codes of a log.
+    ///
+    /// # Errors
+    /// If a code is not known: the reason, in words.
+    pub fn of(codes: &[&str], good: &[String]) -> Result<Self, String> {
+        if !good.is_empty() {
+            return Ok(Self::Given(good.iter().map(|code| lower(code)).collect()));
         }
         let numbers: Option<Vec<u64>> = codes.iter().map(|code| number(code)).collect();
         let Some(numbers) = numbers else { return Self::of_words(codes) };
@@ -69,7 +70,7 @@ impl Quality {
     ///
     /// # Errors
     /// If no file has a word that is known.
-    pub(crate) fn agree<'q>(all: impl Iterator<Item = &'q mut Self>) -> Result<(), String> {
+    pub fn agree<'q>(all: impl Iterator<Item = &'q mut Self>) -> Result<(), String> {
         let all: Vec<&mut Self> = all.collect();
         let are_classic = all.iter().any(|other| **other == Self::OpcClassic);
         let are_words = all.iter().any(|other| **other == Self::Words);
@@ -85,7 +86,10 @@ impl Quality {
     }
 
     /// Whether a value with this code counts. An empty code counts as good.
-    pub(crate) fn is_good(&self, code: &str) -> Result<bool, String> {
+    ///
+    /// # Errors
+    /// If the code is not known: the reason, in words.
+    pub fn is_good(&self, code: &str) -> Result<bool, String> {
         let code = code.trim();
         if code.is_empty() {
             return Ok(true);
@@ -181,7 +185,7 @@ mod tests {
     use super::*;
 
     fn quality(codes: &[&str]) -> Quality {
-        Quality::of(codes, &DataConfig::default()).expect("known")
+        Quality::of(codes, &[]).expect("known")
     }
 
     fn good(codes: &[&str], all: &[&str]) -> Vec<bool> {
@@ -208,16 +212,15 @@ mod tests {
         assert_eq!(good(&["Bad"], &["Bad"]), [false]);
         // A sensor that was off at first.
         assert_eq!(good(&["Bad", "Comm Fail"], &["Comm Fail", "Good"]), [false, true]);
-        let asked = Quality::of(&["192", "192", "Bad"], &DataConfig::default());
+        let asked = Quality::of(&["192", "192", "Bad"], &[]);
         let asked = asked.expect_err("a number among words");
         assert!(asked.contains("data.good_quality, such as [\"192\"]"), "{asked}");
-        let quality = Quality::of(&["0", "1"], &DataConfig::default()).expect_err("unknown");
+        let quality = Quality::of(&["0", "1"], &[]).expect_err("unknown");
         assert!(quality.contains("data.good_quality"), "{quality}");
-        let given = DataConfig { good_quality: vec!["0".to_owned()], ..DataConfig::default() };
-        let quality = Quality::of(&["0", "1"], &given).expect("given");
+        let quality = Quality::of(&["0", "1"], &["0".to_owned()]).expect("given");
         assert_eq!((quality.is_good("0"), quality.is_good("1")), (Ok(true), Ok(false)));
         // Zeros alone are good in OPC UA and bad in OPC Classic: the first code that decides is rejected.
-        let quality = Quality::of(&["0"], &DataConfig::default()).expect("zeros");
+        let quality = Quality::of(&["0"], &[]).expect("zeros");
         assert!(quality.is_good("192").is_err());
     }
 

@@ -31,7 +31,7 @@ const PAIRS: [[&str; 2]; 24] = [
 /// The word for 1 and the word for 0, as a channel writes them. One is `None` in a log in which a switch never moved: a
 /// later log has both.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Switch {
+pub struct Switch {
     on: Option<String>,
     off: Option<String>,
 }
@@ -39,7 +39,7 @@ pub(crate) struct Switch {
 impl Switch {
     /// Recognises the pair of a channel that has only these words, in capital letters or not; `None` if they are
     /// neither a pair nor one word of a pair.
-    pub(crate) fn of<'a>(words: impl Iterator<Item = &'a str>) -> Option<Self> {
+    pub fn of<'a>(words: impl Iterator<Item = &'a str>) -> Option<Self> {
         let mut distinct: Vec<&str> = Vec::new();
         for word in words {
             if !distinct.iter().any(|known| is_same(known, word)) {
@@ -69,7 +69,7 @@ impl Switch {
     }
 
     /// Returns 1 or 0; `None` for another word.
-    pub(crate) fn value(&self, word: &str) -> Option<f64> {
+    pub fn value(&self, word: &str) -> Option<f64> {
         [(&self.on, 1.0), (&self.off, 0.0)]
             .into_iter()
             .find(|(known, _)| known.as_deref().is_some_and(|known| is_same(known, word)))
@@ -77,13 +77,13 @@ impl Switch {
     }
 
     /// Returns the word that is read as this value.
-    pub(crate) fn word(&self, value: f64) -> Option<&str> {
+    pub fn word(&self, value: f64) -> Option<&str> {
         let words = [self.on.as_deref(), self.off.as_deref()];
         words.into_iter().flatten().find(|word| self.value(word) == Some(value))
     }
 
     /// Describes a channel and its words, if it has both.
-    pub(crate) fn told(&self, channel: &str) -> Option<String> {
+    pub fn told(&self, channel: &str) -> Option<String> {
         let (on, off) = self.on.as_ref().zip(self.off.as_ref())?;
         Some(format!("{channel} ({on:?} and {off:?})"))
     }
