@@ -2,8 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_data::table::{Table, read_parquet, read_parquet_columns};
-use calib_files::{array_bytes, read_array, read_csv};
+use calib_data::{
+    number_columns,
+    table::{Table, read_parquet, read_parquet_columns},
+};
+use calib_files::{array_bytes, read_array, read_regular};
 use calib_pipeline::{Context as _, StepError, bail, check_table, require_memory};
 
 /// Most columns that a message lists.
@@ -99,7 +102,13 @@ fn from_npy(path: &Path, column: Option<&str>) -> Result<Samples, StepError> {
 }
 
 fn from_csv(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError> {
-    let mut columns = read_csv(path)?;
+    let text = read_regular(path)?;
+    // A cell takes a byte of text at least, and is a number of eight bytes.
+    let what = format!("reading {}", path.display());
+    require_memory(8 * text.len() as u64, &what, "take fewer rows or columns of it")?;
+    let mut columns = number_columns(&text).map_err(|reason| {
+        StepError::message(format!("{} is not a usable CSV file: {reason}", path.display()))
+    })?;
     let position = if let Some(name) = column {
         columns.iter().position(|column| column.name == name).with_context(|| {
             let names = columns.iter().map(|column| column.name.as_str());

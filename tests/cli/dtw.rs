@@ -118,6 +118,25 @@ fn columns_of_all_formats() {
 }
 
 #[test]
+fn a_text_file_is_read_as_logs_are() {
+    let place = place();
+    let same = [
+        ("semicolons.csv", "Tag;Durchfluss;Stand\nMo;0,0;1\nDi;1,0;2\nMi;2,0;2\nDo;1,0;3\n"),
+        ("tabs.csv", "day\tDurchfluss\nmon\t0,0\ntue\t1,0\nwed\t2,0\nthu\t1,0\n"),
+        ("quotes.csv", "Durchfluss\n\"0,0\"\n\"1,0\"\n\"2,0\"\n\"1,0\"\n"),
+    ];
+    for (name, text) in same {
+        place.write(name, text);
+        let column = format!("{name}:Durchfluss");
+        let args = ["dtw", &column, "q.csv:flow", "--json", "--step-pattern", "symmetric2"];
+        assert_eq!(results(&place.calib(&args).succeeds())["symmetric2"].0, 0.0, "{name}");
+    }
+    place.write("bare.csv", "0,5;1,5\n1,5;1\n");
+    let args = ["dtw", "bare.csv:0", "bare.csv:1", "--json", "--step-pattern", "symmetric2"];
+    assert_eq!(results(&place.calib(&args).succeeds())["symmetric2"].0, 1.5);
+}
+
+#[test]
 fn the_path_is_written() {
     let place = place();
     let args = ["dtw", "q.csv:flow", "r.csv", "--step-pattern", "symmetric2", "--path", "path.csv"];
@@ -179,6 +198,9 @@ fn mistakes_are_explained() {
     place.write("gap.csv", "flow,level\n1,2\n,3\n");
     let gap = message(&["gap.csv:flow", "r.csv"]);
     assert!(gap.contains("sample 1") && gap.contains("fill or drop missing samples"), "{gap}");
+    place.write("comma.csv", "flow\n0,5\n1,5\n");
+    let commas = message(&["comma.csv:flow", "r.csv"]);
+    assert!(commas.contains("comma.csv") && commas.contains("became two cells"), "{commas}");
     place.write("long.csv", &"1\n".repeat(9));
     let slopes = message(&["q.csv:flow", "long.csv", "--step-pattern", "symmetricP1"]);
     assert!(slopes.contains("allows references of 3 to 7 samples"), "{slopes}");

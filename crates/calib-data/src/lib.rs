@@ -10,6 +10,7 @@
 //! - [`entry_of`]: returns an entry for `data.exclude` that names one channel and no other.
 //! - [`read_tags`]: reads units and labels of channels from a list of tags.
 //! - [`table`]: typed tables and plant logs as Parquet files.
+//! - [`number_columns`]: numbers in a text table that is no log.
 //! - [`parse_time`], [`format_time`]: instants as text.
 //!
 //! Files are recognised by their first rows (`log::shape`). Wide Parquet is read in place. Text and tables of samples
@@ -71,7 +72,7 @@ mod tags;
 mod text;
 mod unit_change;
 
-pub use calib_text::{TimestampUnit, Zone, format_time, parse_time};
+pub use calib_text::{NumberColumn, TimestampUnit, Zone, format_time, number_columns, parse_time};
 
 pub use angle::{AngleOf, AnglePart, angle_hint};
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};

@@ -53,14 +53,6 @@ pub enum FileError {
         /// Expected and actual format.
         reason: String,
     },
-    /// A CSV file has records of different lengths, or no records.
-    #[error("{} is not a usable CSV file: {reason}", path.display())]
-    Csv {
-        /// The file.
-        path: PathBuf,
-        /// Expected and actual format.
-        reason: String,
-    },
     /// A file is not a safetensors file, or has content that calib cannot use.
     #[error("{} is not a usable safetensors file: {reason}", path.display())]
     Tensors {

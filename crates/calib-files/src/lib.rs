@@ -4,7 +4,7 @@
 //! so that an interrupted command leaves no half-written file. Arrays are NumPy files ([`write_npy`], [`map_npy`])
 //! that Python reads in one line and calib maps. Working arrays that may exceed the memory are nameless mapped
 //! files ([`Scratch`]). Data that are only appended and read back are in nameless files ([`Spill`]). Series from
-//! elsewhere are read as `f64` from NumPy files of any number type ([`read_array`]) and from CSV ([`read_csv`]).
+//! elsewhere are read as `f64` from NumPy files of any number type ([`read_array`]).
 //! Weights are safetensors files ([`read_tensors`], [`write_tensors`]). Files without another checksum carry their
 //! own fingerprint ([`write_sealed_json`], [`read_sealed_tensors`]). Inputs must be files, never pipes
 //! ([`open_regular`]). Work that may be killed stores the state from which it resumes in a [`CheckpointFile`]. A
@@ -27,7 +27,6 @@
 mod array;
 mod atomic;
 mod checkpoint_file;
-mod csv;
 mod disk;
 mod error;
 pub mod faults;
@@ -56,7 +55,6 @@ pub use atomic::{
     write_new, write_output,
 };
 pub use checkpoint_file::{CheckpointFile, is_writing_checkpoint};
-pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{
     Announced, Output, TemporaryFolder, create_directory, remove_empty_folder, remove_file,
     remove_known,

@@ -106,37 +106,71 @@ struct Row {
     end: (u64, u64),
 }
 
+/// The first rows of a table, and the number of cells that most of them have.
+struct CutTable {
+    marks: Marks,
+    rows: Vec<Row>,
+    width: usize,
+}
+
+impl CutTable {
+    /// Cuts text by the separator that gives most rows the same number of cells; `None` if none gives more than one.
+    fn of(head: &[u8], separator: Option<char>) -> Option<Self> {
+        let start = preamble(head);
+        let separators: Vec<u8> = match separator {
+            Some(separator) => vec![separator as u8],
+            None => declared(&head[..start]).map_or(b"\t;,|".to_vec(), |separator| vec![separator]),
+        };
+        let tables = separators.into_iter().filter_map(|separator| {
+            let marks = marks(separator);
+            let rows = rows(head, start, marks);
+            let width = usual_width(&rows)?;
+            Some((agreement(&rows, width), Self { marks, rows, width }))
+        });
+        // Ties go to the first: a tab is more likely to separate cells than to be part of one, and so on.
+        let best = tables.reduce(|best, other| if other.0 > best.0 { other } else { best });
+        best.map(|(_, table)| table)
+    }
+}
+
 impl Dialect {
     /// Recognises the format of a file that begins with `head`, which consists of whole records.
     ///
     /// # Errors
     /// If the text is not a table: the reason, in words.
     pub fn of(head: &[u8], separator: Option<char>) -> Result<Self, String> {
-        let start = preamble(head);
-        let separators: Vec<u8> = match separator {
-            Some(separator) => vec![separator as u8],
-            None => declared(&head[..start]).map_or(b"\t;,|".to_vec(), |separator| vec![separator]),
-        };
-        let best = separators
-            .into_iter()
-            .filter_map(|separator| {
-                let rows = rows(head, start, marks(separator));
-                let width = usual_width(&rows)?;
-                Some((agreement(&rows, width), separator, rows, width))
-            })
-            // Ties go to the first: a tab is more likely to separate cells than to be part of one, and so on.
-            .reduce(|best, other| if other.0 > best.0 { other } else { best });
-        let Some((_, separator, rows, width)) = best else {
-            return Err(
-                "no character separates its cells; expected a comma, a semicolon, a tab or |, \
-                 or data.separator"
-                    .to_owned(),
-            );
-        };
-        Self::with_rows(marks(separator), rows, width)
+        let table = CutTable::of(head, separator).ok_or(
+            "no character separates its cells; expected a comma, a semicolon, a tab or |, or data.separator",
+        )?;
+        Self::with_rows(table, unnamed)
     }
 
-    fn with_rows(marks: Marks, rows: Vec<Row>, width: usize) -> Result<Self, String> {
+    /// Recognises the format of a table that is no log. It may have only one column. Without a header, columns are called
+    /// 0, 1 and so on.
+    pub(crate) fn of_columns(text: &[u8]) -> Result<Self, String> {
+        let table = CutTable::of(text, None).unwrap_or_else(|| {
+            let marks = marks(b',');
+            CutTable { marks, rows: rows(text, preamble(text), marks), width: 1 }
+        });
+        // R writes no name for its first column, but one name over two cells may also be that of numbers with commas.
+        let has_split_numbers = table.width == 2
+            && table.marks.separator == b','
+            && table.rows.windows(2).any(|pair| {
+                let [name, values] = [&pair[0].cells, &pair[1].cells];
+                name.len() == 1 && !is_data(name) && values.len() == 2 && is_data(values)
+            });
+        if has_split_numbers {
+            return Err(misnamed(1, 2, b','));
+        }
+        Self::with_rows(table, numbered)
+    }
+
+    /// `without_header` returns the columns by the first row of values, the row above if there is one, and the separator.
+    fn with_rows(
+        table: CutTable,
+        without_header: fn(&[String], Option<&[String]>, u8) -> Result<Vec<TextColumn>, String>,
+    ) -> Result<Self, String> {
+        let CutTable { marks, rows, width } = table;
         // Titles above the table have fewer cells than the table.
         let is_narrow = |row: &Row| width_of(&row.cells) < width;
         let title = rows.iter().take_while(|row| is_narrow(row)).last();
@@ -149,7 +183,7 @@ impl Dialect {
         } else if let Some(names) = row_names {
             (first.begin, with_row_names(names)?)
         } else {
-            (first.begin, unnamed(&first.cells, title.as_deref(), marks.separator)?)
+            (first.begin, without_header(&first.cells, title.as_deref(), marks.separator)?)
         };
         let has_row_names = row_names.is_some();
         if skip == first.end {
@@ -379,16 +413,7 @@ fn unnamed(
     let has_cells = title.is_some_and(|title| title.len() > 1);
     if let Some(named) = named.filter(|named| *named > 1 || *named == 1 && has_cells && width != 2)
     {
-        let cause = if named > 1 && separator == b',' {
-            "If the numbers have decimal commas, each of them became two cells: export the log again with semicolons between cells, with quotes around numbers, or with decimal points. \
-             Else give every column a name"
-        } else {
-            "Give every column a name"
-        };
-        return Err(format!(
-            "its header has {named} {}, and most rows have {width} cells. {cause}",
-            if named == 1 { "name" } else { "names" }
-        ));
+        return Err(misnamed(named, width, separator));
     }
     if width != 2 {
         return Err(format!(
@@ -398,6 +423,32 @@ fn unnamed(
     }
     let names = ["timestamp", "value"].map(str::to_owned);
     Ok(names.into_iter().map(|name| TextColumn { name, ..TextColumn::default() }).collect())
+}
+
+/// Returns the columns of a table that is no log and has no header.
+fn numbered(
+    cells: &[String],
+    title: Option<&[String]>,
+    separator: u8,
+) -> Result<Vec<TextColumn>, String> {
+    let width = width_of(cells);
+    if let Some(title) = title {
+        return Err(misnamed(width_of(title), width, separator));
+    }
+    let names = (0..width).map(|number| number.to_string());
+    Ok(names.map(|name| TextColumn { name, ..TextColumn::default() }).collect())
+}
+
+/// Returns the message for a header that has fewer names than rows have cells.
+fn misnamed(named: usize, width: usize, separator: u8) -> String {
+    let cause = if (named > 1 || width == 2) && separator == b',' {
+        "If the numbers have decimal commas, each of them became two cells: export the log again with semicolons between cells, with quotes around numbers, or with decimal points. \
+         Else give every column a name"
+    } else {
+        "Give every column a name"
+    };
+    let names = if named == 1 { "name" } else { "names" };
+    format!("its header has {named} {names}, and most rows have {width} cells. {cause}")
 }
 
 /// Takes units and descriptions from the rows below the header. If there are two rows, the shorter one has the units.

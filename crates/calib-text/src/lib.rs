@@ -3,6 +3,7 @@
 //!
 //! - [`RecordReader`]: splits text in memory into records and cells by its [`Marks`].
 //! - [`Dialect`]: recognises the separator, header and units of a table from its first rows.
+//! - [`number_columns`]: the columns of a table that is no log.
 //! - [`Cell`], [`Words`]: a cell in eight bytes.
 //! - [`cell_of`], [`plain_decimal`], [`Signs`]: numbers, and their decimal sign.
 //! - [`Switch`], [`Quality`]: words for the state of a switch, and codes of good and bad values.
@@ -19,6 +20,7 @@
 //! ```
 
 mod cell;
+mod columns;
 mod cut_number;
 mod dialect;
 mod notation;
@@ -31,6 +33,7 @@ mod unit;
 mod zone;
 
 pub use cell::{Cell, Words};
+pub use columns::{NotANumber, NumberColumn, number_columns};
 pub use cut_number::{decimals_before_cut, has_decimals};
 pub use dialect::{Dialect, TextColumn, decode, unbracketed};
 pub use notation::{Candidates, Likely, Notation, Unreadable, compact_pattern, is_time_of_day};
