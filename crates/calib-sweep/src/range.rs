@@ -151,7 +151,7 @@ impl Span {
         let value = match self.scale {
             _ if self.whole => value.round(),
             Scale::Linear => decimals(value, self.to - self.from),
-            Scale::Log => read(&format!("{value:.2e}")),
+            Scale::Log => calib_core::rounded(value, 3),
         };
         // Keeps the ends exactly as the study writes them.
         value.clamp(self.from, self.to)
