@@ -5,8 +5,9 @@ use crate::given::parsed;
 /// Number of ensemble members.
 const MEMBERS: usize = 5;
 
-/// Sections that only a study with a model has. Fine-tuning (`pretrain`) is among them: only a model of the plant's recent behaviour
-/// shows how an agent performs long after its training. Log replay cannot show it.
+/// Sections for which a model is proposed. All but fine-tuning (`pretrain`) need one. For fine-tuning, log replay chose well up to 93
+/// days ahead with a year of log (docs/validity.md), and a model was the safer choice with a month (docs/fine-tuning.md). With a
+/// model, the verdict compares both.
 const SECTIONS: [&str; 5] = ["representation", "dynamics", "rollout", "models", "pretrain"];
 
 /// Keys of `[sweep]` for runs in a model.
@@ -61,7 +62,7 @@ impl ProposedModel {
     }
 }
 
-/// Whether a key needs a model.
+/// Whether a model is proposed for a key.
 fn is_about_a_model(key: &str, value: &str) -> bool {
     match key.split_once('.') {
         Some(("model", key)) => key != "period",
