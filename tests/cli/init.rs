@@ -1,6 +1,7 @@
 //! `calib init`: a study of an unknown log.
 
 mod loggers;
+mod trials;
 
 use std::{fmt::Write as _, fs};
 

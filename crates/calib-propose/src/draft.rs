@@ -34,6 +34,10 @@ pub struct Draft<'a> {
     pub horizon: Horizon,
     /// Size of the sweep.
     pub size: &'a Size,
+    /// Number of states in the held-out period.
+    pub held_out_states: usize,
+    /// Number of held-out windows of the sweep.
+    pub windows: usize,
     /// Reason for this agent.
     pub agent_reason: &'a str,
     /// Simple predictor that agents start from, in words; empty while it is unknown.
@@ -54,11 +58,6 @@ pub struct Asked {
 }
 
 impl Draft<'_> {
-    /// Estimates the number of states in the held-out period.
-    fn held_out_states(&self) -> usize {
-        self.cut.rows[1] / self.spacing.0
-    }
-
     /// Returns the text of the study file.
     pub fn text(&self) -> String {
         let mut text = Lines::default();
@@ -87,7 +86,7 @@ impl Draft<'_> {
         text.key("members", &model.members().to_string(), "leave-one-block-out ensemble");
         text.key("neighbors", "3", "k");
         text.section("rollout");
-        let steps = ROLLOUT_STEPS.min((self.held_out_states() / 2).max(LEAST_STEPS));
+        let steps = ROLLOUT_STEPS.min((self.held_out_states / 2).max(LEAST_STEPS));
         text.key("steps", &steps.to_string(), "enough to look at");
         text.key(
             "dtw_steps",
@@ -300,8 +299,8 @@ impl Draft<'_> {
             let shown = others.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ");
             text.comment(&format!("could be as well: {shown}{more}"));
         }
-        let fit = match size.windows(self.held_out_states(), self.horizon) {
-            1 => "one window of the held-out period".to_owned(),
+        let fit = match self.windows {
+            0 | 1 => "one window of the held-out period".to_owned(),
             few @ 2..=3 => format!(
                 "{few} windows fit beside each other in the held-out period: hardly any difference can be shown with so few"
             ),
@@ -375,6 +374,8 @@ mod tests {
             cut: &Cut::of(log, &scope).expect("rows"),
             sensors,
             size: &Size::trial(ProposedAgent::Linear, model, steps, sensors.proposed.len()),
+            held_out_states: 5_000,
+            windows: 4,
             agent_reason: "tried",
             baseline: "ridge regression for B",
             asked: Asked::default(),

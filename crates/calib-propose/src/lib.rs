@@ -62,7 +62,7 @@ pub use log_draft::{LogDraft, exclusions};
 pub use model::ProposedModel;
 pub use scope::{Lacking, LeftOut, LeftOutReason, Scope};
 pub use sensors::Sensors;
-pub use size::{Costs, MOST_RUNS, Size};
+pub use size::{Costs, MOST_RUNS, MOST_WINDOWS, Size};
 pub use spacing::{spacing_by_log, spacings};
 
 #[cfg(test)]

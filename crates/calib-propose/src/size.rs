@@ -16,7 +16,7 @@ const WINDOWS: f64 = 4.5;
 /// Length of the held-out period, in windows, for two windows, where four would be too short.
 const FEW_WINDOWS: f64 = 2.25;
 /// Proposed `sweep.online_windows`, the default.
-const MOST_WINDOWS: usize = 8;
+pub const MOST_WINDOWS: usize = 8;
 /// Fewest effective horizons per window if there are four: docs/how-much-log.md has the reason.
 const LEAST_HORIZONS: f64 = 50.0;
 /// Fewest steps of a run.
@@ -226,10 +226,10 @@ impl Size {
         self.learning_rates().len()
     }
 
-    /// Counts the windows of this size's runs that fit side by side in the held-out states, as a sweep with this horizon does.
+    /// Counts the windows of a sweep of this size with this horizon, for held-out states without a gap.
     pub fn windows(&self, held_out_states: usize, horizon: Horizon) -> usize {
         let span = Span::new(self.steps, [horizon.gamma]);
-        Windows::side_by_side(held_out_states, span, MOST_WINDOWS)
+        Windows::side_by_side(held_out_states, span, MOST_WINDOWS.min(self.online_runs))
     }
 
     /// Returns the number of steps of all agents together.
@@ -324,6 +324,8 @@ mod tests {
         let windows = [5.0, 100.0].map(|states| size.windows(1_000, Horizon::new(states, 1.0)));
         assert_eq!(windows, [2, 1]);
         assert_eq!(size.windows(100, Horizon::new(5.0, 1.0)), 1);
+        let few = Size { online_runs: 3, ..size };
+        assert_eq!(few.windows(10_000, Horizon::new(5.0, 1.0)), 3, "no more than runs");
     }
 
     #[test]

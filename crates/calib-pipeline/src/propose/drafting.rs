@@ -1,12 +1,16 @@
 //! Drafts of the proposed study.
 
+use calib_agent::Part;
 use calib_base::{
     StepError, bail,
     options::ProposeOptions,
     output::{Printer, rounded, span},
 };
-use calib_propose::{Asked, Cut, Draft, Horizon, LogDraft, Sensors, Size, horizon, mean_step_secs};
-use calib_sweep::ENOUGH_WINDOWS;
+use calib_core::Segments;
+use calib_propose::{
+    Asked, Cut, Draft, Horizon, LogDraft, MOST_WINDOWS, Sensors, Size, horizon, mean_step_secs,
+};
+use calib_sweep::{ENOUGH_WINDOWS, ScoringDemand, Span, Windows};
 
 use super::look::ExaminedLog;
 
@@ -59,6 +63,8 @@ pub(super) struct Drafting<'a> {
     /// `data.path`.
     pub(super) path: &'a str,
     pub(super) look: &'a ExaminedLog,
+    /// The held-out states, once they are known. Before that, every held-out row is taken to have values.
+    pub(super) held_out: Option<Segments>,
 }
 
 impl Drafting<'_> {
@@ -73,7 +79,8 @@ impl Drafting<'_> {
         size: &Size,
         words: [&str; 4],
     ) -> String {
-        let Self { args, path, look } = self;
+        let Self { args, path, look, .. } = self;
+        let held_out = self.held_out_states(cut, spacing);
         Draft {
             log: LogDraft {
                 sketch: &look.sketch,
@@ -89,6 +96,8 @@ impl Drafting<'_> {
             sensors,
             horizon,
             size,
+            held_out_states: held_out,
+            windows: windows(self.held_out.as_ref(), held_out, horizon, size),
             agent_reason: words[1],
             baseline: words[3],
             size_reason: words[2],
@@ -111,9 +120,14 @@ impl Drafting<'_> {
         proposed(proposed(0.0).states)
     }
 
+    /// Returns the number of held-out states of a cut. It is an estimate until the held-out states are known.
+    fn held_out_states(&self, cut: &Cut, spacing: usize) -> usize {
+        self.held_out.as_ref().map_or(cut.rows[1] / spacing, Segments::rows)
+    }
+
     /// Returns the largest number of steps per run for this horizon.
     pub(super) fn most_steps(&self, spacing: usize, horizon: Horizon) -> usize {
-        Size::most_steps(self.look.cut.rows[1] / spacing, horizon.states)
+        Size::most_steps(self.held_out_states(&self.look.cut, spacing), horizon.states)
     }
 
     /// Returns a warning if the horizon is shorter than one state.
@@ -159,8 +173,8 @@ impl Drafting<'_> {
         size: &Size,
     ) -> Option<String> {
         let state_secs = self.look.sketch.period_secs * spacing as f64;
-        let held_out = self.look.cut.rows[1] / spacing;
-        let windows = size.windows(held_out, horizon);
+        let held_out = self.held_out_states(&self.look.cut, spacing);
+        let windows = windows(self.held_out.as_ref(), held_out, horizon, size);
         if windows >= ENOUGH_WINDOWS {
             return None;
         }
@@ -199,5 +213,44 @@ impl Drafting<'_> {
             "Sized to end within {asked}, of which `calib init` took {tried}: about {expected} on this machine, {} of them for the sweep",
             span(sweep_secs.round())
         )
+    }
+}
+
+/// Counts the windows of a sweep of this size, as the sweep does. Without known held-out states, they are `estimated` states
+/// without a gap.
+fn windows(held_out: Option<&Segments>, estimated: usize, horizon: Horizon, size: &Size) -> usize {
+    let Some(states) = held_out else { return size.windows(estimated, horizon) };
+    let demand = ScoringDemand {
+        span: Span::new(size.steps, [horizon.gamma]),
+        gamma: horizon.gamma,
+        part: Part::WholeRun,
+    };
+    Windows::held_out(states, demand, MOST_WINDOWS.min(size.online_runs)).starts.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_propose::{ProposedAgent, ProposedModel};
+
+    use super::*;
+
+    /// Returns the number of windows of 444 steps for pieces of these lengths.
+    fn windows_of(pieces: &[usize], horizon_states: f64) -> usize {
+        let states = Segments::from_lengths(pieces.iter().copied()).expect("valid");
+        let horizon = Horizon::new(horizon_states, 1.0);
+        let size = Size {
+            online_runs: 4,
+            ..Size::trial(ProposedAgent::Linear, ProposedModel::None, 444, 1)
+        };
+        windows(Some(&states), 0, horizon, &size)
+    }
+
+    #[test]
+    fn windows_that_gaps_leave_nothing_of_do_not_count() {
+        // A window has 465 states: returns of a horizon of 5 states need 21 states after the 444 steps.
+        assert_eq!(windows_of(&[1_000], 5.0), 2);
+        assert_eq!(windows_of(&[10_000], 5.0), 4, "no more than runs");
+        let short = [10_usize; 47];
+        assert_eq!(windows_of(&[&short[..], &[1_000]].concat(), 5.0), 2);
     }
 }

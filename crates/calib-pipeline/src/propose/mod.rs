@@ -40,7 +40,7 @@ use self::{
     drafting::{Drafting, unmeasured},
     evidence::Evidence,
     look::{ExaminedLog, bridged},
-    trial::{MeasuredCosts, StateSpacing, Trials},
+    trial::{HeldOut, MeasuredCosts, StateSpacing, Trials},
 };
 
 /// Share of the requested time for comparing agents. The rest is for the study. Our choice.
@@ -281,7 +281,7 @@ impl Proposal {
             measuring: TimeLimit::new(begun, args.within, context),
         };
         let mut sensors = look.sensors.clone();
-        let drafting = Drafting { args, path, look };
+        let drafting = Drafting { args, path, look, held_out: None };
         drafting.refuse_beyond_held_out()?;
         let StateSpacing { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
         if let Some(too_near) = drafting.too_near(spacing) {
@@ -297,13 +297,17 @@ impl Proposal {
         } else {
             look.cut.clone()
         };
-        let steps = drafting.most_steps(spacing, horizon);
         // Without time left, the study is the smallest one, which has one sensor.
         let measured_sensors = if trials.measuring.is_over() { 1 } else { sensors.proposed.len() };
-        let measured = trials.costs(steps, &mut horizon, |steps: usize, horizon: Horizon| {
+        let text = |steps: usize, horizon: Horizon| {
             let size = Size::trial(agent.agent, model, steps, measured_sensors);
             (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
-        })?;
+        };
+        let steps = drafting.most_steps(spacing, horizon);
+        let HeldOut { segments, read } = trials.held_out(steps, &mut horizon, &text)?;
+        let drafting = Drafting { held_out: Some(segments), ..drafting };
+        let steps = drafting.most_steps(spacing, horizon);
+        let measured = trials.costs(steps, &mut horizon, read, &text)?;
         // A shorter horizon than proposed may leave room for four windows.
         let steps = steps.min(drafting.most_steps(spacing, horizon));
         let sized = SizedStudy::of(&trials, &drafting, agent.agent, steps, measured, begun);

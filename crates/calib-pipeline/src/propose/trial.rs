@@ -11,6 +11,7 @@ use calib_base::{
     options::{BuildOptions, ProposeOptions},
     output::span,
 };
+use calib_core::Segments;
 use calib_files::TemporaryFolder;
 use calib_model_steps::{
     model::{build_model, jumps, model_files::sensor_columns},
@@ -39,15 +40,16 @@ const SHORT: usize = 150;
 const LONGER: usize = 4;
 /// If a sweep takes less than this share of the requested time, its runs are too short to measure the time per step.
 const WORTH: f64 = 0.01;
-/// Trials keep the channels that the study keeps, even if they are mostly missing in the tried part of the log. The
-/// study drops channels by its own training range.
-const KEPT_CHANNELS: &str = "preprocess.max_missing=1";
-/// The folder for measuring costs.
+/// Keys of trials on a part of the log. They keep the channels that the study keeps, even if these are mostly missing
+/// in that part. The study drops channels by its own training range.
+const KEPT_CHANNELS: &[&str] = &["preprocess.max_missing=1"];
+/// Keys of such trials for a study whose model is not used.
+const SMALLEST_MODEL: &[&str] =
+    &["preprocess.max_missing=1", "model.members=2", "sweep.member_runs=1"];
+/// The folder for measuring costs, on the ranges of the study.
 const COSTS: &str = "costs";
 /// The folder for comparing agents.
 const COMPARED: &str = "compared";
-/// Keys for a study whose model is not used.
-const SMALLEST_MODEL: [&str; 2] = ["model.members=2", "sweep.member_runs=1"];
 /// A sensor counts as predicted if the error is at most this share of the mean's error.
 const PREDICTED: f64 = 0.95;
 /// How often a horizon is halved to find a step that can be scored.
@@ -94,6 +96,14 @@ impl MeasuredCosts {
         }
         self
     }
+}
+
+/// The held-out states of a study.
+pub(super) struct HeldOut {
+    /// Unbroken pieces of states.
+    pub(super) segments: Segments,
+    /// Time to read the log.
+    pub(super) read: TimeTaken,
 }
 
 /// The measured sweep of one length.
@@ -162,23 +172,13 @@ pub(super) struct Trials<'a> {
 }
 
 impl Trials<'_> {
-    /// Creates a job with its own folder of results. The log is prepared once per folder, and other results there are
-    /// replaced.
-    fn job(&self, text: String, folder: &str) -> Result<Job, StepError> {
-        self.job_with(text, folder, &[])
-    }
-
-    /// Creates such a job with some keys of the study changed.
-    fn job_with(&self, text: String, folder: &str, set: &[&str]) -> Result<Job, StepError> {
+    /// Creates a job with its own folder of results, and with the keys `set` of the study changed. The log is prepared
+    /// once per folder, and other results there are replaced.
+    fn job(&self, text: String, folder: &str, set: &[&str]) -> Result<Job, StepError> {
+        let changed = set.iter().map(|&key| key.to_owned());
         let request = Request {
             output: Some(self.place.path().join(folder)),
-            set: self
-                .args
-                .set
-                .iter()
-                .cloned()
-                .chain([KEPT_CHANNELS].iter().chain(set).map(|&key| key.to_owned()))
-                .collect(),
+            set: self.args.set.iter().cloned().chain(changed).collect(),
             ..Request::new(&self.args.study)
         };
         Ok(Job::of_text(request, text)?)
@@ -200,7 +200,7 @@ impl Trials<'_> {
             if self.model == ProposedModel::Ensemble {
                 return Ok(GrowingCosts::Model(self.built(spacing, text, context)?.secs));
             }
-            let job = self.job(text, &format!("spacing-{spacing}"))?;
+            let job = self.job(text, &format!("spacing-{spacing}"), KEPT_CHANNELS)?;
             let fitting = on_all_threads(fitting_time(&job, context)?);
             Ok(GrowingCosts::Fits(MOST_RUNS as f64 * fitting.secs))
         })?;
@@ -213,7 +213,7 @@ impl Trials<'_> {
         text: String,
         context: &RunContext,
     ) -> Result<TrialModel, StepError> {
-        let job = self.job(text, &format!("spacing-{spacing}"))?;
+        let job = self.job(text, &format!("spacing-{spacing}"), KEPT_CHANNELS)?;
         let clock = Stopwatch::start();
         let built = build_model::run(&job, &BuildOptions::default(), context)?;
         let built = built.made().context("a trial is no dry run")?;
@@ -276,23 +276,39 @@ impl Trials<'_> {
         Ok(StateSpacing { spacing, why, cost: GrowingCosts::Model(secs) })
     }
 
-    /// Returns the costs of a study, or `None` if the time is over before they are measured. The `horizon` is halved
-    /// until some step can be scored.
-    pub(super) fn costs(
+    /// Returns the held-out states of a study, of which the log may lack some. The `horizon` is halved until some step
+    /// can be scored.
+    pub(super) fn held_out(
         &self,
         most_steps: usize,
         horizon: &mut Horizon,
         text: impl Fn(usize, Horizon) -> (String, Size),
-    ) -> Result<Option<MeasuredCosts>, StepError> {
-        let short = most_steps.min(SHORT.max(2 * horizon.states as usize));
+    ) -> Result<HeldOut, StepError> {
+        let short = short_steps(most_steps, *horizon);
         let silent = &self.context.silent();
         // Done even without time left: a study without a step that can be scored would end without a result.
         let (checked, read) = TimeTaken::by(|| {
             scorable(horizon, |horizon| {
-                streams::check(&self.job(text(short, horizon).0, COSTS)?, silent)
+                let job = self.job(text(short, horizon).0, COSTS, &[])?;
+                streams::check(&job, silent)?;
+                Ok(job)
             })
         });
-        checked?;
+        let Parts { dataset, .. } = partition::load(&checked?, silent)?;
+        let held_out = dataset.held_out.context("a proposed study has a held-out period")?;
+        Ok(HeldOut { segments: held_out.segments().clone(), read })
+    }
+
+    /// Returns the costs of a study, or `None` if the time is over before they are measured. `read` is the time to read
+    /// its log. The `horizon` is halved until some step can be scored.
+    pub(super) fn costs(
+        &self,
+        most_steps: usize,
+        horizon: &mut Horizon,
+        read: TimeTaken,
+        text: impl Fn(usize, Horizon) -> (String, Size),
+    ) -> Result<Option<MeasuredCosts>, StepError> {
+        let short = short_steps(most_steps, *horizon);
         self.measuring.done(|context| {
             self.context.say("measuring how long a study takes");
             self.measured([short, most_steps], horizon, &text, read, context)
@@ -311,7 +327,7 @@ impl Trials<'_> {
     ) -> Result<MeasuredCosts, StepError> {
         let steps = |length: usize| length.min(most_steps);
         let (made, before) = TimeTaken::by(|| {
-            let job = self.job(text(short, *horizon).0, COSTS)?;
+            let job = self.job(text(short, *horizon).0, COSTS, &[])?;
             self.made_before(&job, context)
         });
         made?;
@@ -328,7 +344,7 @@ impl Trials<'_> {
             length = steps(LONGER * length);
             more = sweep(length, horizon)?;
         }
-        let job = self.job(text(length, *horizon).0, COSTS)?;
+        let job = self.job(text(length, *horizon).0, COSTS, &[])?;
         let (judged, verdict) = TimeTaken::by(|| evaluate::run(&job, context));
         judged?;
         let fitting = match self.model {
@@ -379,11 +395,11 @@ impl Trials<'_> {
         text: impl Fn(Horizon) -> String,
         context: &RunContext,
     ) -> Result<Vec<TrialPrediction>, StepError> {
-        let smallest = match self.model {
-            ProposedModel::None => &[][..],
-            ProposedModel::Ensemble => &SMALLEST_MODEL,
+        let set = match self.model {
+            ProposedModel::None => KEPT_CHANNELS,
+            ProposedModel::Ensemble => SMALLEST_MODEL,
         };
-        let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, smallest);
+        let study = |horizon: Horizon| self.job(text(horizon), COMPARED, set);
         if self.model == ProposedModel::Ensemble {
             build_model::run(&study(*horizon)?, &BuildOptions::default(), context)?;
         }
@@ -402,12 +418,17 @@ impl Trials<'_> {
         context: &RunContext,
     ) -> Result<TimeTaken, StepError> {
         scorable(horizon, |horizon| {
-            let job = self.job(text(steps, horizon).0, COSTS)?;
+            let job = self.job(text(steps, horizon).0, COSTS, &[])?;
             let (swept, taken) =
                 TimeTaken::by(|| sweep::run(&job, &DryRunTally::default(), None, context));
             swept.map(|_| taken)
         })
     }
+}
+
+/// Returns the number of steps of the shortest runs of a study with runs of at most `most_steps` steps.
+fn short_steps(most_steps: usize, horizon: Horizon) -> usize {
+    most_steps.min(SHORT.max(2 * horizon.states as usize))
 }
 
 /// Converts the time of one thread to the wall-clock time if the work is divided evenly between all threads.
