@@ -8,11 +8,12 @@ use calib_base::{
 };
 use calib_core::Segments;
 use calib_propose::{
-    Asked, Cut, Draft, Horizon, LogDraft, MOST_WINDOWS, Sensors, Size, horizon, mean_step_secs,
+    Asked, Cut, Draft, Horizon, LogDraft, MOST_WINDOWS, ProposedAgent, ProposedModel, Sensors,
+    Size, horizon, mean_step_secs,
 };
 use calib_sweep::{ENOUGH_WINDOWS, ScoringDemand, Span, Windows};
 
-use super::look::ExaminedLog;
+use super::{look::ExaminedLog, trial};
 
 /// Required length of held-out data, in horizons. A return is known after 4.6 horizons. Our choice.
 const SCORED_HORIZONS: f64 = 10.0;
@@ -60,6 +61,8 @@ pub(super) fn unmeasured(within: f64, printer: &Printer) -> String {
 /// The inputs that all drafts of a study share.
 pub(super) struct Drafting<'a> {
     pub(super) args: &'a ProposeOptions,
+    /// The options as the user gave them, without the channels that calib excludes.
+    pub(super) asked: &'a ProposeOptions,
     /// `data.path`.
     pub(super) path: &'a str,
     pub(super) look: &'a ExaminedLog,
@@ -68,6 +71,22 @@ pub(super) struct Drafting<'a> {
 }
 
 impl Drafting<'_> {
+    /// Returns the text of a trial within the training range.
+    pub(super) fn trial_text(
+        &self,
+        model: ProposedModel,
+        agent: ProposedAgent,
+        spacing: usize,
+        sensors: &Sensors,
+        horizon: Horizon,
+    ) -> String {
+        let times = &self.look.sketch.timestamps;
+        let inside = self.look.cut.shortened(times, trial::ROWS * spacing).inside(times);
+        let steps = Size::most_steps(inside.rows[1] / spacing, horizon.states);
+        let size = Size::comparison(agent, model, steps, sensors.proposed.len());
+        self.text(spacing, &inside, sensors, horizon, &size, [""; 4])
+    }
+
     /// Returns the text of the study. `words` are the reasons for its spacing, agent and size, and the simple predictor
     /// that agents start from.
     pub(super) fn text(
@@ -230,8 +249,6 @@ fn windows(held_out: Option<&Segments>, estimated: usize, horizon: Horizon, size
 
 #[cfg(test)]
 mod tests {
-    use calib_propose::{ProposedAgent, ProposedModel};
-
     use super::*;
 
     /// Returns the number of windows of 444 steps for pieces of these lengths.

@@ -6,7 +6,11 @@ use calib_base::{
 };
 use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
 
-use super::trial::{TrialPrediction, Trials, halved};
+use super::{
+    alternatives::OtherTrials,
+    prediction::TrialPrediction,
+    trial::{Trials, halved},
+};
 
 /// Agents with this many times the error of a simple predictor learn nothing from the values. Our choice.
 const FAR_WORSE: f64 = 100.0;
@@ -17,6 +21,12 @@ pub(super) struct Evidence {
     pub(super) reason: String,
     /// The trial of each proposed sensor.
     pub(super) predicted: Vec<TrialPrediction>,
+    /// The agents that were tried, the simplest first.
+    pub(super) tried: Vec<ProposedAgent>,
+    /// Whether an agent is shown to be ahead of the simple predictors of a sensor.
+    pub(super) is_ahead: bool,
+    /// Trials with another horizon, other sensors or another spacing. `None` if they were not needed.
+    pub(super) others: Option<OtherTrials>,
 }
 
 impl Evidence {
@@ -33,7 +43,7 @@ impl Evidence {
         let say = |words: &str| trials.context.say(words);
         say("comparing agents with simple predictors on the last third of the training range");
         let mut predicted = trials
-            .compare(horizon, |at| text(ProposedAgent::Linear, at))?
+            .compare(&trials.comparing, horizon, |at| text(ProposedAgent::Linear, at))?
             .context("half of the time of --within is over")?;
         let is_given = trials.args.horizon.is_some();
         let mut shorter = *horizon;
@@ -42,7 +52,8 @@ impl Evidence {
             && shorter.states >= 4.0
         {
             shorter = halved(shorter);
-            let linear = trials.compare(&mut shorter, |at| text(ProposedAgent::Linear, at))?;
+            let linear = trials
+                .compare(&trials.comparing, &mut shorter, |at| text(ProposedAgent::Linear, at))?;
             let Some(nearer) = linear else { break };
             if nearer.iter().any(TrialPrediction::is_predicted) {
                 say(&format!(
@@ -53,27 +64,17 @@ impl Evidence {
             }
         }
         let mut nearer = *horizon;
-        let network = trials.compare(&mut nearer, |at| text(ProposedAgent::Network, at))?;
+        let network = trials
+            .compare(&trials.comparing, &mut nearer, |at| text(ProposedAgent::Network, at))?;
         let mut tried = vec![Trial { agent: ProposedAgent::Linear, ratio: typical(&predicted) }];
         if let Some(sensors) = &network {
             *horizon = nearer;
             tried.push(Trial { agent: ProposedAgent::Network, ratio: typical(sensors) });
         }
         let chosen = choose_agent(&tried).unwrap_or(tried[0]);
-        let errors = tried
-            .iter()
-            .map(|trial| {
-                let label = trial.agent.label();
-                if trial.ratio.is_finite() {
-                    format!("{label} {:.3}", trial.ratio)
-                } else {
-                    format!("{label} diverged")
-                }
-            })
-            .collect::<Vec<_>>()
-            .join(", ");
         let mut reason = format!(
-            "On the last third of the training range, error divided by that of the best simple predictor (below 1 is better): {errors}"
+            "On the last third of the training range, error divided by that of the best simple predictor (below 1 is better): {}",
+            ratios(&tried)
         );
         if tried.iter().all(|trial| trial.ratio > FAR_WORSE || !trial.ratio.is_finite()) {
             trials.context.warn(
@@ -84,20 +85,22 @@ impl Evidence {
         if network.is_none() {
             reason.push_str("; half of the time of --within was over before a network was tried");
         }
-        let mut sensors = predicted.iter().chain(network.iter().flatten());
-        if !sensors.any(TrialPrediction::is_predicted) {
+        let sensors = || predicted.iter().chain(network.iter().flatten());
+        let is_ahead = sensors().any(|sensor| sensor.lead.is_some());
+        if !sensors().any(TrialPrediction::is_predicted) {
             let warning = format!(
-                "nothing that calib tried predicts {} ahead better than the mean; try a shorter --horizon, or other sensors with --sensor",
+                "nothing that calib tried predicts {} ahead better than the mean",
                 span(horizon.secs)
             );
             trials.context.warn(&warning);
             reason = format!("{reason}; {warning}");
-        } else if chosen.ratio > 1.0 {
+        } else if !is_ahead {
             reason.push_str(
-                "; no agent does better there, and the study tests it again on the held-out period",
+                "; no agent is shown to do better there, and the study tests it again on the held-out period",
             );
         }
-        Ok(Self { agent: chosen.agent, reason, predicted })
+        let tried = tried.into_iter().map(|trial| trial.agent).collect();
+        Ok(Self { agent: chosen.agent, reason, predicted, tried, is_ahead, others: None })
     }
 
     /// Returns the proposal if nothing could be tried, with the reason.
@@ -107,7 +110,14 @@ impl Evidence {
         );
         // The study may have no such trouble: it has all rows.
         printer.warn(&reason);
-        Self { agent: ProposedAgent::Linear, reason, predicted: Vec::new() }
+        Self {
+            agent: ProposedAgent::Linear,
+            reason,
+            predicted: Vec::new(),
+            tried: Vec::new(),
+            is_ahead: false,
+            others: None,
+        }
     }
 
     /// Moves sensors that something predicts to the front, unless the order `is_given`.
@@ -125,6 +135,19 @@ impl Evidence {
             all.into_iter().partition(|(_, predicted)| *predicted);
         sensors.proposed = first.into_iter().chain(last).map(|(channel, _)| channel).collect();
     }
+}
+
+/// Returns the ratio of each agent, in words.
+fn ratios(tried: &[Trial]) -> String {
+    let told = tried.iter().map(|trial| {
+        let label = trial.agent.label();
+        if trial.ratio.is_finite() {
+            format!("{label} {:.3}", trial.ratio)
+        } else {
+            format!("{label} diverged")
+        }
+    });
+    told.collect::<Vec<_>>().join(", ")
 }
 
 /// Returns the geometric mean over sensors of the ratio of the agent's error to that of the best simple predictor.

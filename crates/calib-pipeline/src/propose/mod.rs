@@ -1,10 +1,12 @@
 //! Proposes a study for an unknown log. It examines the log, and tries what cannot be seen.
 
+mod alternatives;
 mod control;
 mod deadline;
 mod drafting;
 mod evidence;
 mod look;
+mod prediction;
 mod show;
 mod trial;
 
@@ -36,6 +38,7 @@ use serde::Serialize;
 pub use self::control::ProposedControlStudy;
 pub(crate) use self::control::{ChosenControl, run as run_control};
 use self::{
+    alternatives::{Alternatives, OtherTrials},
     deadline::TimeLimit,
     drafting::{Drafting, unmeasured},
     evidence::Evidence,
@@ -69,6 +72,9 @@ pub(crate) struct Chosen {
     sensors: Vec<String>,
     /// Why this agent is proposed.
     agent_reason: String,
+    /// Trials with another horizon, other sensors or another spacing, if no agent is ahead of the simple predictors. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    other_trials: Option<OtherTrials>,
     gamma: f64,
     horizon_secs: f64,
     /// Number of steps of every run.
@@ -136,9 +142,11 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Propose
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let look = ExaminedLog::at(args, context)?;
-    let args = &with_exclusions(args, &look.scope, &look.sketch)?;
+    let asked = args;
+    let args = &with_exclusions(asked, &look.scope, &look.sketch)?;
     warn_of_cleaning(args, &look.sketch, &look.scope, &look.cleaning, context);
-    let proposal = Proposal::of(args, &path, &look, clock, context)?;
+    let drafting = Drafting { args, asked, path: &path, look: &look, held_out: None };
+    let proposal = Proposal::of(&drafting, clock, context)?;
     write_output(&args.study, args.existing, |file| {
         std::io::Write::write_all(file, proposal.text.as_bytes())
     })?;
@@ -263,12 +271,11 @@ struct SizedStudy {
 
 impl Proposal {
     fn of(
-        args: &ProposeOptions,
-        path: &str,
-        look: &ExaminedLog,
+        drafting: &Drafting<'_>,
         begun: Stopwatch,
         context: &RunContext,
     ) -> Result<Self, StepError> {
+        let Drafting { args, look, .. } = *drafting;
         let sketch = &look.sketch;
         let place = TemporaryFolder::new()?;
         let model = ProposedModel::for_given(&args.set);
@@ -281,14 +288,13 @@ impl Proposal {
             measuring: TimeLimit::new(begun, args.within, context),
         };
         let mut sensors = look.sensors.clone();
-        let drafting = Drafting { args, path, look, held_out: None };
         drafting.refuse_beyond_held_out()?;
-        let StateSpacing { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
+        let StateSpacing { spacing, why, cost } = chosen_spacing(&trials, drafting)?;
         if let Some(too_near) = drafting.too_near(spacing) {
             context.warn(&too_near);
         }
         let mut horizon = drafting.ahead(spacing);
-        let agent = tried_agents(&trials, &drafting, spacing, &mut horizon)?;
+        let agent = tried_agents(&trials, drafting, spacing, &mut horizon)?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
         let all = look.cut.rows[0] / spacing;
         let rows = trial::rows_within(trials.measuring.left_secs(), cost, all);
@@ -305,12 +311,12 @@ impl Proposal {
         };
         let steps = drafting.most_steps(spacing, horizon);
         let HeldOut { segments, read } = trials.held_out(steps, &mut horizon, &text)?;
-        let drafting = Drafting { held_out: Some(segments), ..drafting };
+        let drafting = &Drafting { held_out: Some(segments), ..*drafting };
         let steps = drafting.most_steps(spacing, horizon);
         let measured = trials.costs(steps, &mut horizon, read, &text)?;
         // A shorter horizon than proposed may leave room for four windows.
         let steps = steps.min(drafting.most_steps(spacing, horizon));
-        let sized = SizedStudy::of(&trials, &drafting, agent.agent, steps, measured, begun);
+        let sized = SizedStudy::of(&trials, drafting, agent.agent, steps, measured, begun);
         let text = drafting.text(
             spacing,
             &cut,
@@ -355,6 +361,7 @@ impl Proposal {
             state_secs: sketch.period_secs * self.spacing as f64,
             sensors: predicted,
             agent_reason: self.agent.reason,
+            other_trials: self.agent.others,
             gamma: self.horizon.gamma,
             horizon_secs: self.horizon.secs,
             steps: self.sized.size.steps,
@@ -441,30 +448,30 @@ fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<StateS
     Ok(StateSpacing { spacing, why, cost })
 }
 
-/// Tries agents on the last third of the training range. The `horizon` is shortened until something is predicted.
+/// Tries agents on the last third of the training range. The `horizon` is shortened until something is predicted. If no
+/// agent is ahead of the simple predictors, other horizons and sensors are tried too.
 fn tried_agents(
     trials: &Trials<'_>,
     drafting: &Drafting<'_>,
     spacing: usize,
     horizon: &mut Horizon,
 ) -> Result<Evidence, StepError> {
-    let ExaminedLog { sketch, cut, sensors, .. } = drafting.look;
-    let inside =
-        cut.shortened(&sketch.timestamps, trial::ROWS * spacing).inside(&sketch.timestamps);
+    let sensors = &drafting.look.sensors;
     let mut nearer = *horizon;
     let gathered = Evidence::gather(trials, &mut nearer, |agent, horizon| {
-        let steps = Size::most_steps(inside.rows[1] / spacing, horizon.states);
-        let size = Size::comparison(agent, trials.model, steps, sensors.proposed.len());
-        drafting.text(spacing, &inside, sensors, horizon, &size, [""; 4])
+        drafting.trial_text(trials.model, agent, spacing, sensors, horizon)
     });
-    match gathered {
-        Err(reason) if !matches!(reason.root(), StepError::Cancelled) => {
+    let mut evidence = match gathered {
+        Err(reason) if !reason.was_cancelled() => {
             // The full study may succeed where a part of its training range is too small.
-            Ok(Evidence::untried(&reason, trials.context))
+            return Ok(Evidence::untried(&reason, trials.context));
         }
-        gathered => {
-            *horizon = nearer;
-            gathered
-        }
+        gathered => gathered?,
+    };
+    *horizon = nearer;
+    if !evidence.is_ahead {
+        let alternatives = Alternatives { trials, drafting, spacing, horizon: *horizon };
+        evidence.others = Some(alternatives.try_out(&evidence.tried)?);
     }
+    Ok(evidence)
 }

@@ -8,7 +8,7 @@ use calib_base::{
 use calib_propose::Lacking;
 use calib_study::shell_words;
 
-use super::{Chosen, ProposedStudy};
+use super::{Chosen, ProposedStudy, alternatives::OtherTrials};
 
 impl Told<()> for ProposedStudy {
     fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
@@ -24,7 +24,7 @@ impl Told<()> for ProposedStudy {
     }
 }
 
-fn lines(proposed: &ProposedStudy) -> [String; 4] {
+fn lines(proposed: &ProposedStudy) -> Vec<String> {
     let ProposedStudy { chosen, of_channels, lacking, learning_rates, within, .. } = proposed;
     let [train, held_out] = chosen.rows.map(count);
     let lacking = lacking.each_ref().map(|lacking| {
@@ -36,7 +36,7 @@ fn lines(proposed: &ProposedStudy) -> [String; 4] {
         Some(secs) => format!("{}{}", beside_within(secs, *within), processors(chosen)),
         None => format!("how long they take was not measured in {}", span(*within)),
     };
-    [
+    let mut lines = vec![
         format!(
             "{}: {} of {of_channels} channels, {train} rows to learn from{}, {held_out} held out{}",
             chosen.study.display(),
@@ -52,8 +52,13 @@ fn lines(proposed: &ProposedStudy) -> [String; 4] {
             chosen.gamma
         ),
         chosen.agent_reason.clone(),
-        format!("{learning_rates} learning rates, runs of {} steps: {time}", count(chosen.steps)),
-    ]
+    ];
+    lines.extend(chosen.other_trials.as_ref().map(OtherTrials::told));
+    lines.push(format!(
+        "{learning_rates} learning rates, runs of {} steps: {time}",
+        count(chosen.steps)
+    ));
+    lines
 }
 
 /// Compares the time of a study with the requested time, in seconds.

@@ -1,6 +1,5 @@
 //! Small trial models of a log, and their costs.
 
-use calib_agent::SimplePredictor;
 use calib_base::{
     Context as _, StepError,
     clock::{Stopwatch, TimeTaken},
@@ -19,13 +18,13 @@ use calib_model_steps::{
 };
 use calib_propose::{Costs, Horizon, MOST_RUNS, ProposedModel, Size};
 use calib_study::{Job, Request};
-use calib_sweep::{Baselines, FittingRows, SensorVerdict};
+use calib_sweep::{Baselines, FittingRows};
 use calib_sweep_steps::{
     sweep::{self, plan::DryRunTally, simple::SimpleErrors, streams},
     verdict::evaluate,
 };
 
-use super::deadline::TimeLimit;
+use super::{deadline::TimeLimit, prediction::TrialPrediction};
 
 /// Largest number of states of a trial model.
 pub(super) const ROWS: usize = 20_000;
@@ -50,8 +49,6 @@ const SMALLEST_MODEL: &[&str] =
 const COSTS: &str = "costs";
 /// The folder for comparing agents.
 const COMPARED: &str = "compared";
-/// A sensor counts as predicted if the error is at most this share of the mean's error.
-const PREDICTED: f64 = 0.95;
 /// How often a horizon is halved to find a step that can be scored.
 const HALVED: usize = 6;
 
@@ -380,13 +377,14 @@ impl Trials<'_> {
     }
 
     /// Compares an agent with the simple predictors within the training range. The `horizon` is halved until some step
-    /// can be scored. Returns `None` if the time is over before.
+    /// can be scored. Returns `None` if the time of `limit` is over before.
     pub(super) fn compare(
         &self,
+        limit: &TimeLimit,
         horizon: &mut Horizon,
         text: impl Fn(Horizon) -> String,
     ) -> Result<Option<Vec<TrialPrediction>>, StepError> {
-        self.comparing.done(|context| self.compared(horizon, text, context))
+        limit.done(|context| self.compared(horizon, text, context))
     }
 
     fn compared(
@@ -461,32 +459,6 @@ fn scorable<T>(
 /// Returns half the horizon.
 pub(super) fn halved(horizon: Horizon) -> Horizon {
     Horizon::new(horizon.secs / 2.0, horizon.secs / horizon.states)
-}
-
-/// The prediction of a sensor on the last third of the training range, from the data before it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct TrialPrediction {
-    /// Ratio of the best simple predictor's error to that of the mean.
-    pub(super) simple: f64,
-    /// Ratio of the agent's error, with the learning rate that the log chooses, to that of the best simple predictor.
-    pub(super) agent: f64,
-}
-
-impl TrialPrediction {
-    fn of(verdict: &SensorVerdict) -> Self {
-        // All ratios of an agent are over the same windows, so their quotients compare predictors with each other.
-        let ratio = |predictor: SimplePredictor| {
-            let row = verdict.simple.iter().find(|row| row.predictor == predictor);
-            row.and_then(|row| row.ratio).map_or(f64::NAN, |ratio| ratio.value)
-        };
-        let agent = SimplePredictor::ALL.into_iter().map(ratio).fold(f64::NAN, f64::max);
-        Self { simple: ratio(SimplePredictor::Mean) / agent, agent }
-    }
-
-    /// Whether something predicts the sensor better than its mean.
-    pub(super) fn is_predicted(&self) -> bool {
-        self.simple * self.agent.min(1.0) <= PREDICTED
-    }
 }
 
 #[cfg(test)]

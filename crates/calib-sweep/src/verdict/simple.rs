@@ -65,6 +65,14 @@ impl SimpleComparison {
         }
     }
 
+    /// Whether the chosen agent is shown to have at least two per cent less error. Without an interval nothing is shown.
+    pub fn is_beaten(&self) -> bool {
+        self.ratio.is_some_and(|ratio| {
+            ratio.value * NO_WORSE <= 1.0
+                && ratio.interval.is_some_and(|interval| interval.high < 1.0)
+        })
+    }
+
     /// Whether the chosen agent is known to have at most two per cent more error.
     fn is_matched(&self) -> bool {
         match self.ratio {

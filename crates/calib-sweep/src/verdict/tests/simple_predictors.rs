@@ -82,6 +82,19 @@ fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) ->
     }
 }
 
+#[test]
+fn a_predictor_is_beaten_by_two_per_cent_and_more_than_chance() {
+    let is_beaten = |ratio| simple(SimplePredictor::Line, 0.5, 0.5, ratio).is_beaten();
+    assert!(is_beaten([0.9, 0.93, 0.97]));
+    assert!(!is_beaten([0.8, 0.9, 1.01]), "it could be chance");
+    assert!(!is_beaten([0.985, 0.99, 0.995]), "one per cent");
+    let single = SimpleComparison {
+        ratio: Some(Estimate { value: 0.5, interval: None }),
+        ..simple(SimplePredictor::Line, 0.5, 0.5, [0.4, 0.5, 0.6])
+    };
+    assert!(!single.is_beaten(), "one window");
+}
+
 fn preferred_predictor(all: &[SimpleComparison]) -> Option<SimplePredictor> {
     preferred(&all.iter().collect::<Vec<_>>()).map(|own| own.predictor)
 }
