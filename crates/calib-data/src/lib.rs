@@ -72,7 +72,9 @@ mod tags;
 mod text;
 mod unit_change;
 
-pub use calib_text::{NumberColumn, TimestampUnit, Zone, format_time, number_columns, parse_time};
+pub use calib_text::{
+    NotANumber, NumberColumn, TimestampUnit, Zone, format_time, number_columns, parse_time,
+};
 
 pub use angle::{AngleOf, AnglePart, angle_hint};
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};

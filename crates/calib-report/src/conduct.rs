@@ -1,12 +1,12 @@
 //! What an agent does: its last steps, and the actions that it takes along each column.
 
+use calib_core::number;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     Cell, OverviewFigure, Panel, Table,
     chart::{Axis, Chart, Colour, Dash, Point, Scale, Series, Side},
-    number::number,
 };
 
 /// Largest number of action columns that are drawn.

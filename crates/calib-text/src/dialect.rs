@@ -133,6 +133,10 @@ impl CutTable {
     }
 }
 
+/// Returns the columns of a table without a header, by its first row of values, the row above if there is one, and the
+/// separator.
+type WithoutHeader = fn(&[String], Option<&[String]>, u8) -> Result<Vec<TextColumn>, String>;
+
 impl Dialect {
     /// Recognises the format of a file that begins with `head`, which consists of whole records.
     ///
@@ -165,11 +169,7 @@ impl Dialect {
         Self::with_rows(table, numbered)
     }
 
-    /// `without_header` returns the columns by the first row of values, the row above if there is one, and the separator.
-    fn with_rows(
-        table: CutTable,
-        without_header: fn(&[String], Option<&[String]>, u8) -> Result<Vec<TextColumn>, String>,
-    ) -> Result<Self, String> {
+    fn with_rows(table: CutTable, without_header: WithoutHeader) -> Result<Self, String> {
         let CutTable { marks, rows, width } = table;
         // Titles above the table have fewer cells than the table.
         let is_narrow = |row: &Row| width_of(&row.cells) < width;

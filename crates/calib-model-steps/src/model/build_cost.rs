@@ -6,7 +6,7 @@ use calib_base::{
     log::{context::RunContext, partition, prepared::Prepared},
 };
 use calib_core::{Monitor, Segments, States, Transitions};
-use calib_knn::{KnnError, KnnModel, ModelConfig};
+use calib_knn::{KnnModel, ModelConfig};
 use calib_study::{Job, StepKind};
 
 use crate::{

@@ -132,9 +132,9 @@ fn the_simple_predictor_to_use_is_chosen_on_the_log() {
 }
 
 /// Returns the same predictor with this ratio to the training mean.
-fn beside_mean(own: SimpleComparison, [low, value, high]: [f64; 3]) -> SimpleComparison {
+fn beside_mean(own: &SimpleComparison, [low, value, high]: [f64; 3]) -> SimpleComparison {
     let against_mean = Some(Estimate { value, interval: Some(Interval { low, high }) });
-    SimpleComparison { against_mean, ..own }
+    SimpleComparison { against_mean, ..own.clone() }
 }
 
 #[test]
@@ -142,12 +142,12 @@ fn the_training_mean_is_not_named_where_something_is_shown_to_beat_it() {
     // Three windows of a well. The log prefers ridge regression, which fails in one of them.
     let mean = simple(SimplePredictor::Mean, 0.892, 1.50, [0.092, 0.156, 0.266]);
     let ridge = simple(SimplePredictor::Ridge, 0.2358, 1.99, [0.011, 0.161, 2.39]);
-    let ridge = beside_mean(ridge, [0.091, 0.971, 10.4]);
+    let ridge = beside_mean(&ridge, [0.091, 0.971, 10.4]);
     let persistence = simple(SimplePredictor::Persistence, 0.2732, 0.279, [0.720, 0.843, 0.988]);
-    let persistence = beside_mean(persistence, [0.105, 0.185, 0.329]);
+    let persistence = beside_mean(&persistence, [0.105, 0.185, 0.329]);
     let autoregression =
         simple(SimplePredictor::Autoregression, 0.2397, 0.2345, [0.977, 1.005, 1.033]);
-    let autoregression = beside_mean(autoregression, [0.092, 0.156, 0.265]);
+    let autoregression = beside_mean(&autoregression, [0.092, 0.156, 0.265]);
     let all = [mean.clone(), persistence, autoregression.clone(), ridge.clone()];
     assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Autoregression));
     // The agent matches the autoregression.
