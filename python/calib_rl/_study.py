@@ -336,7 +336,7 @@ class Study:
             >>> study.evaluate(progress=False).report.name
             'report.html'
         """
-        return self._verdict("evaluate", progress)
+        return self._verdict(*self._job.evaluate(observer(progress)))
 
     def control(self, *, progress: bool | Observer = True) -> ControlVerdict:
         """Choose the setting of an agent that acts, judge the choice, and write the report. Only for studies with ``[control]``.
@@ -379,14 +379,16 @@ class Study:
             ['PIT300']
         """
         # A study of acting agents consists of one step.
-        return self.control(progress=progress) if self._job.is_of_acting_agents else self._verdict("run", progress)
+        if self._job.is_of_acting_agents:
+            return self.control(progress=progress)
+        return self._verdict(*self._job.run(observer(progress)))
 
-    def _step(self, name: str, progress: bool | Observer) -> str:
-        return self._job.step(name, observer(progress))
+    def _step(self, name: str, progress: bool | Observer) -> None:
+        self._job.step(name, observer(progress))
 
-    def _verdict(self, step: str, progress: bool | Observer) -> Verdict:
-        outcome = self._step(step, progress)
-        return Verdict(Path(self._job.path("evaluate")), Path(self._job.path("sweep")), Path(self._job.path("report")), outcome)
+    def _verdict(self, summary: str, negative: bool) -> Verdict:
+        evaluate, sweep, report = (Path(self._job.path(name)) for name in ("evaluate", "sweep", "report"))
+        return Verdict(evaluate, sweep, report, json.loads(summary), negative)
 
     def __repr__(self) -> str:
         return f"<calib_rl.Study: {self.path}, results in {self.results}>"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 from pathlib import Path
 from typing import Any
 
@@ -143,12 +142,14 @@ class Verdict:
         path: The folder ``evaluate`` of a study's results.
         sweep: The folder ``sweep`` of the same results.
         report: The report.
-        outcome: Outcome of the evaluation.
+        summary: What ``calib evaluate --json`` prints.
+        negative: Whether the answer is negative.
 
     Attributes:
-        negative: Whether, for at least one sensor, the evidence shows no difference between settings.
+        path: The folder of the results.
         report: Path of the report, one self-contained page.
-        summary: ``summary.json`` as a dictionary.
+        summary: What ``calib evaluate --json`` prints, as a dictionary. It is the content of ``summary.json``. docs/formats.md describes it.
+        negative: Whether, for at least one sensor, the evidence shows no difference between settings.
 
     Examples:
         >>> from calib_rl._study import _example_study
@@ -161,13 +162,12 @@ class Verdict:
         'report.html'
     """
 
-    def __init__(self, path: Path, sweep: Path, report: Path, outcome: str = "done") -> None:
+    def __init__(self, path: Path, sweep: Path, report: Path, summary: dict[str, Any], negative: bool) -> None:
         self.path = path
         self.report = report
-        self.negative: bool = outcome == "negative"
+        self.summary = summary
+        self.negative = negative
         self._sweep = sweep
-        summary = path / "summary.json"
-        self.summary: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else {}
 
     @property
     def advice(self) -> list[list[str]]:

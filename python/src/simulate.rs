@@ -1,15 +1,11 @@
 //! Simulates plants.
 
-use std::{path::PathBuf, sync::Arc};
+use std::path::PathBuf;
 
 use calib_study::SimulateConfig;
 use pyo3::{prelude::*, types::PyDict};
 
-use crate::{
-    convert, errors,
-    observer::{Watch, watch_printer},
-    work::{Needs, watched},
-};
+use crate::{convert, errors, work::run_step};
 
 /// Writes the log of a simulated plant, one Parquet file per day. Returns a text about
 /// what is there now.
@@ -26,8 +22,8 @@ pub(crate) fn simulate(
         .try_into()
         .map_err(|error| errors::of_options(&error))?;
     let plant = config.plant().map_err(|error| errors::of_study(py, &error))?;
-    let simulated = watched(py, Needs::Tables, observer, |watch: &Arc<Watch>| {
-        calib_pipeline::simulate_plant(&directory, plant, force, &watch_printer(watch))
+    let simulated = run_step(py, observer, |printer| {
+        calib_pipeline::simulate_plant(&directory, plant, force, printer)
     })?;
-    simulated.map(|simulated| simulated.line()).map_err(|error| errors::of_step(py, &error))
+    Ok(simulated.line())
 }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use calib_agent::{Part, PartScore};
-use calib_pipeline::{ExternalCandidate, ExternalResult, Outcome, SweepStreams, Told as _};
+use calib_pipeline::{ExternalCandidate, ExternalResult, SweepStreams, Told as _};
 use calib_study::Study;
 use pyo3::{exceptions::PyIndexError, prelude::*};
 
@@ -12,8 +12,8 @@ use crate::{
     errors,
     lost::LostPages,
     observer::{Watch, watch_printer},
-    study::PyJob,
-    work::{Needs, watched},
+    study::{PyJob, VerdictJson, verdict_json},
+    work::{Needs, run_step, watched},
 };
 
 /// Environment, run, first row, seed, fingerprint and number of steps.
@@ -229,8 +229,7 @@ impl Streams {
     }
 }
 
-/// Judges the runs of a table by a study, or by the defaults. Returns `"done"`, or `"negative"` if the ensemble members
-/// prefer no setting.
+/// Judges the runs of a table by a study, or by the defaults. Returns the verdict.
 #[pyfunction]
 #[pyo3(signature = (runs, job=None, output=None, observer=None))]
 pub(crate) fn evaluate_runs(
@@ -239,15 +238,10 @@ pub(crate) fn evaluate_runs(
     job: Option<&Bound<'_, PyJob>>,
     output: Option<PathBuf>,
     observer: Option<&Bound<'_, PyAny>>,
-) -> PyResult<&'static str> {
+) -> PyResult<VerdictJson> {
     let study = job.map_or_else(Study::default, |job| job.get().job.study().clone());
-    let judged = watched(py, Needs::Tables, observer, |watch| {
-        calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), &watch_printer(watch))
-            .map(|judged| judged.outcome())
+    let judged = run_step(py, observer, |printer| {
+        calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)
     })?;
-    match judged {
-        Ok(Outcome::Done) => Ok("done"),
-        Ok(Outcome::Negative | Outcome::Faulty | Outcome::Incomplete) => Ok("negative"),
-        Err(error) => Err(errors::of_step(py, &error)),
-    }
+    verdict_json(judged.summary(), judged.outcome())
 }

@@ -2,18 +2,12 @@
 
 use std::path::PathBuf;
 
-use calib_pipeline::{
-    BuildOptions, Job, Outcome, Printer, Request, StepError, StepResult, Told as _,
-};
+use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError, Told as _};
 use calib_study::{Existing, Policy, StepKind, Writes};
 use pyo3::prelude::*;
+use serde::Serialize;
 
-use crate::{
-    errors,
-    lost::Step,
-    observer::watch_printer,
-    work::{Needs, watched},
-};
+use crate::{errors, work::run_step};
 
 /// A resolved study.
 #[pyclass(frozen, module = "calib_rl._calib", name = "Job")]
@@ -48,28 +42,36 @@ impl PyJob {
         Ok(Self { job: job.map_err(|error| errors::of_study(py, &error))? })
     }
 
-    /// Runs a step. Returns `"done"`, or `"negative"` if that is its answer.
+    /// Runs a step whose results are in its folder.
     #[pyo3(signature = (name, observer=None))]
     fn step(
         &self,
         py: Python<'_>,
         name: &str,
         observer: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<&'static str> {
+    ) -> PyResult<()> {
         let step = step(name)?;
-        let job = &self.job;
-        let ended = watched(py, Needs::Tables, observer, |watch| {
-            let _at_work = Step::begin();
-            step(job, &watch_printer(watch))
-        })?;
-        match ended {
-            Ok(Outcome::Done) => Ok("done"),
-            Ok(Outcome::Negative) => Ok("negative"),
-            Ok(Outcome::Faulty) => Ok("faulty"),
-            // Only clusters have this outcome, and they have no step here.
-            Ok(Outcome::Incomplete) => Ok("incomplete"),
-            Err(error) => Err(errors::of_step(py, &error)),
-        }
+        run_step(py, observer, |printer| step(&self.job, printer))
+    }
+
+    /// Runs all steps of a study of agents that predict. Returns the verdict.
+    #[pyo3(signature = (observer=None))]
+    fn run(&self, py: Python<'_>, observer: Option<&Bound<'_, PyAny>>) -> PyResult<VerdictJson> {
+        let run = run_step(py, observer, |printer| calib_pipeline::run(&self.job, None, printer))?;
+        let outcome = run.outcome();
+        verdict_json(&product(run.evaluation), outcome)
+    }
+
+    /// Runs the step that judges the sweep. Returns the verdict.
+    #[pyo3(signature = (observer=None))]
+    fn evaluate(
+        &self,
+        py: Python<'_>,
+        observer: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<VerdictJson> {
+        let ended = run_step(py, observer, |printer| calib_pipeline::evaluate(&self.job, printer))?;
+        let evaluation = product(ended.made());
+        verdict_json(&evaluation, evaluation.outcome())
     }
 
     /// Runs the step of agents that act. Returns what `calib control --json` prints, and the advice with all reasons.
@@ -79,21 +81,10 @@ impl PyJob {
         py: Python<'_>,
         observer: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(String, Vec<String>)> {
-        let job = &self.job;
-        let ended = watched(py, Needs::Tables, observer, |watch| {
-            let _at_work = Step::begin();
-            calib_pipeline::control(job, &watch_printer(watch))
-        })?;
-        match ended {
-            Ok(StepResult::Made(evaluation)) => {
-                let summary = evaluation.to_json().map_err(|error| errors::of_step(py, &error))?;
-                Ok((summary, evaluation.why()))
-            }
-            Ok(StepResult::Planned(_) | StepResult::Nothing(_)) => {
-                unreachable!("jobs of Python are neither dry runs nor shares")
-            }
-            Err(error) => Err(errors::of_step(py, &error)),
-        }
+        let ended = run_step(py, observer, |printer| calib_pipeline::control(&self.job, printer))?;
+        let evaluation = product(ended.made());
+        let summary = evaluation.to_json().map_err(|error| errors::of_step(py, &error))?;
+        Ok((summary, evaluation.why()))
     }
 
     /// Returns the path of a step's results: `"model"`, `"rollout"`, `"sweep"`, `"evaluate"`, `"control"`, `"report"`, or
@@ -137,42 +128,41 @@ impl PyJob {
     }
 }
 
-type Run = fn(&Job, &Printer) -> Result<Outcome, StepError>;
+/// What `calib evaluate --json` prints, and whether the answer is negative.
+pub(crate) type VerdictJson = (String, bool);
+
+/// Converts a verdict for Python.
+pub(crate) fn verdict_json(summary: &impl Serialize, outcome: Outcome) -> PyResult<VerdictJson> {
+    let summary = serde_json::to_string(summary).map_err(errors::unusable)?;
+    Ok((summary, outcome == Outcome::Negative))
+}
+
+/// Returns the product of a step.
+fn product<T>(made: Option<T>) -> T {
+    made.unwrap_or_else(|| unreachable!("jobs of Python are neither dry runs nor shares"))
+}
+
+type Run = fn(&Job, &Printer) -> Result<(), StepError>;
 
 fn step(name: &str) -> PyResult<Run> {
     if name == "control_model" {
-        return Ok(|job, printer| {
-            calib_pipeline::control_model(job, printer).map(|_| Outcome::Done)
-        });
+        return Ok(|job, printer| calib_pipeline::control_model(job, printer).map(drop));
     }
     let step = StepKind::of_command(name)
         .ok_or_else(|| errors::value(format!("no step is called {name}")))?;
     Ok(match step {
-        StepKind::Simulate => {
-            |job, printer| calib_pipeline::simulate(job, printer).map(|_| Outcome::Done)
-        }
-        StepKind::Prepare => {
-            |job, printer| calib_pipeline::run(job, None, printer).map(|ended| ended.outcome())
-        }
-        StepKind::Pretrain => {
-            |job, printer| calib_pipeline::pretrain(job, printer).map(|made| made.outcome())
-        }
+        StepKind::Simulate => |job, printer| calib_pipeline::simulate(job, printer).map(drop),
+        StepKind::Pretrain => |job, printer| calib_pipeline::pretrain(job, printer).map(drop),
         StepKind::Represent => {
-            |job, printer| calib_pipeline::represent(job, None, printer).map(|made| made.outcome())
+            |job, printer| calib_pipeline::represent(job, None, printer).map(drop)
         }
         StepKind::BuildModel => |job, printer| {
-            calib_pipeline::build_model(job, &BuildOptions::default(), printer)
-                .map(|built| built.outcome())
+            calib_pipeline::build_model(job, &BuildOptions::default(), printer).map(drop)
         },
-        StepKind::Rollout => {
-            |job, printer| calib_pipeline::rollout(job, printer).map(|made| made.outcome())
+        StepKind::Rollout => |job, printer| calib_pipeline::rollout(job, printer).map(drop),
+        StepKind::Sweep => |job, printer| calib_pipeline::sweep(job, None, printer).map(drop),
+        StepKind::Prepare | StepKind::Evaluate | StepKind::Control => {
+            return Err(errors::value(format!("Job.{name} runs this step")));
         }
-        StepKind::Sweep => {
-            |job, printer| calib_pipeline::sweep(job, None, printer).map(|swept| swept.outcome())
-        }
-        StepKind::Evaluate => {
-            |job, printer| calib_pipeline::evaluate(job, printer).map(|judged| judged.outcome())
-        }
-        StepKind::Control => return Err(errors::value("Job.control runs this step")),
     })
 }

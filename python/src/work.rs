@@ -17,10 +17,15 @@ use std::{
     time::Duration,
 };
 
+use calib_pipeline::{Printer, StepError};
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::observer::{Progress, Told, Watch};
+use crate::{
+    errors,
+    lost::Step,
+    observer::{Progress, Told, Watch, watch_printer},
+};
 
 /// Time between two checks for signals.
 const BETWEEN_SIGNAL_CHECKS: Duration = Duration::from_millis(50);
@@ -46,7 +51,7 @@ pub(crate) enum Needs {
 #[pyfunction]
 pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
     if !(1..=MOST_THREADS).contains(&threads) {
-        return Err(crate::errors::value(format!(
+        return Err(errors::value(format!(
             "threads must be from 1 to {MOST_THREADS}, got {threads}"
         )));
     }
@@ -134,6 +139,22 @@ pub(crate) fn watched<T: Send>(
         Ok(Ok(done)) => Ok(done),
         Ok(Err(panic)) | Err(panic) => resume_unwind(panic),
     }
+}
+
+/// Runs a step as [`watched`] runs work, and returns its result.
+///
+/// # Errors
+/// As [`watched`]; `CalibError` or `StudyError` if the step fails.
+pub(crate) fn run_step<T: Send>(
+    py: Python<'_>,
+    observer: Option<&Bound<'_, PyAny>>,
+    step: impl FnOnce(&Printer) -> Result<T, StepError> + Send,
+) -> PyResult<T> {
+    let ended = watched(py, Needs::Tables, observer, |watch| {
+        let _at_work = Step::begin();
+        step(&watch_printer(watch))
+    })?;
+    ended.map_err(|error| errors::of_step(py, &error))
 }
 
 /// Passes on messages until the work has ended. The first exception asks the work to stop.

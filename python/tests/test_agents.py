@@ -281,6 +281,7 @@ def test_tables_of_others_are_judged(tmp_path: Path) -> None:
     pl.DataFrame(rows).write_parquet(path)
     verdict = agents.evaluate(path)
     assert verdict.chosen == {"A": "candidate = 0"} and not verdict.negative
+    assert verdict.summary == json.loads((tmp_path / "evaluate" / "summary.json").read_text())
     for change, told in [
         (pl.col("rmse") * np.nan, "rmse is NaN"),
         (pl.lit("plant").alias("environment"), 'environment is "plant"'),

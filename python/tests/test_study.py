@@ -3,6 +3,7 @@ from __future__ import annotations
 import datetime
 import filecmp
 import json
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -30,6 +31,29 @@ def test_a_study_ends_with_a_verdict(verdict: calib_rl.Verdict) -> None:
     scores = verdict.scores()
     assert set(scores["environment"]) == {*(f"member:{m}" for m in range(5)), "online", "log-replay"}
     assert all(skill is None or skill < 1 for skill in scores["skill"])
+
+
+def test_a_verdict_holds_what_the_step_returned(study: calib_rl.Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    results = tmp_path / "results"
+    shutil.copytree(study.results, results)
+    done = command_line("evaluate", study.path, "--output", results, "--json")
+    again = calib_rl.Study(study.path, output=results)
+
+    def refuse(path: Path, *_: object, **__: object) -> str:
+        raise AssertionError(f"{path} is read again")
+
+    for step in (again.evaluate, again.run):
+        with monkeypatch.context() as patched:
+            patched.setattr(Path, "read_text", refuse)
+            verdict = step(progress=False)
+        assert isinstance(verdict, calib_rl.Verdict)
+        summary = verdict.path / "summary.json"
+        assert verdict.summary == json.loads(done.stdout) == json.loads(summary.read_text())
+        assert done.returncode == int(verdict.negative), done.stderr
+        summary.unlink()
+        assert str(verdict).startswith(verdict.advice[0][0]) and "PIT300" in verdict._repr_html_()
+        assert verdict.settings["PIT300"]["learning_rate"] in (1e-4, 1e-3, 1e-2)
+        assert len(verdict.scores()) == 3 * (5 + 1 + 1)
 
 
 def test_the_command_line_gives_the_same_bytes(study: calib_rl.Study, tmp_path: Path) -> None:

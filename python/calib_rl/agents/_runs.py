@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -98,5 +99,5 @@ def evaluate(
     runs = Path(runs)
     folder = Path(folder) if folder is not None else runs.parent / "evaluate"
     job = None if study is None else study._job
-    outcome = _calib.evaluate_runs(os.fspath(runs), job, os.fspath(folder), observer(progress))
-    return Verdict(folder, runs.parent, folder / "report.html", outcome)
+    summary, negative = _calib.evaluate_runs(os.fspath(runs), job, os.fspath(folder), observer(progress))
+    return Verdict(folder, runs.parent, folder / "report.html", json.loads(summary), negative)
