@@ -337,7 +337,7 @@ fn models(job: &Job) -> Result<Vec<Model>, StepError> {
 enum StudyLog {
     Whole,
     /// A substitute in a dry run, because the log is not simulated yet.
-    StandIn(StandInLog),
+    StandIn(Box<StandInLog>),
     /// No log, because a dry run has no substitute for it.
     None,
 }
@@ -383,7 +383,7 @@ fn stand_in(plant: &PlantOfStudy, job: &Job, talk: &RunContext) -> Result<StudyL
         Ok(log) => {
             talk.say("a sample of that log stands in for it in what follows");
             talk.say(&log.simulating().line());
-            Ok(StudyLog::StandIn(log))
+            Ok(StudyLog::StandIn(Box::new(log)))
         }
         Err(reason) if reason.was_cancelled() || is_of_study(&reason) => Err(reason),
         Err(reason) => {

@@ -126,7 +126,7 @@ impl Alternatives<'_> {
         for alternative in self.all() {
             match self.trial(&alternative, agents, &limit)? {
                 Tried::Ahead(ahead) => {
-                    others.found = Some(self.found(alternative, ahead));
+                    others.found = Some(self.found(alternative, &ahead));
                     break;
                 }
                 Tried::Behind => others.without.push(alternative.change),
@@ -253,9 +253,9 @@ impl Alternatives<'_> {
     }
 
     /// Describes an alternative with which an agent is ahead.
-    fn found(&self, alternative: Alternative, ahead: AheadAgent) -> Found {
+    fn found(&self, alternative: Alternative, ahead: &AheadAgent) -> Found {
         let ExaminedLog { sketch, sensors, .. } = self.drafting.look;
-        let AheadAgent { agent, place, lead } = ahead;
+        let AheadAgent { agent, place, lead } = *ahead;
         let mut asked = self.drafting.asked.clone();
         asked.horizon = Some(alternative.horizon_secs);
         asked.set.extend(alternative.spacing.map(|rows| format!("{SPACING}={rows}")));

@@ -310,10 +310,10 @@ impl Proposal {
             (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
         };
         let steps = drafting.most_steps(spacing, horizon);
-        let HeldOut { segments, read } = trials.held_out(steps, &mut horizon, &text)?;
+        let HeldOut { segments, read } = trials.held_out(steps, &mut horizon, text)?;
         let drafting = &Drafting { held_out: Some(segments), ..*drafting };
         let steps = drafting.most_steps(spacing, horizon);
-        let measured = trials.costs(steps, &mut horizon, read, &text)?;
+        let measured = trials.costs(steps, &mut horizon, read, text)?;
         // A shorter horizon than proposed may leave room for four windows.
         let steps = steps.min(drafting.most_steps(spacing, horizon));
         let sized = SizedStudy::of(&trials, drafting, agent.agent, steps, measured, begun);

@@ -71,11 +71,13 @@ mod tests {
     fn compared(predictor: SimplePredictor, [low, value, high]: [f64; 3]) -> SimpleComparison {
         SimpleComparison {
             predictor,
-            online_error: 1.0,
-            online_rmse: 1.0,
+            online_error: Some(1.0),
+            online_rmse: Some(1.0),
             log_error: None,
             ratio: Some(Estimate { value, interval: Some(Interval { low, high }) }),
             runaway_windows: 0,
+            against_mean: None,
+            log_windows: None,
         }
     }
 
