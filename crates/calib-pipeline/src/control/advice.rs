@@ -65,7 +65,7 @@ pub const PYTHON: Vocabulary = Vocabulary {
     members: "members=, and control.model.members of the model",
     most_uncovered: "most_uncovered",
     fewest_terminals: "fewest_terminals",
-    default: "the default is the agent as it is without a setting, not what runs on the plant",
+    default: "the default is the agent as it is, or with the values of default=, not what runs on the plant",
     no_default: "No default was compared.",
     default_failed: "the default was tried, and failed",
     mend_default: "see in `failures` why, and mend it, or name another one with default=",
