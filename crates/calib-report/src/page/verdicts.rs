@@ -71,6 +71,9 @@ fn all_verdicts(report: &Report) -> Markup {
     html! {
         (table(&comparison(report).without_empty_columns(), "verdicts"))
         @if judged { (table(&alternatives(report).without_empty_columns(), "alternatives")) }
+        @if report.verdicts.iter().any(|verdict| !verdict.simple.is_empty()) {
+            (table(&beside_simple(report).without_empty_columns(), "simple"))
+        }
         @if let Some(parts) = parts(report) { (table(&parts, "parts")) }
     }
 }
@@ -252,6 +255,33 @@ fn row_of_parts(verdict: &Verdict) -> Vec<Cell> {
         .iter()
         .flat_map(|part| [Cell::Text(part.chosen.to_string()), part.error.into()]);
     head.into_iter().chain(of_parts).collect()
+}
+
+/// Returns the errors of the simple predictors, and those of the chosen agents divided by them.
+fn beside_simple(report: &Report) -> Table {
+    let rows = report.verdicts.iter().flat_map(|verdict| {
+        verdict.simple.iter().map(move |simple| {
+            let ratio = simple.ratio.map_or(Cell::Missing, |ratio| Cell::Number(ratio.value));
+            let interval = simple.ratio.and_then(|ratio| ratio.interval);
+            let ends = interval.map_or([Cell::Missing, Cell::Missing], |interval| {
+                [interval.low, interval.high].map(Cell::Number)
+            });
+            let names = [Cell::Text(verdict.sensor.clone()), model(verdict)];
+            let predictor = Cell::Text(simple.predictor.label().to_owned());
+            let errors = [predictor, Cell::Number(simple.error), ratio];
+            names.into_iter().chain(errors).chain(ends).collect()
+        })
+    });
+    Table {
+        title: "Beside simple predictors".to_owned(),
+        caption: "The error of each simple predictor, and the error of the chosen agent divided by it: geometric mean over held-out windows, or over those of the log where nothing is held out, with its 95 % interval. Below 1 the agent is better."
+            .to_owned(),
+        columns: ["Sensor", "Model", "Predictor", "Error", "Agent's, divided by it", "From", "To"]
+            .map(ToOwned::to_owned)
+            .to_vec(),
+        rows: rows.collect(),
+        best: None,
+    }
 }
 
 /// Returns the costs of the choices and of other selection methods.

@@ -16,6 +16,8 @@ pub struct SimpleRow {
     pub error: f64,
     /// Typical error in the sensor's own unit, (1 − γ) RMSE: mean over windows; `None` if the unit is not known.
     pub typical_error: Option<f64>,
+    /// Error of the chosen agent divided by that of the predictor: geometric mean over these windows, with its interval.
+    pub ratio: Option<Estimate>,
 }
 
 /// If the agent's error is below this share of the predictor's, more windows may be

@@ -120,6 +120,7 @@ fn simple_row(simple: &SimpleComparison, unit: Option<f64>) -> Option<SimpleRow>
             .zip(simple.online_rmse)
             .filter(|_| !is_of_log)
             .map(|(unit, rmse)| rmse * unit),
+        ratio: simple.ratio,
     })
 }
 

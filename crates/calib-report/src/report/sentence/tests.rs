@@ -384,7 +384,7 @@ fn streams_of_a_log_that_was_not_replayed_are_not_told() {
 }
 
 fn simple_row(predictor: SimplePredictor, error: f64) -> SimpleRow {
-    SimpleRow { predictor, error, typical_error: None }
+    SimpleRow { predictor, error, typical_error: None, ratio: None }
 }
 
 /// Persistence has half of the agent's error.
@@ -567,7 +567,7 @@ fn no_gain_is_claimed_where_the_interval_has_one() {
     insta::assert_snapshot!(verdict.headline(), @"Use a line on the sensor for PIT300: no clear gain from further learning.");
     verdict.online.as_mut().unwrap().against_default = None;
     verdict.simple =
-        vec![SimpleRow { predictor: SimplePredictor::Line, error: 0.4, typical_error: Some(8.52) }];
+        vec![SimpleRow { typical_error: Some(8.52), ..simple_row(SimplePredictor::Line, 0.4) }];
     let told = verdict.plain();
     assert!(
         told.ends_with(" Its typical error of the predicted mean, in the sensor's unit: 8.52."),
