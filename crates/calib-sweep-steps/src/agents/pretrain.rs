@@ -97,14 +97,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
         .collect();
     let cost = announce(study, &parts, &wanted, missing.len(), context)?;
     if job.policy().is_dry() {
-        if !missing.is_empty() {
-            let processor_secs = processor_secs(&context.silent().progress(), |monitor| {
-                train(study, &parts, &missing, None, monitor)
-            })?;
-            let cost = StepCost { processor_secs, ..cost };
-            context.say(&cost.line());
-            context.expect(StepKind::Pretrain, job, cost);
-        }
+        expect_cost(job, &parts, &missing, cost, context)?;
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
@@ -243,6 +236,26 @@ fn finished(directory: &Path, wanted: &[AgentToTrain]) -> BTreeMap<String, Pretr
 fn state_file(directory: &Path, missing: &[&AgentToTrain]) -> Result<StateFile, StepError> {
     let keys: Vec<&str> = missing.iter().map(|wanted| wanted.key.as_str()).collect();
     Ok(StateFile::new(directory.join(".unfinished.safetensors"), artefact::key(&keys)?))
+}
+
+/// Says in a dry run how long the pre-training of the `missing` agents takes, by training them for a moment.
+fn expect_cost(
+    job: &Job,
+    parts: &Parts,
+    missing: &[&AgentToTrain],
+    cost: StepCost,
+    context: &RunContext,
+) -> Result<(), StepError> {
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let processor_secs = processor_secs(&context.silent().progress(), |monitor| {
+        train(job.study(), parts, missing, None, monitor)
+    })?;
+    let cost = StepCost { processor_secs, ..cost };
+    context.say(&cost.line());
+    context.expect(StepKind::Pretrain, job, cost);
+    Ok(())
 }
 
 /// Reports the agents to train, and returns what they take, still without time.

@@ -206,7 +206,7 @@ fn a_recorded_mean_beyond_every_whole_episode_has_its_reason() {
     assert_eq!(within, "Recorded episodes: mean return 90, at most 110.");
     let alike = told(110.000_000_1, Some(110.0), Some(110.0));
     assert!(alike.ends_with("at most 110."), "a rounding: {alike}");
-    assert!(told(5.0, None, None).ends_with("mean return 5.00."));
+    assert!(told(5.0, None, None).ends_with("mean return 5."));
 }
 
 /// Returns the note on the ends of a grid of these settings, of which number 1 is chosen.
