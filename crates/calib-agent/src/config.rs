@@ -8,9 +8,10 @@ use crate::SimplePredictor;
 
 mod baseline;
 mod external;
+mod kind;
 
-pub use external::AgentKind;
-use external::{STATES_PER_MESSAGE, TIMEOUT_SECS};
+pub use kind::AgentKind;
+use kind::{STATES_PER_MESSAGE, TIMEOUT_SECS};
 
 /// How the value of a state is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]

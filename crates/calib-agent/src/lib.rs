@@ -51,6 +51,7 @@ mod curve;
 mod error;
 #[cfg(test)]
 mod golden;
+mod horizon;
 mod kernels;
 mod learner;
 mod linear;
@@ -80,17 +81,17 @@ pub use config::{
 };
 pub use curve::{CurvePoint, CurveRule};
 pub use error::AgentError;
+pub use horizon::truncation_horizon;
 pub use learner::{Checkpoint, Learner, layer_sizes, parameter_count};
 pub use lockstep::{MOST_TOGETHER, check_accelerated, runs_together, train_together};
 pub use memory::{pretraining_bytes, training_bytes};
 pub use outcome::RunOutcome;
 pub use predictions::score_predictions;
-pub use pretrain::{
-    Epoch, PretrainSettings, Pretrained, Pretraining, PretrainingDiverged, pretrain,
-};
-pub use returns::{ReturnMoments, discounted_returns, truncation_horizon};
+pub use pretrain::{PretrainSettings, Pretrained, Pretraining, PretrainingDiverged, pretrain};
+pub use returns::{ReturnMoments, discounted_returns};
 pub use scoring::{Part, PartScore, Scores};
 pub use simple::{FittedPredictor, Fitter, Mixture, SimplePredictor};
 pub use state_file::StateFile;
 pub use traces::with_traces;
 pub use train::{Run, train, train_learners};
+pub use validation::Epoch;

@@ -1,6 +1,5 @@
 use calib_core::{Cancelled, Monitor, Seed, Stream};
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -9,7 +8,7 @@ use crate::{
     population::{can_share, values_of, work_per_step},
     traces::TracedStream,
     train::{check_cumulant, grouped},
-    validation::Validation,
+    validation::{Epoch, Validation},
     values::{Batch, Learned, Values},
 };
 
@@ -33,29 +32,6 @@ pub struct Pretraining<'a> {
     pub settings: PretrainSettings,
     /// Seed of initial parameters and of the order of transitions in each epoch.
     pub seed: Seed,
-}
-
-/// One epoch of one agent. Losses are means of squared TD errors, δ² with δ = o' + γ v(s') − v(s), in squared
-/// normalised units.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Epoch {
-    /// Number of the epoch, from 1.
-    pub epoch: usize,
-    /// Mean loss over the training transitions, each taken before the update that learns from it.
-    pub training_loss: f64,
-    /// Mean loss over the validation transitions, after the epoch.
-    pub validation_loss: f64,
-    /// RMSE between values and Monte-Carlo returns over the validation steps whose returns are known.
-    pub validation_rmse: Option<f64>,
-    /// The validation RMSE divided by |mean return|.
-    pub validation_nrmse: Option<f64>,
-}
-
-impl Epoch {
-    /// Returns the early-stopping criterion: the error to returns, or the loss where no return is known.
-    fn error(&self) -> f64 {
-        self.validation_rmse.unwrap_or(self.validation_loss)
-    }
 }
 
 /// A pre-trained agent.

@@ -4,20 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::scoring::ScoredReturns;
 
-/// Returns the number of steps at the end of an unbroken piece whose returns are truncated by more than 1 %: H = ⌈ln
-/// 0.01 / ln γ⌉, and 0 for γ = 0.
-///
-/// # Panics
-/// If `gamma` is not in [0, 1).
-pub fn truncation_horizon(gamma: f64) -> usize {
-    assert!((0.0..1.0).contains(&gamma), "a discount factor is in [0, 1), got {gamma}");
-    if gamma == 0.0 { 0 } else { (0.01_f64.ln() / gamma.ln()).ceil() as usize }
-}
-
 /// Returns the Monte-Carlo returns `G_t = Σ_k γᵏ o_{t+k+1}` of state column `cumulant`, for every step of the stream,
 /// by the recursion `G_t = o_{t+1} + γ G_{t+1}` inside each unbroken piece.
 ///
-/// Sums end with their piece: the last step of a piece has return 0. Do not compare the last [`truncation_horizon`]
+/// Sums end with their piece: the last step of a piece has return 0. Do not compare the last [`truncation_horizon`](crate::truncation_horizon)
 /// steps of a piece with predictions.
 pub fn discounted_returns(stream: &dyn Stream, cumulant: usize, gamma: f64) -> Vec<f64> {
     let mut returns = vec![0.0; stream.len()];
@@ -47,7 +37,7 @@ impl ReturnMoments {
     /// Steps at the ends of pieces, whose returns are truncated, are excluded. `None` if there is no other step.
     ///
     /// # Panics
-    /// As [`truncation_horizon`].
+    /// As [`truncation_horizon`](crate::truncation_horizon).
     pub fn of(stream: &dyn Stream, cumulant: usize, gamma: f64) -> Option<Self> {
         let returns = discounted_returns(stream, cumulant, gamma);
         let ScoredReturns { steps, mean, std } =
@@ -74,19 +64,6 @@ mod tests {
         // γ = 0.5 cuts off seven steps of each piece.
         assert_eq!(ReturnMoments::of(&stream, 0, 0.5).expect("some").steps, 6);
         assert_eq!(ReturnMoments::of(&stream, 0, 0.9), None);
-    }
-
-    #[test]
-    fn horizons_leave_less_than_a_hundredth() {
-        assert_eq!(truncation_horizon(0.0), 0);
-        assert_eq!(truncation_horizon(0.1), 2);
-        assert_eq!(truncation_horizon(0.5), 7);
-        assert_eq!(truncation_horizon(0.99), 459);
-        for gamma in [0.1, 0.5, 0.9, 0.99, 0.999] {
-            let horizon = truncation_horizon(gamma) as i32;
-            let limit = 0.01 + 1e-9;
-            assert!(gamma.powi(horizon) <= limit && gamma.powi(horizon - 1) > limit);
-        }
     }
 
     proptest! {

@@ -1,8 +1,33 @@
 use std::ops::Range;
 
 use calib_core::Stream;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use crate::{Epoch, Learner, scoring::known_returns};
+use crate::{Learner, scoring::known_returns};
+
+/// One epoch of one agent. Losses are means of squared TD errors, δ² with δ = o' + γ v(s') − v(s), in squared
+/// normalised units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Epoch {
+    /// Number of the epoch, from 1.
+    pub epoch: usize,
+    /// Mean loss over the training transitions, each taken before the update that learns from it.
+    pub training_loss: f64,
+    /// Mean loss over the validation transitions, after the epoch.
+    pub validation_loss: f64,
+    /// RMSE between values and Monte-Carlo returns over the validation steps whose returns are known.
+    pub validation_rmse: Option<f64>,
+    /// The validation RMSE divided by |mean return|.
+    pub validation_nrmse: Option<f64>,
+}
+
+impl Epoch {
+    /// Returns the early-stopping criterion: the error to returns, or the loss where no return is known.
+    pub(crate) fn error(&self) -> f64 {
+        self.validation_rmse.unwrap_or(self.validation_loss)
+    }
+}
 
 /// The validation transitions of one sensor. The target returns are summed again in each epoch: this costs nothing
 /// beside the predictions, and years of returns need no memory.

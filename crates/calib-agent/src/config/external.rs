@@ -2,24 +2,11 @@
 
 use std::{borrow::Cow, collections::BTreeMap};
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::{AgentConfig, AgentConfigError, require};
-
-/// The kind of agents that learn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum AgentKind {
-    /// calib's own agents: TD(0) with the hyperparameters of `[agent]`.
-    #[default]
-    Td,
-    /// The agents of the program in `agent.command`, with the hyperparameters of `[agent.parameters]`.
-    External,
-}
-
-pub(super) const STATES_PER_MESSAGE: usize = 1024;
-pub(super) const TIMEOUT_SECS: f64 = 60.0;
+use super::{
+    AgentConfig, AgentConfigError,
+    kind::{AgentKind, STATES_PER_MESSAGE, TIMEOUT_SECS},
+    require,
+};
 
 /// Hyperparameters that only calib's own agents have.
 const OWN_FIELDS: [&str; 22] = [

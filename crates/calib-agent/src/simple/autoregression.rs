@@ -2,7 +2,7 @@ use calib_core::Stream;
 
 use super::{
     FittedPredictor,
-    fit::Judged,
+    judged::Judged,
     moments::{Folds, Target, sum},
     solve::Square,
 };

@@ -4,6 +4,7 @@ use calib_core::Stream;
 
 use super::{
     FittedPredictor, Mixture, SimplePredictor, autoregression,
+    judged::Judged,
     moments::{Folds, Target, sum},
     solve::Square,
 };
@@ -33,22 +34,6 @@ pub struct Fitter<'a> {
 /// This share of the best predictor's mean squared error over folds is added to the error of each fold before their
 /// logarithms are compared. Our choice.
 const RESTING: f64 = 0.01;
-
-/// A predictor that was fitted on all rows, with its cross-validated errors.
-pub(super) struct Judged {
-    pub(super) predictor: FittedPredictor,
-    /// Sum over later folds, each predicted by the fit to earlier folds. Infinite if one of these fits has no solution.
-    pub(super) squared_error: f64,
-    /// Error in each fold, predicted by the fit to the other folds.
-    pub(super) cross_errors: Vec<f64>,
-}
-
-impl Judged {
-    /// Returns the mean of the errors over folds, or 0 if there are no folds.
-    fn mean_cross_error(&self) -> f64 {
-        self.cross_errors.iter().sum::<f64>() / self.cross_errors.len().max(1) as f64
-    }
-}
 
 /// The systems of equations that cross-validation solves.
 enum Equations<'m> {

@@ -4,16 +4,16 @@
 
 mod autoregression;
 mod fit;
-mod mixture;
+mod fitted;
+mod judged;
 mod moments;
 mod solve;
 
-use calib_core::Stream;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use fit::Fitter;
-pub use mixture::Mixture;
+pub use fitted::{FittedPredictor, Mixture};
 
 /// A predictor of the return `G_t = Σ_k γᵏ o_{t+k+1}` of a sensor `o`. It learns nothing after the log ends.
 #[derive(
@@ -85,67 +85,6 @@ impl SimplePredictor {
             Self::Best => "the best simple predictor",
             Self::Mixture => "a mixture of simple predictors",
         }
-    }
-}
-
-/// A simple predictor with the coefficients fitted on a log. Inputs are normalised states, outputs normalised returns.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", tag = "form")]
-pub enum FittedPredictor {
-    /// `bias + Σ_c weights[c] s_t[c]`.
-    Affine {
-        /// One weight for each column of the state.
-        weights: Vec<f64>,
-        /// The prediction if all columns are 0.
-        bias: f64,
-    },
-    /// `bias + Σ_k lags[k] o_{t−k}`. Before the first state of a segment the sensor counts as having had its first value.
-    Autoregression {
-        /// Index of the predicted column.
-        column: usize,
-        /// The coefficient of the current value, then of the values before it.
-        lags: Vec<f64>,
-        /// The constant term.
-        bias: f64,
-    },
-    /// A weighted mean of other predictors.
-    Mixture(Mixture),
-}
-
-impl FittedPredictor {
-    /// Returns the prediction at every state of `stream`, from that state and those before it in its piece.
-    ///
-    /// # Panics
-    /// If the states are narrower than those that the predictor was fitted on.
-    pub fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
-        if let Self::Mixture(mixture) = self {
-            return mixture.predictions(stream);
-        }
-        let mut predictions = vec![0.0; stream.len()];
-        for piece in stream.pieces() {
-            for t in piece.clone() {
-                let value = match self {
-                    Self::Affine { weights, bias } => {
-                        let state = &stream.state(t)[..weights.len()];
-                        bias + weights
-                            .iter()
-                            .zip(state)
-                            .map(|(w, &x)| w * f64::from(x))
-                            .sum::<f64>()
-                    }
-                    Self::Autoregression { column, lags, bias } => {
-                        let values = (0..lags.len()).map(|lag| {
-                            let earlier = t.saturating_sub(lag).max(piece.start);
-                            f64::from(stream.state(earlier)[*column])
-                        });
-                        bias + lags.iter().zip(values).map(|(w, x)| w * x).sum::<f64>()
-                    }
-                    Self::Mixture(_) => unreachable!("predicts by itself"),
-                };
-                predictions[t] = value as f32;
-            }
-        }
-        predictions
     }
 }
 

@@ -1,10 +1,69 @@
-//! A mixture of all simple predictors, weighted by their past accuracy.
+//! Predictors fitted on a log, and the mixture of all of them, weighted by their past accuracy.
 
 use calib_core::Stream;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::FittedPredictor;
+/// A simple predictor with the coefficients fitted on a log. Inputs are normalised states, outputs normalised returns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", tag = "form")]
+pub enum FittedPredictor {
+    /// `bias + Σ_c weights[c] s_t[c]`.
+    Affine {
+        /// One weight for each column of the state.
+        weights: Vec<f64>,
+        /// The prediction if all columns are 0.
+        bias: f64,
+    },
+    /// `bias + Σ_k lags[k] o_{t−k}`. Before the first state of a segment the sensor counts as having had its first value.
+    Autoregression {
+        /// Index of the predicted column.
+        column: usize,
+        /// The coefficient of the current value, then of the values before it.
+        lags: Vec<f64>,
+        /// The constant term.
+        bias: f64,
+    },
+    /// A weighted mean of other predictors.
+    Mixture(Mixture),
+}
+
+impl FittedPredictor {
+    /// Returns the prediction at every state of `stream`, from that state and those before it in its piece.
+    ///
+    /// # Panics
+    /// If the states are narrower than those that the predictor was fitted on.
+    pub fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
+        if let Self::Mixture(mixture) = self {
+            return mixture.predictions(stream);
+        }
+        let mut predictions = vec![0.0; stream.len()];
+        for piece in stream.pieces() {
+            for t in piece.clone() {
+                let value = match self {
+                    Self::Affine { weights, bias } => {
+                        let state = &stream.state(t)[..weights.len()];
+                        bias + weights
+                            .iter()
+                            .zip(state)
+                            .map(|(w, &x)| w * f64::from(x))
+                            .sum::<f64>()
+                    }
+                    Self::Autoregression { column, lags, bias } => {
+                        let values = (0..lags.len()).map(|lag| {
+                            let earlier = t.saturating_sub(lag).max(piece.start);
+                            f64::from(stream.state(earlier)[*column])
+                        });
+                        bias + lags.iter().zip(values).map(|(w, x)| w * x).sum::<f64>()
+                    }
+                    Self::Mixture(_) => unreachable!("predicts by itself"),
+                };
+                predictions[t] = value as f32;
+            }
+        }
+        predictions
+    }
+}
 
 /// Steps after which a prediction is scored, in units of 1 / (1 − γ). Later rewards contribute a twentieth of the
 /// return.
@@ -39,7 +98,7 @@ pub struct Mixture {
 
 impl Mixture {
     /// Returns the prediction at every state of `stream`. The weights of the predictors are kept over gaps.
-    pub(super) fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
+    fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
         let mut each: Vec<Vec<f32>> =
             self.predictors.iter().map(|predictor| predictor.predictions(stream)).collect();
         let mut mixed = vec![0.0; stream.len()];
