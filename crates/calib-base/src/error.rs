@@ -20,8 +20,6 @@ use calib_study::{Place, StudyError};
 use calib_sweep::SweepError;
 use rayon::ThreadPoolBuildError;
 
-use crate::memory::NoRoom;
-
 /// The error of a step: the study or the data is wrong, the machine refuses, or the user asked it to stop.
 ///
 /// It is shown from the outermost context to the innermost cause. Some errors of other crates include their cause in
@@ -259,7 +257,6 @@ from_others!(
     FramesError,
     LayoutError,
     NoPath,
-    NoRoom,
     NotANumber,
     OptionsError,
     ParameterCountError,

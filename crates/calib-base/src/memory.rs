@@ -121,6 +121,12 @@ pub struct NoRoom {
     remedy: String,
 }
 
+impl From<NoRoom> for StepError {
+    fn from(error: NoRoom) -> Self {
+        Self::Other(error.into())
+    }
+}
+
 /// Refuses a log that does not fit in memory, by its footers: a small file may declare any number of rows.
 ///
 /// # Errors

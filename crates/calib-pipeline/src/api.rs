@@ -6,6 +6,7 @@ use calib_base::{
     StepError,
     log::{
         context::RunContext,
+        plant_of_study,
         simulate::{self, Simulated},
     },
     options::{
@@ -68,7 +69,7 @@ pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Study
 /// # Errors
 /// Fails as [`run`] does, and if the folder holds other logs.
 pub fn simulate(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
-    simulate::of_study(job, printer)
+    plant_of_study::write_log(job, printer)
 }
 
 /// Writes the missing files of this plant's log, one Parquet file per day. `force` starts over.

@@ -11,7 +11,7 @@ use calib_study::{Job, StepKind};
 
 use crate::{
     cost::{ExpectedStep, StepCost},
-    log::prepared::Prepared,
+    log::prepared_log::Prepared,
     output::Printer,
 };
 

@@ -9,11 +9,7 @@ use calib_study::{Job, Partition, Study};
 
 use crate::{
     Context as _, StepError, ensure,
-    log::{
-        context::RunContext,
-        plant_of_study,
-        prepared::{self, Prepared},
-    },
+    log::{context::RunContext, plant_of_study, prepared, prepared_log::Prepared},
 };
 
 /// A log, with a separate part of its training range for pre-training.

@@ -139,3 +139,12 @@ pub fn plant_of(job: &Job) -> Result<Option<(PathBuf, PlantOptions)>, StepError>
     let plant = PlantOfStudy::of(job)?;
     Ok(plant.map(|PlantOfStudy { directory, options, .. }| (directory, options)))
 }
+
+/// Writes the missing part of the log of the plant that a study describes.
+///
+/// # Errors
+/// As [`simulate`](simulate::simulate); also if the description is not valid.
+pub fn write_log(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
+    let Some((directory, plant)) = plant_of(job)? else { return Ok(None) };
+    simulate::simulate(&directory, plant, job.policy().redoes(), printer).map(Some)
+}

@@ -19,6 +19,7 @@ use crate::{
     log::{
         context::RunContext,
         plant_of_study,
+        prepared_log::Prepared,
         sources::{SOURCES, SourceFile, Sources},
         stand_in,
     },
@@ -58,15 +59,6 @@ const TRAIN: &str = "train";
 const HELD_OUT: &str = "held-out";
 /// Number of digits of a key in the name of a folder.
 const KEY_DIGITS: usize = 12;
-
-/// A prepared log.
-#[derive(Clone)]
-pub struct Prepared {
-    /// Its states, divided as in the study.
-    pub dataset: Dataset,
-    /// The file of the training states; `None` if it could not be written.
-    pub(crate) states: Option<PathBuf>,
-}
 
 /// The state of a log before its states are made.
 pub enum Known {

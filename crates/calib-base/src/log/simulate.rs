@@ -6,7 +6,6 @@ use calib_core::{Monitor as _, Timestamp};
 use calib_data::table::write_log;
 use calib_files::{FileError, FolderRecord, read_sealed_json, remove_file, write_sealed_json};
 use calib_plant::{ChannelInfo, DayLog, Plant, PlantOptions};
-use calib_study::Job;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,10 +13,7 @@ use crate::{
     Context as _, StepError,
     artefact::{Below, DirectoryLock, Files, TOOL, fingerprint_once, fingerprints},
     bail, disk_room, ensure,
-    log::{
-        changes::{self, CHANGES, DatedChange},
-        plant_of_study,
-    },
+    log::changes::{self, CHANGES, DatedChange},
     output::{Printer, bytes, count},
 };
 
@@ -114,15 +110,6 @@ impl Simulated {
             path.display()
         ))
     }
-}
-
-/// Writes the missing part of the log of the plant that a study describes.
-///
-/// # Errors
-/// As [`simulate`]; also if the description is not valid.
-pub fn of_study(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
-    let Some((directory, plant)) = plant_of_study::plant_of(job)? else { return Ok(None) };
-    simulate(&directory, plant, job.policy().redoes(), printer).map(Some)
 }
 
 /// Writes the missing days of a plant. A day file exists as a whole or not at all, so an interrupted simulation

@@ -3,7 +3,7 @@
 use calib_base::{
     StepError,
     clock::TimeTaken,
-    log::{context::RunContext, partition, prepared::Prepared},
+    log::{context::RunContext, partition, prepared_log::Prepared},
 };
 use calib_core::{Monitor, Segments, States, Transitions};
 use calib_knn::{KnnModel, ModelConfig};
