@@ -5,7 +5,7 @@ use calib_text::format_time;
 
 use crate::{
     BridgedStops, ChannelProfile, DropReason, FarOut, Profile, Sentinel, Shape, ShownClock, Sketch,
-    clock_changes::was_left_out,
+    clock_changes::was_left_out, first_few::first_few,
 };
 
 /// A value this many widths of the training range beyond it is not a state of a plant. Our choice.
@@ -14,8 +14,6 @@ const ABSURD: f64 = 1_000.0;
 /// know. Our choice.
 pub(crate) const ELSEWHERE: f64 = 20.0;
 const MUCH: f64 = 0.1;
-/// Maximum number of channels that one sentence names.
-const NAMED: usize = 5;
 /// A longer gap is reported.
 const YEAR_SECS: f64 = 365.0 * 86_400.0;
 
@@ -408,15 +406,6 @@ impl FarOut {
     }
 }
 
-/// Returns the message for channels that are pairs of words, each [with its words](calib_text::Switch::told);
-/// `None` for no channels.
-pub(crate) fn read_as_switches(channels: &[String]) -> Option<String> {
-    let named = first_few(channels)?;
-    Some(format!(
-        "words are read as 1 and 0: {named}; preprocess.one_hot makes columns of the words of a channel instead"
-    ))
-}
-
 /// Lists the few of the `channels` with the most held-out values far out, each described by `told`, and the number of
 /// further ones; `None` if there are none.
 fn most_first(
@@ -427,11 +416,4 @@ fn most_first(
     channels.sort_by_key(|channel| std::cmp::Reverse(channel.far_out.held_out));
     let all: Vec<String> = channels.into_iter().map(told).collect();
     first_few(&all)
-}
-
-/// Lists the first few of `all` and the number of further ones; `None` if `all` is empty.
-pub(crate) fn first_few(all: &[String]) -> Option<String> {
-    let (named, more) = all.split_at(all.len().min(NAMED));
-    let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
-    (!named.is_empty()).then(|| format!("{}{more}", named.join(", ")))
 }

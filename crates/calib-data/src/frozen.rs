@@ -1,6 +1,6 @@
 //! Warns of channels whose instrument was probably frozen.
 
-use crate::{Profile, Sketch, channel::is_same, doubts::first_few};
+use crate::{Profile, Sketch, channel::is_same, first_few::first_few};
 
 /// A frozen channel keeps one value for at least this share of the rows. Our choice.
 const CONSTANT: f64 = 0.02;

@@ -9,11 +9,10 @@ use crate::{
     AngleOf, BackwardSteps, BadRowsFound, BridgedStops, ContradictionsFound, DataConfig, DataError,
     Sentinel, Shape, ShownClock, UnitChange,
     channel::{Moments, Movement, is_same},
-    doubts::read_as_switches,
     log::{Batch, Channel, ChannelValues, Contradicting, Log, SparseValues, detect_period},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
-    survey::switches_in,
+    switches_read::{read_as_switches, switches_in},
 };
 
 mod counting;

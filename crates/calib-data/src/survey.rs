@@ -18,7 +18,7 @@ use crate::{
     Fences, PartProfile, PreprocessConfig, Profile, UnitChange, ValueProfile,
     channel::{Moments, Movement, is_same},
     describe::describe_rows,
-    doubts::{ELSEWHERE, read_as_switches},
+    doubts::ELSEWHERE,
     impute::{clean, impute},
     log::{
         Batch, Channel, ChannelValues, Contradicting, EXAMPLES, Log, Neighbourhood, SparseValues,
@@ -28,6 +28,7 @@ use crate::{
     sample::Samples,
     select::fit,
     sentinels::{Extremes, sentinels},
+    switches_read::{read_as_switches, switches_in},
 };
 
 /// The result of the first pass: everything but the values.
@@ -170,14 +171,6 @@ fn contradictions_found(
     let found = log.contradictions_of(&found);
     let cause = if found.count > 0 { log.cause_of_contradictions(monitor)? } else { None };
     Ok(ContradictionsFound { cause, ..found })
-}
-
-/// Returns those of `channels` that are pairs of words, each with its words; `values` are their values.
-pub(crate) fn switches_in(log: &Log, channels: &[usize], values: &[ChannelValues]) -> Vec<String> {
-    let pairs = channels.iter().zip(values).filter_map(|(&channel, values)| {
-        values.not_numbers.switch.as_ref()?.told(&log.channels[channel].name)
-    });
-    pairs.collect()
 }
 
 impl Scan<'_> {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, btree_map::Entry};
 
 use super::Channel;
-use crate::{DataConfig, doubts::first_few, names::Chosen};
+use crate::{DataConfig, first_few::first_few, names::Chosen};
 
 /// What is said of such channels that the study reads, unless a file has both; none of none.
 pub(super) fn differing_in_case(channels: &[Channel], data: &DataConfig) -> Option<String> {
