@@ -6,7 +6,8 @@ use crate::distance::{Outcome, check, distances};
 use crate::kernel::dispatch::InstructionSet;
 use crate::path::{Aligned, align, bytes as path_bytes};
 use crate::{
-    Distance, DtwError, Ends, LocalDistance, NoPath, Series, Settings, StepPattern, Window,
+    Alignment, Distance, DtwError, Ends, LocalDistance, NoPath, Series, Settings, StepPattern,
+    Window,
 };
 
 /// Dynamic time warping with one step pattern.
@@ -31,16 +32,6 @@ pub struct Dtw {
     pattern: StepPattern,
     settings: Settings,
     instruction_set: InstructionSet,
-}
-
-/// A distance and its path.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Alignment {
-    /// The distance.
-    pub distance: Distance,
-    /// Matched samples (query, reference) from begin to end. A branch of several steps lists every cell whose cost it adds. Cells that a
-    /// step skips are not listed.
-    pub path: Vec<(usize, usize)>,
 }
 
 impl Dtw {

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod alignment;
 mod distance;
 mod dtw;
 mod error;
@@ -7,13 +8,15 @@ mod kernel;
 mod path;
 mod pattern;
 mod pattern_set;
+mod role;
 mod series;
 mod settings;
 mod time_warp_edit;
 mod window;
 
+pub use alignment::Alignment;
 pub use distance::Distance;
-pub use dtw::{Alignment, Dtw};
+pub use dtw::Dtw;
 pub use error::{DtwError, NoPath};
 pub use kernel::dispatch::InstructionSet;
 pub use pattern::{
@@ -21,7 +24,8 @@ pub use pattern::{
     Recursion, SlopeWeighting, Smoothing, Step, StepPattern,
 };
 pub use pattern_set::{ByPattern, PatternSet};
-pub use series::{Role, Series};
+pub use role::Role;
+pub use series::Series;
 pub use settings::{Ends, LocalDistance, ParseSettingError, Settings};
 pub use time_warp_edit::TimeWarpEdit;
 pub use window::{ParseWindowError, Window};

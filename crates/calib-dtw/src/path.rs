@@ -8,13 +8,12 @@
 
 use std::ops::Range;
 
-use crate::dtw::Alignment;
 use crate::kernel::boundary::Boundary;
 use crate::kernel::dispatch::InstructionSet;
 use crate::kernel::lanes::{LANES, Pack};
 use crate::kernel::strip::Strip;
 use crate::kernel::sweep::{Purpose, Stop, Sweep, Track, entry};
-use crate::{Branch, Series, Settings, StepPattern};
+use crate::{Alignment, Branch, Series, Settings, StepPattern};
 
 /// Maximum number of parts into which a group of strips is split.
 const MOST_PARTS: usize = 16;

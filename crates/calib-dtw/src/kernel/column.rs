@@ -7,6 +7,7 @@
 
 use super::lanes::{LANES, Lanes, Pack};
 use super::shapes::Shape;
+use super::terms::Terms;
 
 /// Columns of a strip, the current one first, then one, two … columns ago.
 /// Each has `halo + height` packs.
@@ -59,58 +60,6 @@ pub(crate) struct ColumnInput<'a> {
 pub(crate) struct InterpretedBranch {
     pub(crate) origin: (usize, usize),
     pub(crate) cells: Vec<(usize, usize, f64)>,
-}
-
-/// The values that the branches of one pack of cells read.
-pub(crate) struct Terms<'a, L: Lanes> {
-    /// Cumulated distances one, two, three columns ago; aligned with `local` by `halo`.
-    past: [&'a [Pack]; 3],
-    halo: usize,
-    local: [&'a [Pack]; 3],
-    local_halo: usize,
-    weights: &'a [f64],
-    row: usize,
-    above: L::V,
-}
-
-impl<L: Lanes> Terms<'_, L> {
-    /// Returns the cumulated distance `a` rows above and `b` columns ago.
-    ///
-    /// # Safety
-    /// The instruction set must be present; `a` ≤ halo, `b` ≤ 3 or (a, b) = (1, 0).
-    #[inline(always)]
-    pub(crate) unsafe fn origin(&self, a: usize, b: usize) -> L::V {
-        if b == 0 {
-            debug_assert_eq!(a, 1);
-            return self.above;
-        }
-        let column = self.past[b - 1];
-        debug_assert!(a <= self.halo && self.row + self.halo - a < column.len());
-        // SAFETY: a ≤ halo, and the column has halo + height packs (asserted on entry).
-        unsafe { L::load(column.get_unchecked(self.row + self.halo - a)) }
-    }
-
-    /// Returns the local distance `di` rows above and `dj` columns ago.
-    ///
-    /// # Safety
-    /// The instruction set must be present; `di` ≤ local halo, `dj` ≤ 2.
-    #[inline(always)]
-    pub(crate) unsafe fn local(&self, di: usize, dj: usize) -> L::V {
-        let column = self.local[dj];
-        debug_assert!(di <= self.local_halo && self.row + self.local_halo - di < column.len());
-        // SAFETY: di ≤ local halo, and the column has local halo + height packs (asserted).
-        unsafe { L::load(column.get_unchecked(self.row + self.local_halo - di)) }
-    }
-
-    /// Returns the weight of a cell, by its number.
-    ///
-    /// # Safety
-    /// The instruction set must be present.
-    #[inline(always)]
-    pub(crate) unsafe fn weight(&self, cell: usize) -> L::V {
-        // SAFETY: passed on from the caller.
-        unsafe { L::splat(self.weights[cell]) }
-    }
 }
 
 /// A local distance that is summed over channels.

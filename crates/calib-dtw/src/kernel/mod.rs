@@ -17,5 +17,6 @@ pub(crate) mod lanes;
 pub(crate) mod shapes;
 pub(crate) mod strip;
 pub(crate) mod sweep;
+pub(crate) mod terms;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod x86;

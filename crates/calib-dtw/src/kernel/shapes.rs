@@ -4,8 +4,8 @@
 //! pattern with one of these geometries runs as fast as the named one. Any other pattern uses
 //! [`super::column::interpreted`].
 
-use super::column::Terms;
 use super::lanes::Lanes;
+use super::terms::Terms;
 
 /// Samples counted backwards along (query, reference).
 pub(crate) type Offset = (usize, usize);

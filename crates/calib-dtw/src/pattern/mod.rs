@@ -206,11 +206,6 @@ impl StepPattern {
         self.normalisation
     }
 
-    /// Returns the recursion, for printing.
-    pub fn recursion(&self) -> Recursion<'_> {
-        Recursion(self)
-    }
-
     /// Returns the longest advance of a branch along (query, reference).
     pub fn reach(&self) -> (usize, usize) {
         self.branches

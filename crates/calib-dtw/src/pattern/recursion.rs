@@ -16,7 +16,14 @@ use super::{Normalisation, StepPattern};
 /// normalised by N + M");
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Recursion<'a>(pub(super) &'a StepPattern);
+pub struct Recursion<'a>(&'a StepPattern);
+
+impl StepPattern {
+    /// Returns the recursion, for printing.
+    pub fn recursion(&self) -> Recursion<'_> {
+        Recursion(self)
+    }
+}
 
 struct At(usize, usize);
 
