@@ -35,6 +35,7 @@ mod config;
 mod data;
 mod error;
 mod feed_forward;
+mod gates;
 mod model;
 mod noise;
 mod predict;

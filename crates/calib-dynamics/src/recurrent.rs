@@ -3,7 +3,7 @@ use calib_nn::{Matrix, multiply};
 
 use crate::{
     Dynamics, DynamicsError, LANES, Walk,
-    recurrent_pass::{Activated, Products, activate},
+    gates::{Activated, Products, activate},
 };
 
 /// One layer of a GRU, in PyTorch's layout. The rows are the reset, update and new gates, each with `hidden` units.
