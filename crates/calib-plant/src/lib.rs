@@ -57,6 +57,7 @@ mod membrane;
 mod mode;
 mod operated;
 mod options;
+mod options_error;
 mod plant;
 mod process;
 mod quality;
@@ -73,7 +74,8 @@ pub use change::{
 pub use channel::{ChannelInfo, Fate};
 pub use mode::Mode;
 pub use operated::{Account, DECISION_SECS, OperatedPlant, Reading, TRIP_KPA};
-pub use options::{OptionsError, PlantOptions};
+pub use options::PlantOptions;
+pub use options_error::OptionsError;
 pub use plant::{DayLog, Plant};
 pub use recipe::{RECIPES, Recipe, operators_rule};
 

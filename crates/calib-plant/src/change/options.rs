@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::options::{OptionsError, within};
+use crate::options_error::{OptionsError, within};
 
 /// Size and rate of the changes of a plant from year to year.
 ///
