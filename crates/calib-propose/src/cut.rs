@@ -3,7 +3,7 @@ use std::ops::Range;
 use calib_core::Timestamp;
 use calib_data::{Sketch, Zone, format_time};
 
-use crate::{ProposeError, Scope};
+use crate::{ProposeError, Scope, scope::LEAST};
 
 /// Share of the rows in the held-out period: enough for several windows, and two thirds are left for training.
 pub const HELD_OUT: f64 = 1.0 / 3.0;
@@ -11,8 +11,6 @@ pub const HELD_OUT: f64 = 1.0 / 3.0;
 const NEARBY: f64 = 0.08;
 /// A step of more than this many periods is a gap, and a good place to cut.
 const GAP_PERIODS: f64 = 10.0;
-/// Fewest rows of a log for a study.
-pub(crate) const LEAST: usize = 300;
 
 /// The cut of the log into a training range and a held-out period.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,8 +2,10 @@ use std::{fmt, ops::Range};
 
 use calib_data::{ChannelSketch, Sketch, is_same};
 
-use crate::{ProposeError, cut::LEAST};
+use crate::ProposeError;
 
+/// Fewest rows of a log for a study.
+pub(crate) const LEAST: usize = 300;
 /// A part of the log has a channel if at least this share of the rows has a value: the default of `preprocess.max_missing`.
 const PRESENT: f64 = 0.9;
 /// A channel is a total if this share of its changes goes in one direction.
