@@ -6,7 +6,7 @@ use jiff::{
     tz::TimeZone,
 };
 
-use super::ticks::Tick;
+use super::tick::Tick;
 
 /// Distance between ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,8 +1,9 @@
 //! Axes, grid and labels around a plot.
 
-use super::layout::WIDE;
 use super::scene::{Anchor, Mark, Rect, Text, Turn, fitted, text_width};
-use super::ticks::{Tick, ticks};
+use super::tick::Tick;
+use super::ticks::ticks;
+use super::width::WIDE;
 use super::{Axis, Colour, Dash, ScaleKind};
 
 const TICK_SIZE: u32 = 13;

@@ -2,8 +2,9 @@
 
 use super::Chart;
 use super::frame::vertical_axis_width;
-use super::layout::{LegendPlace, MARGIN, NARROW, Sides, WIDE, heading, panel, rule_height};
+use super::layout::{LegendPlace, MARGIN, Sides, heading, panel, rule_height};
 use super::scene::{Anchor, GroupKind, Mark, MarkGroup, Rect, Scene, Text, Weight, lines};
+use super::width::{NARROW, WIDE};
 
 const HEADING: f64 = 22.0;
 const HEADING_SIZE: u32 = 14;

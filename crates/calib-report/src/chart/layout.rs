@@ -5,12 +5,8 @@ use super::frame::{
 };
 use super::legend;
 use super::scene::{Anchor, GroupKind, Mark, MarkGroup, Rect, Scene, Text, Weight, text_width};
+use super::width::WIDE;
 use super::{Chart, Colour, Dash, Marker, Point, Scale, Series, Side};
-
-/// Width of pictures for files, paper and wide screens, in pixels.
-pub(crate) const WIDE: f64 = 960.0;
-/// Width of pictures for phones, in pixels: pages leave that much of 390 pixels.
-pub(crate) const NARROW: f64 = 340.0;
 const PLOT_HEIGHT: f64 = 360.0;
 const NARROW_PLOT_HEIGHT: f64 = 260.0;
 pub(super) const MARGIN: f64 = 14.0;

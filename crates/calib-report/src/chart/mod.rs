@@ -16,13 +16,15 @@ mod png;
 mod scale;
 mod scene;
 mod svg;
+mod tick;
 mod ticks;
+mod width;
 
 use crate::downsample::min_max_indices;
 
 pub(crate) use data::chart_data;
 pub(crate) use grid::{GridCell, draw_grid, draw_stacked};
-pub(crate) use layout::{LegendPlace, NARROW, WIDE, draw, draw_panels};
+pub(crate) use layout::{LegendPlace, draw, draw_panels};
 pub(crate) use legend::{Key, keys};
 pub(crate) use packed::Detail;
 pub(crate) use png::png;
@@ -30,6 +32,7 @@ pub(crate) use scale::extent;
 pub use scale::{Scale, ScaleKind};
 pub(crate) use scene::Scene;
 pub(crate) use svg::{sample_svg, svg};
+pub(crate) use width::{NARROW, WIDE};
 
 /// A chart: curves over a common horizontal axis, on one or two vertical axes.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,14 +5,8 @@ use calib_core::{number, setting, whole};
 use super::{
     Scale, ScaleKind,
     dates::{dates, dates_apart},
+    tick::Tick,
 };
-
-/// One tick of an axis; minor ticks have no label.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Tick {
-    pub(crate) value: f64,
-    pub(crate) label: Option<String>,
-}
 
 /// Returns the ticks of `scale`, about `wanted` of them with labels.
 pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
