@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    LaplacianConfig, RepresentError, Scores, Split, Stepper, Training,
+    LaplacianConfig, Point, RepresentError, Scores, Split, Stepper, Training,
     checkpoint::{self, Progress},
     encoder::encode_here,
     score,
@@ -23,17 +23,6 @@ pub const SCORED_PAIRS: usize = 2_000;
 /// Training counts as diverging when the loss exceeds this many times a reference: the larger of the first loss
 /// and the natural scale of the loss.
 const EXPLOSION: f64 = 1e4;
-
-/// A point of the learning curve.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Point {
-    /// Number of updates so far.
-    pub step: usize,
-    /// Mean loss of the updates since the previous point.
-    pub loss: f64,
-    /// Scores on evenly spaced validation states.
-    pub scores: Scores,
-}
 
 /// Why a training stopped early.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
