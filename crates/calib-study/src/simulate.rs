@@ -4,10 +4,7 @@ use calib_plant::{ChangeOptions, PlantOptions};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    Study, StudyError,
-    error::{Problem, require},
-};
+use crate::{StudyError, error::Problem};
 
 /// The `[simulate]` section: the plant that the log of the study is simulated from, and the options of
 /// `calib simulate`.
@@ -125,26 +122,4 @@ impl SimulateConfig {
             pumps_per_year: self.pumps_per_year.unwrap_or(usual.pumps_per_year),
         }
     }
-}
-
-impl Study {
-    /// Checks that the plant can be simulated, and that the study names one folder for the log.
-    pub(crate) fn check_simulate(&self) -> Result<(), Problem> {
-        let Some(simulate) = &self.simulate else { return Ok(()) };
-        simulate.plant().map_err(|error| Problem::from(error).within("simulate"))?;
-        let paths = self.data.path.0.as_slice();
-        require!(
-            matches!(paths, [path] if is_plain_folder(path)),
-            "[simulate] writes to data.path, which must be one plain folder then, such as \"plant\", got {paths:?}; \
-             change data.path, or remove [simulate]"
-        );
-        Ok(())
-    }
-}
-
-/// Whether the path can be that of one folder: neither a pattern nor a log file.
-fn is_plain_folder(path: &str) -> bool {
-    let lower = path.to_lowercase();
-    let is_file = [".parquet", ".parq", ".pq"].iter().any(|end| lower.ends_with(end));
-    !path.is_empty() && !path.contains(['*', '?', '[', ']', '{', '}']) && !is_file
 }
