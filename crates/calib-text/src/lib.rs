@@ -36,7 +36,9 @@ pub use cell::{Cell, Words};
 pub use columns::{NotANumber, NumberColumn, number_columns};
 pub use cut_number::{decimals_before_cut, has_decimals};
 pub use dialect::{Dialect, TextColumn, decode, unbracketed};
-pub use notation::{Candidates, Likely, Notation, Unreadable, compact_pattern, is_time_of_day};
+pub use notation::{
+    Candidates, Likely, Notation, Unreadable, compact_pattern, is_time_of_day, unit_readings,
+};
 pub use number::{
     Decimal, LARGEST, SignError, Signs, cell_of, either_way, may_be_thousand, parse_number,
     plain_decimal,
@@ -45,7 +47,7 @@ pub use quality::Quality;
 pub use record::{Marks, RecordReader};
 pub use switch::Switch;
 pub use time::{ParsedTime, format_time, parse_stamp, parse_time};
-pub use unit::{TimestampUnit, unit_readings, units};
+pub use unit::{TimestampUnit, units};
 pub use zone::{LocalTimes, Zone};
 
 /// Marks a missing time in a list of times in microseconds.

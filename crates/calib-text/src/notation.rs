@@ -95,6 +95,11 @@ impl Notation {
     }
 }
 
+/// Returns the message about a number that may have several units.
+pub fn unit_readings(number: &str, units: &[TimestampUnit]) -> String {
+    units.iter().map(|unit| Notation::Number(*unit).reading(number)).collect::<Vec<_>>().join(", ")
+}
+
 /// Returns the part of a pattern before the time of day.
 fn date_of(pattern: &str) -> &str {
     let clock = pattern.find("%H").or_else(|| pattern.find("%I")).unwrap_or(pattern.len());

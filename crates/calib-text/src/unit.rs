@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Notation, ParsedTime, format_time};
+use crate::{ParsedTime, format_time};
 
 /// Unit of timestamps that are plain numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -170,11 +170,6 @@ fn mostly(numbers: &[f64], is_so: impl Fn(f64) -> bool) -> bool {
 
 fn told(micros: i64) -> String {
     format_time(calib_core::Timestamp::from_micros(micros))
-}
-
-/// Returns the message about a number that may have several units.
-pub fn unit_readings(number: &str, units: &[TimestampUnit]) -> String {
-    units.iter().map(|unit| Notation::Number(*unit).reading(number)).collect::<Vec<_>>().join(", ")
 }
 
 fn by_size(size: f64) -> TimestampUnit {
