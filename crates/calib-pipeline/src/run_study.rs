@@ -24,7 +24,7 @@ use calib_plant::Plant;
 use calib_study::{Job, StepKind, Study};
 use calib_sweep_steps::{
     agents::pretrain,
-    sweep::{self, plan::DryRunTally, streams},
+    sweep::{self, groups, plan::DryRunTally},
     verdict::{
         evaluation::{self, Evaluation},
         report,
@@ -176,7 +176,7 @@ pub(crate) fn run_to(
         StudyLog::None => return without_log(&models, &plan, &job, &talk, context),
     }
     let (job, talk) = (&job, &talk);
-    streams::check(&models[0].job.before_deployment()?, talk)?;
+    groups::check(&models[0].job.before_deployment()?, talk)?;
     run_disk::require_room(job, models.iter().map(|model| &model.job), &plan, talk)?;
     let tally = DryRunTally::default();
     let whole = WholeRun { plan: &plan, progress: &progress, tally: &tally, device, talk };
@@ -475,7 +475,7 @@ impl Model {
                 StepKind::Rollout => rollout::before_model(part, talk)?,
                 // The time of another arithmetic is not known.
                 StepKind::Sweep if whole.device.is_none() => {
-                    sweep::expected::before_model(part, tally, talk)?;
+                    sweep::before_model(part, tally, talk)?;
                 }
                 _ => {}
             }

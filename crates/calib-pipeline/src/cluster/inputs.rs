@@ -21,9 +21,10 @@ use calib_sweep::{
     Start, UnitRuns,
 };
 use calib_sweep_steps::sweep::{
+    agent_seed::agent_seed,
     environments::{EnvironmentSpec, Sources, StreamParameters},
     groups::planned_sensors,
-    setting::{OpenedEnvironments, SweepContext, agent_seed, raced},
+    setting::{OpenedEnvironments, SweepContext, raced},
 };
 
 use crate::cluster::{

@@ -20,7 +20,7 @@ use calib_files::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, StoredUnits, UnitRuns};
 use calib_sweep_steps::sweep::{
-    KnownUnits, ResultSource, cost::MeasuredPasses, groups::StudyGroup, plan::agents_of,
+    KnownUnits, ResultSource, cost::MeasuredPasses, groups::StudyGroup, memory::agents_of,
     planned::PlannedSweep, setting::SweepContext, unit_store,
 };
 

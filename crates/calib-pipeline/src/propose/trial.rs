@@ -20,7 +20,7 @@ use calib_propose::{Costs, Horizon, MOST_RUNS, ProposedModel, Size};
 use calib_study::{Job, Request};
 use calib_sweep::{Baselines, FittingRows};
 use calib_sweep_steps::{
-    sweep::{self, plan::DryRunTally, simple::SimpleErrors, streams},
+    sweep::{self, groups, plan::DryRunTally, simple::SimpleErrors},
     verdict::evaluate,
 };
 
@@ -287,7 +287,7 @@ impl Trials<'_> {
         let (checked, read) = TimeTaken::by(|| {
             scorable(horizon, |horizon| {
                 let job = self.job(text(short, horizon).0, COSTS, &[])?;
-                streams::check(&job, silent)?;
+                groups::check(&job, silent)?;
                 Ok(job)
             })
         });

@@ -3,3 +3,4 @@
 pub mod pretrain;
 pub mod pretrain_files;
 mod shares;
+mod train;

@@ -6,10 +6,7 @@ use std::{
     time::Duration,
 };
 
-use calib_agent::{
-    AgentConfig, FittedPredictor, Fitter, Learner, Pretraining, PretrainingDiverged, StateFile,
-    parameter_count, pretrain, pretraining_bytes, with_traces,
-};
+use calib_agent::{PretrainingDiverged, StateFile, parameter_count, pretraining_bytes};
 use calib_base::{
     Context as _, StepError,
     artefact::{self, Below, DirectoryLock},
@@ -24,7 +21,6 @@ use calib_base::{
     outcome::{NoPlan, StepResult},
     output::{Printer, bytes, count},
 };
-use calib_core::{Monitor, RowStream, Seed};
 use calib_files::write_json;
 use calib_model_steps::model::model_files::sensor_columns;
 use calib_study::{Job, StepKind, Study};
@@ -32,18 +28,11 @@ use serde::Serialize;
 
 use crate::agents::{
     pretrain_files::{
-        self, PretrainFacts, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key,
-        write_agent,
+        self, PretrainFacts, PretrainManifest, PretrainedAgent, agent_key, write_agent,
     },
     shares::{self, AgentsOfShares},
+    train::{AgentToTrain, train},
 };
-
-/// An agent to pre-train for a sensor, and its key.
-pub(super) struct AgentToTrain {
-    pub(super) sensor: String,
-    pub(super) column: usize,
-    pub(super) key: String,
-}
 
 /// Agents that were pre-trained on the log.
 #[derive(Debug)]
@@ -307,62 +296,4 @@ fn announce(
         ),
         _ => Ok(StepCost { processor_secs: 0.0, memory, disk }),
     }
-}
-
-/// Pre-trains the `missing` agents. With a `file`, an interrupted training resumes.
-pub(super) fn train(
-    study: &Study,
-    parts: &Parts,
-    missing: &[&AgentToTrain],
-    file: Option<&StateFile>,
-    monitor: &dyn Monitor,
-) -> Result<Vec<Result<TrainedAgent, PretrainingDiverged>>, StepError> {
-    if missing.is_empty() {
-        return Ok(Vec::new());
-    }
-    let frames = &parts.pretrain.as_ref().context("agents are pre-trained")?.frames;
-    let stream = RowStream::replay(frames.states().clone(), frames.segments());
-    let configs: Vec<AgentConfig> = missing
-        .iter()
-        .map(|wanted| study.pretrain.agent(&study.agent.for_sensor(&wanted.sensor)))
-        .collect();
-    let seen = with_traces(&stream, &study.agent.traces);
-    // The baselines must not be fitted on the validation rows either.
-    let validated = (frames.rows() as f64 * study.pretrain.validation_fraction).round() as usize;
-    let validated = frames.rows() - validated.max(1)..frames.rows();
-    let excluded = std::slice::from_ref(&validated);
-    let gammas = study.gammas().into_iter();
-    let fitters: Vec<(f64, Fitter<'_>)> =
-        gammas.map(|gamma| (gamma, Fitter::new(&*seen, gamma, excluded))).collect();
-    let fitted: Vec<Option<FittedPredictor>> = missing
-        .iter()
-        .zip(&configs)
-        .map(|(wanted, config)| {
-            let (_, fitter) = fitters.iter().find(|(gamma, _)| *gamma == config.gamma)?;
-            Some(fitter.fit(config.baseline?, wanted.column))
-        })
-        .collect();
-    let baselines: Vec<Option<Vec<f32>>> =
-        fitted.iter().map(|fitted| Some(fitted.as_ref()?.predictions(&*seen))).collect();
-    let learners: Vec<Learner<'_>> = missing
-        .iter()
-        .zip(&configs)
-        .zip(&baselines)
-        .map(|((wanted, config), baseline)| Learner {
-            config,
-            cumulant: wanted.column,
-            start: None,
-            baseline: baseline.as_deref(),
-        })
-        .collect();
-    let training = Pretraining {
-        stream: &stream,
-        settings: study.pretrain.settings(),
-        seed: Seed::new(study.seed).child("pretrain"),
-    };
-    let trained = pretrain(training, &learners, file, monitor);
-    let trained = trained.context("pre-training")?.into_iter().zip(fitted);
-    Ok(trained
-        .map(|(pretrained, baseline)| Ok(TrainedAgent { pretrained: pretrained?, baseline }))
-        .collect())
 }

@@ -21,8 +21,8 @@ use calib_study::{Job, Share, StepKind};
 use serde::{Deserialize, Serialize};
 
 use crate::agents::{
-    pretrain::{AgentToTrain, train},
     pretrain_files::{self, PretrainedAgent, write_agent},
+    train::{AgentToTrain, train},
 };
 
 /// The folder for results of shares, below the directory of the agents. It is removed after they are merged.

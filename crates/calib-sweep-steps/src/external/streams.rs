@@ -21,9 +21,9 @@ use serde_json::Value;
 
 use crate::sweep::{
     SweepFacts,
+    agent_seed::agent_seed,
     environments::{Environments, Sources, StreamParameters, open_all},
     groups::StudyGroup,
-    setting::agent_seed,
     simple::{self, SimpleErrors},
     streams::error_scales,
     tables::{FILES, curves_table, external_runs},

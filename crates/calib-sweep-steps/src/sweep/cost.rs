@@ -15,7 +15,7 @@ use calib_core::Monitor;
 use calib_study::Study;
 use calib_sweep::{Candidate, Environment, RunStream, Start};
 
-use crate::sweep::setting::{SweepContext, agent_seed};
+use crate::sweep::agent_seed::agent_seed;
 
 /// The agents that a pass trains.
 #[derive(Clone, Copy)]
@@ -28,17 +28,6 @@ pub(crate) struct TrainedInPass<'a> {
     pub(crate) starts: &'a BTreeMap<String, Start>,
     /// Steps of every stream.
     pub(crate) steps: usize,
-}
-
-impl<'a> TrainedInPass<'a> {
-    /// Returns the agents of a sweep's passes.
-    pub(crate) fn of(study: &'a Study, setting: &'a SweepContext) -> Self {
-        let SweepContext { groups, sensors, starts, .. } = setting;
-        // The time of a pass does not depend on the discount factor.
-        let group = &groups[0];
-        let steps = group.streams.demand.span.steps;
-        Self { study, candidates: &group.candidates, sensors, starts, steps }
-    }
 }
 
 /// Seconds of a pass over a stream by all settings, on one thread.

@@ -2,10 +2,19 @@
 
 use std::mem;
 
-use calib_base::{StepError, output::Printer};
+use calib_base::{
+    StepError,
+    artefact::MANIFEST,
+    log::{
+        context::RunContext,
+        partition::{self, Parts},
+    },
+    output::Printer,
+};
+use calib_core::Seed;
 use calib_data::Dataset;
-use calib_study::Study;
-use calib_sweep::{Candidate, PlannedSensor, Span};
+use calib_study::{Job, Study};
+use calib_sweep::{Candidate, PlannedSensor, Span, candidates};
 
 use crate::sweep::streams::Streams;
 
@@ -82,4 +91,21 @@ pub fn planned_sensors(sensors: &[(String, usize)], groups: &[&[String]]) -> Vec
         PlannedSensor { name: name.clone(), column: *column, group: group.unwrap_or(0) }
     });
     planned.collect()
+}
+
+/// Refuses a study whose only held-out range cannot be scored, before a model is built. With several deployments, each
+/// is checked later and left out by itself.
+///
+/// # Errors
+/// Returns [`StepError::Unscorable`], or an error if the log cannot be read.
+pub fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
+    let study = job.study();
+    if !study.deployments.is_empty() || job.layout().model().join(MANIFEST).exists() {
+        return Ok(());
+    }
+    // Later steps repeat these messages.
+    let silent = &context.silent();
+    let Parts { dataset, .. } = partition::load(job, silent)?;
+    let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
+    StudyGroup::all(study, &dataset, &candidates, silent).map(|_| ())
 }

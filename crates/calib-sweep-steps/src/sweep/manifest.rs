@@ -10,7 +10,7 @@ use calib_sweep::{Candidate, ErrorScale, PlannedUnit, Span};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{simple::SimpleErrors, streams::OnlineWindow, unit_store};
+use super::{simple::SimpleErrors, streams::OnlineWindow, unit_store::unit_store};
 
 /// `manifest.json` of a sweep directory.
 pub type SweepManifest = Artefact<SweepFacts>;

@@ -9,7 +9,7 @@ use calib_study::Study;
 use calib_sweep::{Candidate, EnvironmentId, Plan, PlannedUnit, Rule, Unit, UnitRuns};
 use serde::{Deserialize, Serialize};
 
-use super::unit_store;
+use super::unit_store::unit_store;
 
 const FILE: &str = "planned.json";
 const FORMAT: u32 = 1;

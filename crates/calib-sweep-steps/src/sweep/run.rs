@@ -32,21 +32,17 @@ use crate::sweep::{
     constant_sensors::ConstantSensor,
     expected::{Expected, require_room},
     manifest::{OtherStreams, SweepFacts, SweepManifest},
+    memory::{Memory, Sizes, agents_of},
     notes::{failed_rollouts, saved},
-    plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
+    plan::{DryRunTally, SweepPlan},
     planned::PlannedSweep,
     recorded,
     setting::{SkippedDeployment, SweepContext, candidates_of},
     simple,
     streams::{OnlineWindow, Streams, error_scales, online_windows},
     tables as sweep_tables,
+    unit_store::unit_store,
 };
-
-/// Returns the store of a sweep's finished units. Each arithmetic other than calib's own has its own store.
-pub fn unit_store(directory: &Path, arithmetic: Option<&str>) -> UnitStore {
-    let apart = arithmetic.map_or_else(String::new, |class| format!("-{class}"));
-    UnitStore::new(directory.join(format!("units{apart}")))
-}
 
 /// The result of a sweep.
 pub type SweepResult = StepResult<Swept, SweepPlan>;
@@ -258,7 +254,7 @@ fn expected(
 ) -> Result<Expected, StepError> {
     let cost = setting.cost(job.study(), tally.measured(), &context.silent().progress())?;
     let sensors_of_pass = setting.sensors.len().div_ceil(setting.groups.len());
-    let expected = Expected::of(cost, plan, passes, sensors_of_pass, job.study());
+    let expected = plan.expect(cost, passes, sensors_of_pass, job.study());
     context.expect(StepKind::Sweep, job, expected.of_step(plan.memory.total));
     tally.expect(job, expected.clone());
     Ok(expected)

@@ -23,6 +23,7 @@ use crate::{
     agents::pretrain_files,
     program::ExternalAgents,
     sweep::{
+        agent_seed::agent_seed,
         constant_sensors::ConstantSensor,
         cost::{Cost, MEASURED_STEPS, MeasuredPasses, TrainedInPass},
         environments::{Environments, Sources, StreamParameters, open_all},
@@ -223,9 +224,15 @@ impl SweepContext {
     }
 }
 
-/// Returns the root of the agents' seeds.
-pub fn agent_seed(study: &Study) -> Seed {
-    Seed::new(study.seed).child("agent")
+impl<'a> TrainedInPass<'a> {
+    /// Returns the agents of a sweep's passes.
+    pub(crate) fn of(study: &'a Study, setting: &'a SweepContext) -> Self {
+        let SweepContext { groups, sensors, starts, .. } = setting;
+        // The time of a pass does not depend on the discount factor.
+        let group = &groups[0];
+        let steps = group.streams.demand.span.steps;
+        Self { study, candidates: &group.candidates, sensors, starts, steps }
+    }
 }
 
 /// Turns the plan into a race, if the study has one.

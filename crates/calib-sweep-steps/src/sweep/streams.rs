@@ -3,21 +3,14 @@
 use calib_agent::{Part, ReturnMoments};
 use calib_base::{
     StepError,
-    artefact::MANIFEST,
-    log::{
-        context::RunContext,
-        partition::{self, Parts},
-    },
     output::{count, counted},
 };
-use calib_core::{Frames, RowStream, Seed, Timestamp};
+use calib_core::{Frames, RowStream, Timestamp};
 use calib_data::Dataset;
-use calib_study::{Job, Study};
-use calib_sweep::{Candidate, ErrorScale, ScoringDemand, Span, Windows, candidates};
+use calib_study::Study;
+use calib_sweep::{Candidate, ErrorScale, ScoringDemand, Span, Windows};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use crate::sweep::groups::StudyGroup;
 
 /// The streams of a sweep, with notes where they differ from the study.
 pub struct Streams {
@@ -82,23 +75,6 @@ fn nothing_decides(demand: ScoringDemand) -> StepError {
         count(span.steps),
         span.tail
     ))
-}
-
-/// Refuses a study whose only held-out range cannot be scored, before a model is built. With several deployments, each
-/// is checked later and left out by itself.
-///
-/// # Errors
-/// Returns [`StepError::Unscorable`], or an error if the log cannot be read.
-pub fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
-    let study = job.study();
-    if !study.deployments.is_empty() || job.layout().model().join(MANIFEST).exists() {
-        return Ok(());
-    }
-    // Later steps repeat these messages.
-    let silent = &context.silent();
-    let Parts { dataset, .. } = partition::load(job, silent)?;
-    let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
-    StudyGroup::all(study, &dataset, &candidates, silent).map(|_| ())
 }
 
 fn held_out_windows(
