@@ -4,11 +4,11 @@ use calib_core::Seed;
 use pulp::Arch;
 
 use crate::{
-    Adam, Workspace,
+    Adam, Matrix, Workspace,
     aligned::{Aligned, aligned},
     kernels::{add_bias, add_bias_and_rectify, mask_and_sum_rows, sum_rows},
     narrow::{Backward, Forward},
-    product::{Matrix, multiply},
+    product::multiply,
     sink::Kept,
 };
 

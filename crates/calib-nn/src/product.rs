@@ -5,49 +5,7 @@ mod thin;
 use gemm::{Parallelism, gemm};
 use pulp::{Arch, NullaryFnOnce};
 
-/// A matrix over borrowed values: element (i, j) is `values[i * row_stride + j * column_stride]`.
-#[derive(Clone, Copy, Debug)]
-pub struct Matrix<'a> {
-    values: &'a [f32],
-    rows: usize,
-    columns: usize,
-    row_stride: usize,
-    column_stride: usize,
-}
-
-impl<'a> Matrix<'a> {
-    /// Creates a matrix from `values` as `[rows, columns]`, row after row.
-    ///
-    /// # Panics
-    /// If the number of values is not `rows · columns`.
-    pub fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
-        assert_eq!(values.len(), rows * columns, "a matrix covers its values");
-        Self { values, rows, columns, row_stride: columns, column_stride: 1 }
-    }
-
-    /// Returns the transpose, over the same values.
-    #[must_use]
-    pub fn transposed(self) -> Self {
-        Self {
-            rows: self.columns,
-            columns: self.rows,
-            row_stride: self.column_stride,
-            column_stride: self.row_stride,
-            ..self
-        }
-    }
-
-    #[inline]
-    fn at(&self, row: usize, column: usize) -> f32 {
-        self.values[row * self.row_stride + column * self.column_stride]
-    }
-
-    /// Returns one row of a matrix whose rows are contiguous.
-    fn row(&self, row: usize) -> &'a [f32] {
-        debug_assert_eq!(self.column_stride, 1, "rows lie in order");
-        &self.values[row * self.row_stride..][..self.columns]
-    }
-}
+use crate::Matrix;
 
 /// Maximum length of a chain of multiply-adds. The library never splits a shorter one, whatever the caches of the
 /// processor.

@@ -5,7 +5,7 @@
 
 use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 
-use super::Matrix;
+use crate::Matrix;
 
 /// Number of partial sums of a dot product, for any width of the processor's vectors.
 const SUMS: usize = 16;
