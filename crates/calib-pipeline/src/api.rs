@@ -19,10 +19,7 @@ use calib_base::{
 };
 use calib_control::ActionModel;
 use calib_model_steps::{
-    model::{
-        build_model::{self, BuiltModel},
-        build_plan::BuildPlan,
-    },
+    model::{build_model, build_plan::BuildPlan, built_model::BuiltModel},
     represent::{self, Representations},
     rollouts::rollout::{self, Rollouts},
 };

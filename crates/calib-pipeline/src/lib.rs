@@ -60,7 +60,7 @@ pub use calib_base::{
 };
 pub use calib_model_steps::{
     STEP_PATTERNS,
-    model::{build_model::BuiltModel, build_plan::BuildPlan, calibration::Calibration},
+    model::{build_plan::BuildPlan, built_model::BuiltModel, calibration::Calibration},
     represent::Representations,
     rollouts::rollout::Rollouts,
 };

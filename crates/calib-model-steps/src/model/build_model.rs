@@ -1,9 +1,6 @@
 //! The step that builds the calibration model of a study.
 
-use std::{
-    path::{Path, PathBuf},
-    time::Duration,
-};
+use std::path::{Path, PathBuf};
 
 use calib_base::{
     StepError,
@@ -34,6 +31,7 @@ use crate::{
         build_check::{check_against_brute_force, recall_of},
         build_cost, build_network,
         build_plan::{BuildPlan, Spilled, Training},
+        built_model::BuiltModel,
         jumps,
         model_files::{self, MemberSummary, ModelFacts, ModelManifest, model_key},
         recurrence::{self, MemberRecurrence},
@@ -45,45 +43,6 @@ use crate::{
 const PARTIAL: &str = "partial";
 /// Steps of the rollout that measures how often each member jumps.
 const PROBE_STEPS: usize = 10_000;
-
-/// The calibration model of a study.
-#[derive(Debug)]
-pub struct BuiltModel {
-    /// Its manifest.
-    pub manifest: ModelManifest,
-    pub(crate) directory: PathBuf,
-    pub(crate) freshness: Freshness,
-    pub(crate) took: Duration,
-    /// The outcome of the comparison with brute force, if it was requested.
-    pub(crate) verified: Outcome,
-}
-
-impl BuiltModel {
-    /// Returns the number of rows of its states.
-    pub fn rows(&self) -> usize {
-        self.manifest.rows
-    }
-
-    /// Returns the number of transitions of each member.
-    pub fn transitions(&self) -> Vec<usize> {
-        self.manifest.members.iter().map(|member| member.transitions).collect()
-    }
-
-    /// Returns whether it existed already.
-    pub fn freshness(&self) -> Freshness {
-        self.freshness
-    }
-
-    /// Returns the directory of the model.
-    pub fn directory(&self) -> &Path {
-        &self.directory
-    }
-
-    /// Returns warnings for users of the model: how far rollouts of its members get.
-    pub fn warnings(&self) -> Vec<String> {
-        warnings(&self.manifest)
-    }
-}
 
 /// Builds the model of a study.
 ///
@@ -271,7 +230,7 @@ fn build(
                 .as_secs_f64(),
         },
     )?;
-    let files = file_names(knn.members(), &copied.unwrap_or_default());
+    let files = model_files::file_names(knn.members(), &copied.unwrap_or_default());
     let manifest = claim.finish(facts, files.iter().map(String::as_str))?;
     // Until now a killed build could resume from the parts. The directory is still claimed.
     parts.remove()?;
@@ -346,24 +305,4 @@ fn summary(
     let probe = rollout(&tables, &starts[0], PROBE_STEPS, weights, seed);
     let jumps = Some(JumpStatistics::of([probe.rows()]));
     Ok(MemberSummary { transitions: tables.len(), jumps, recurrence: Some(recurrence) })
-}
-
-/// Returns the names of a model's files: those of every kind, the tables of its members, and `further` ones.
-pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
-    let own = ["states.npy", "rows.parquet", "profile.json"];
-    let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
-    for member in 0..members {
-        for table in ["neighbors", "distances", "left_out"] {
-            names.push(format!("members/{member}/{table}.npy"));
-        }
-    }
-    names
-}
-
-/// Returns warnings for users of results of the model: how far rollouts of its members get.
-pub fn warnings(manifest: &ModelFacts) -> Vec<String> {
-    let ModelFacts { members, study, .. } = manifest;
-    let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
-    let walks = recurrence::warnings(members, study.model.remove_traps);
-    [walks, jumps::warnings(jumps, &study.model, study.sweep.steps)].concat()
 }

@@ -20,8 +20,8 @@ use calib_study::{Job, StepKind};
 use serde::Serialize;
 
 use crate::model::{
-    build_model::{BuiltModel, file_names},
     build_plan::BuildPlan,
+    built_model::BuiltModel,
     model_files::{self, MemberSummary, ModelFacts, ModelManifest},
     train_model,
 };
@@ -117,7 +117,7 @@ fn build(
         writing_secs: clock.elapsed().saturating_sub(trained).as_secs_f64(),
     };
     write_json(&directory.join("timings.json"), &timings)?;
-    let files = file_names(0, train_model::files(study.model.kind));
+    let files = model_files::file_names(0, train_model::files(study.model.kind));
     claim.finish(facts, files.iter().map(String::as_str))
 }
 

@@ -6,6 +6,7 @@ pub(crate) mod build_cost;
 pub mod build_model;
 pub(crate) mod build_network;
 pub mod build_plan;
+pub mod built_model;
 pub mod calibration;
 pub mod jumps;
 pub mod kinds;

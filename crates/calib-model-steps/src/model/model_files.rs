@@ -408,6 +408,18 @@ fn sensor_column(
     bail!("sensor {sensor} is not a column of the states")
 }
 
+/// Returns the names of a model's files: those of every kind, the tables of its members, and `further` ones.
+pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
+    let own = ["states.npy", "rows.parquet", "profile.json"];
+    let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
+    for member in 0..members {
+        for table in ["neighbors", "distances", "left_out"] {
+            names.push(format!("members/{member}/{table}.npy"));
+        }
+    }
+    names
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

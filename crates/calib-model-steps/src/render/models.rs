@@ -9,8 +9,8 @@ use calib_sweep::Rule;
 
 use crate::model::{
     build_check::recall_line,
-    build_model::BuiltModel,
     build_plan::BuildPlan,
+    built_model::BuiltModel,
     jumps,
     model_files::{MemberSummary, ModelManifest},
     recurrence,

@@ -11,7 +11,7 @@ use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
 use calib_model_steps::{
     model::{
-        build_model, jumps as jump_text,
+        built_model, jumps as jump_text,
         model_files::{self, ModelManifest},
         recurrence,
     },
@@ -183,7 +183,7 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
 /// Returns warnings about the model, if the choice depends on it.
 fn warnings_of_model(study: &Study, model: Option<&ModelManifest>) -> Vec<String> {
     let model = model.filter(|_| study.evaluate.rule != Rule::LogReplay);
-    model.map_or_else(Vec::new, |model| build_model::warnings(model))
+    model.map_or_else(Vec::new, |model| built_model::warnings(model))
 }
 
 /// Returns tables of the rollouts and of the available representations.
