@@ -6,7 +6,7 @@ use calib_control::{ActionModel, CoverageMap, Distance, Spread};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::log::Names;
+use super::log::{Names, SettingTold};
 
 /// Number of parts of a column in the map of coverage.
 const PARTS: usize = 5;
@@ -30,14 +30,6 @@ pub(super) struct ActionLogSummary {
     pub(super) radius: f32,
     /// Where along each column the log covers each action.
     pub(super) map: Vec<ColumnMap>,
-}
-
-/// A continuous action column in the log.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-pub(super) struct SettingTold {
-    pub(super) column: String,
-    /// Quantiles of the recorded values: minimum, 5 %, 50 %, 95 % and maximum.
-    pub(super) quantiles: [f64; 5],
 }
 
 /// An action in the log.

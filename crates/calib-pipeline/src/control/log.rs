@@ -16,10 +16,11 @@ use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_model_steps::represent::Material;
 use calib_stats::quantile;
 use calib_study::Job;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::{
     counting,
-    described::SettingTold,
     log_warnings::{left_out, tell_columns, tell_decisions, tell_missing_rewards},
 };
 
@@ -37,6 +38,14 @@ pub(crate) struct ActionLog {
     pub(crate) outlying: Vec<String>,
     /// Sentences on the parts of the log that are left out.
     left_out: Vec<String>,
+}
+
+/// A continuous action column in the log.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(super) struct SettingTold {
+    pub(super) column: String,
+    /// Quantiles of the recorded values: minimum, 5 %, 50 %, 95 % and maximum.
+    pub(super) quantiles: [f64; 5],
 }
 
 /// Names and units.

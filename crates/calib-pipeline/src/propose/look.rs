@@ -14,7 +14,7 @@ use calib_data::{
 };
 use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors, many_left_out};
 
-use super::{gives, gives_any};
+use super::given::{gives, gives_any};
 
 /// A log with the results of a first scan.
 pub(super) struct SketchedLog {

@@ -5,6 +5,7 @@ mod control;
 mod deadline;
 mod drafting;
 mod evidence;
+mod given;
 mod look;
 mod prediction;
 mod show;
@@ -42,6 +43,7 @@ use self::{
     deadline::TimeLimit,
     drafting::{Drafting, unmeasured},
     evidence::Evidence,
+    given::{given, gives},
     look::{ExaminedLog, bridged},
     trial::{HeldOut, MeasuredCosts, StateSpacing, Trials},
 };
@@ -189,17 +191,6 @@ fn warn_of_cleaning(
     }
 }
 
-/// Whether `key` was given with `--set`.
-fn gives(args: &ProposeOptions, key: &str) -> bool {
-    given(args, key).is_some()
-}
-
-/// Returns the value that `--set` gives a key, as it was typed.
-fn given<'a>(args: &'a ProposeOptions, key: &str) -> Option<&'a str> {
-    let pairs = args.set.iter().filter_map(|one| one.split_once('='));
-    pairs.filter(|(name, _)| name.trim() == key).map(|(_, value)| value.trim()).next_back()
-}
-
 /// Returns the options with calib's exclusions added to a given `data.exclude`. Otherwise the given list would replace
 /// them.
 fn with_exclusions(
@@ -225,13 +216,6 @@ fn given_spacing(value: &str, rows: usize) -> Result<usize, StepError> {
     spacing.with_context(|| {
         format!("preprocess.subsample is {value}; expected a whole number from 1 to {}, the rows to learn from", rows - 1)
     })
-}
-
-/// Whether `key` was given with `--set`, or a key of the table `key`.
-fn gives_any(args: &ProposeOptions, key: &str) -> bool {
-    let keys = args.set.iter().filter_map(|one| Some(one.split_once('=')?.0.trim()));
-    keys.filter_map(|given| given.strip_prefix(key))
-        .any(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 /// Returns the path of the log for the study file. It stays as it was typed if it has the same meaning there.

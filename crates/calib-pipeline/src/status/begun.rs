@@ -7,7 +7,7 @@ use calib_sweep_steps::sweep::{
     planned::{PlannedSweep, StoredRun},
 };
 
-use super::{StepStanding, show::in_brackets};
+use super::{show::in_brackets, standing::StepStanding};
 
 /// The sweep of one model and deployment, finished or not.
 pub(super) struct BegunSweep {

@@ -8,10 +8,12 @@ use calib_base::{
 };
 
 use super::{
-    ClusterStanding, Command, ControlRanking, DecidedBy, Overall, Ranking, StandingOf,
-    StepStanding, StepState, StudyStanding,
+    ranking::{DecidedBy, Ranking},
+    standing::{
+        ClusterStanding, Command, Overall, StandingOf, StepStanding, StepState, StudyStanding,
+    },
 };
-use crate::control::FAILED;
+use crate::control::{ControlRanking, FAILED};
 
 /// Number of settings shown per sensor, unless all are requested.
 const SHOWN: usize = 8;

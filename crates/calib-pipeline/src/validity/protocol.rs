@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_base::{StepError, bail, ensure, options::ValidityOptions};
-use calib_study::{DrawnStudy, Protocol};
+use calib_base::{Context as _, StepError, bail, ensure, options::ValidityOptions};
+use calib_study::{DrawnStudy, Protocol, study_files};
 
-use super::studies::files;
 use crate::run_study::RunUntil;
 
 /// A protocol, its file, and the folder for its results.
@@ -73,4 +72,14 @@ impl ProtocolFile {
     pub(super) fn draw(&self, overrides: &[String]) -> Result<Vec<DrawnStudy>, StepError> {
         Ok(self.protocol.draw(&self.file, &self.studies(), overrides)?)
     }
+}
+
+/// Returns the file, or all `*.toml` files of a folder.
+pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, StepError> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let files = study_files(path).with_context(|| format!("cannot read {}", path.display()))?;
+    ensure!(!files.is_empty(), "{} has no study (*.toml)", path.display());
+    Ok(files)
 }

@@ -1,6 +1,6 @@
 //! Lists the studies, and makes their missing results.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use calib_base::{
     Context as _, StepError,
@@ -16,11 +16,11 @@ use calib_base::{
 use calib_core::Seed;
 use calib_files::read_regular;
 use calib_model::ModelKind;
-use calib_study::{DrawnStudy, Job, Request, Study, StudyError, study_files};
+use calib_study::{DrawnStudy, Job, Request, Study, StudyError};
 use calib_sweep::{Candidate, candidates};
 use calib_sweep_steps::{sweep, verdict::evaluate};
 
-use super::protocol::ProtocolFile;
+use super::protocol::{ProtocolFile, files};
 use crate::run_study::{self, RunUntil};
 
 /// The studies to judge together.
@@ -244,14 +244,4 @@ pub(super) fn check(studies: &[ListedStudy]) -> Result<(), StepError> {
 
 fn or_the_only(names: Vec<String>) -> Vec<Option<String>> {
     if names.is_empty() { vec![None] } else { names.into_iter().map(Some).collect() }
-}
-
-/// Returns the file, or all `*.toml` files of a folder.
-pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, StepError> {
-    if !path.is_dir() {
-        return Ok(vec![path.to_owned()]);
-    }
-    let files = study_files(path).with_context(|| format!("cannot read {}", path.display()))?;
-    ensure!(!files.is_empty(), "{} has no study (*.toml)", path.display());
-    Ok(files)
 }

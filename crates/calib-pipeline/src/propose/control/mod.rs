@@ -32,7 +32,7 @@ use super::{
     check_arguments,
     deadline::TimeLimit,
     drafting::{unmeasured, warn_of_time},
-    gives,
+    given::gives,
     look::SketchedLog,
     path_in_study, trial, warn_of_cleaning, with_exclusions,
 };
