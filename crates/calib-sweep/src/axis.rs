@@ -5,10 +5,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, de::Error as _};
 use serde_json::Value;
 
-use crate::{
-    SweepError,
-    range::{Range, Span},
-};
+use crate::{SweepError, points::Points, range::Range};
 
 /// The values that one swept field takes: a list or a range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,15 +50,6 @@ impl From<Vec<Value>> for Axis {
     fn from(values: Vec<Value>) -> Self {
         Self::List(values)
     }
-}
-
-/// The values of an axis, prepared for enumeration and for random draws.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Points {
-    /// A list of values, each equally likely.
-    Discrete(Vec<Value>),
-    /// Every number of a range.
-    Continuous(Span),
 }
 
 /// An error in the values of an axis.
@@ -136,22 +124,6 @@ impl Axis {
                 AxisError::Range { reason } => SweepError::Range { field, reason },
             }
         })
-    }
-}
-
-impl Points {
-    /// Maps a uniform draw from `[0, 1)` to a value, and returns it with its place in grid order.
-    pub(crate) fn draw(&self, unit: f64) -> (f64, Value) {
-        match self {
-            Self::Discrete(values) => {
-                let place = ((unit * values.len() as f64) as usize).min(values.len() - 1);
-                (place as f64, values[place].clone())
-            }
-            Self::Continuous(span) => {
-                let value = span.draw(unit);
-                (value, span.value(value))
-            }
-        }
     }
 }
 

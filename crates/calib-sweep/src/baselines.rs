@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Environment, EnvironmentId, Span, SweepError};
+use crate::{Environment, EnvironmentId, FittingRows, Span, SweepError};
 
 /// Version of the fitting method. Raise it when the same log gives other coefficients.
 const FIT_VERSION: u8 = 2;
@@ -24,28 +24,6 @@ const FIT_VERSION: u8 = 2;
 /// Smallest share of the log that predictors are fitted on. If fewer rows are left, they are fitted on the whole log,
 /// including the rows that the run replays.
 const LEAST_SHARE: f64 = 0.2;
-
-/// The rows of the training log that the predictors of a run may be fitted on.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum FittingRows {
-    /// All rows: the run uses later data.
-    All,
-    /// All rows except these, which the run replays.
-    AllBut(Vec<Range<usize>>),
-    /// Only the block that this member of a leave-one-block-out ensemble was not trained on.
-    Only(Range<usize>),
-}
-
-impl FittingRows {
-    /// Returns the row ranges to leave out of a log of `rows` rows.
-    fn excluded(&self, rows: usize) -> Vec<Range<usize>> {
-        match self {
-            Self::All => Vec::new(),
-            Self::AllBut(ranges) => ranges.clone(),
-            Self::Only(range) => vec![0..range.start, range.end..rows],
-        }
-    }
-}
 
 /// The log that simple predictors are fitted on, with a cache of those already fitted.
 pub struct Baselines<'a> {

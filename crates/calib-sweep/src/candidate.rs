@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{SweepConfig, SweepError, sampling::combinations};
+use crate::{SweepConfig, SweepError, sampling::combinations, written};
 
 /// One setting of a sweep, as an agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -35,23 +35,6 @@ impl Candidate {
 
 fn label(values: &[(String, Value)]) -> String {
     values.iter().map(|(field, value)| format!("{field} = {}", written(value))).join(", ")
-}
-
-/// Formats a swept value as in a study: `1e-4`, `0.05`, `1000`, `adam`. Numbers below 0.01 have an exponent, as in
-/// reports.
-pub fn written(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Number(number) => match number.as_f64() {
-            Some(float) if float != 0.0 && !(1e-2..1e6).contains(&float.abs()) => {
-                format!("{float:e}")
-            }
-            Some(float) if float.fract() == 0.0 => format!("{float:.0}"),
-            _ => number.to_string(),
-        },
-        Value::Array(values) => format!("[{}]", values.iter().map(written).join(", ")),
-        other => other.to_string(),
-    }
 }
 
 /// Returns the settings of a sweep: combinations of the swept values over the `[agent]` section, in grid order. The

@@ -38,11 +38,14 @@ mod closed_environment;
 mod cohorts;
 mod config;
 mod environment;
+mod environment_id;
 mod error;
 mod error_scale;
+mod fitting_rows;
 mod member;
 mod pass;
 mod plan;
+mod points;
 mod program;
 mod race;
 mod range;
@@ -52,38 +55,42 @@ mod sampling;
 mod sink;
 mod sobol;
 mod span;
+mod start;
 mod store;
 mod unit;
 mod verdict;
 mod windows;
+mod written;
 
 pub use axis::{Axis, AxisError};
 pub use baselines::{
-    Baselines, FittedSimple, FittingRows, RecordedWindow, SimpleScore, recorded_windows,
-    simple_scores,
+    Baselines, FittedSimple, RecordedWindow, SimpleScore, recorded_windows, simple_scores,
 };
 pub use calib_agent::CurvePoint;
 pub use calib_model::NotFinite;
-pub use candidate::{Candidate, candidates, written};
+pub use candidate::{Candidate, candidates};
 pub use closed_environment::ClosedEnvironment;
 pub use config::{RaceKind, SweepConfig};
-pub use environment::{Environment, EnvironmentId, RunStream};
+pub use environment::{Environment, RunStream};
+pub use environment_id::EnvironmentId;
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
+pub use fitting_rows::FittingRows;
 pub use member::{MemberEnvironment, RolloutOptions};
-pub use pass::Start;
 pub use plan::{
     CompletedSweep, PassId, Plan, PlanOptions, PlannedSensor, RESULT_VERSION, ReadyPass,
     SensorGroup, StoredUnits,
 };
+pub use points::Scale;
 pub use program::{PredictionRequest, Program, ProgramPredictions, ProgramStopped};
 pub use race::raced;
-pub use range::{Range, Scale};
+pub use range::Range;
 pub use replay::ReplayEnvironment;
 pub use run_checkpoint::WORK_BETWEEN;
 pub use sampling::Sampling;
 pub use sink::UnitSink;
 pub use span::Span;
+pub use start::Start;
 pub use store::{UnitStore, remove_states};
 pub use unit::{PlannedUnit, RunRow, SettingRun, Unit, UnitResult, UnitRuns};
 pub use verdict::{
@@ -92,3 +99,4 @@ pub use verdict::{
     Truth, WindowTruth, verdict,
 };
 pub use windows::{ScoringDemand, Windows};
+pub use written::written;

@@ -1,27 +1,14 @@
 use std::sync::Arc;
 
 use calib_agent::{
-    AgentConfig, AgentError, Checkpoint, CurveRule, FittedPredictor, Learner, Run, RunOutcome,
-    train_learners, with_traces,
+    AgentConfig, AgentError, CurveRule, Learner, Run, RunOutcome, train_learners, with_traces,
 };
 use calib_core::{Cancelled, Monitor, Stream};
-use calib_files::Fingerprint;
 
 use crate::{
     Baselines, PlanOptions, Program, RunStream, SettingRun, SweepError, UnitRuns, UnitSink,
     plan::UnitJob, program::outcomes, run_checkpoint::RunCheckpoint,
 };
-
-/// The checkpoint that the agents of one sensor start from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Start {
-    /// Parameters, and optimiser moments if they are to be kept.
-    pub checkpoint: Checkpoint,
-    /// The baseline under the value function, if it was pre-trained on top of one.
-    pub baseline: Option<FittedPredictor>,
-    /// Fingerprint of the checkpoint and of the parts that are used.
-    pub fingerprint: Fingerprint,
-}
 
 /// One pass over one stream. It trains the units of one run in one environment, one unit per sensor, with all their
 /// settings side by side. The stream is made once and every mini-batch is gathered once. Each unit's result is the same

@@ -3,46 +3,36 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use calib_agent::{Accelerator, Part};
-use calib_core::Seed;
+use calib_agent::Accelerator;
 
 use crate::{
-    Baselines, Candidate, Environment, PlannedUnit, Program, Span, Start, Unit, UnitResult,
-    UnitRuns, UnitStore, WORK_BETWEEN, race::Race,
+    Baselines, Candidate, Environment, PlannedUnit, Program, Start, Unit, UnitResult, UnitRuns,
+    UnitStore, WORK_BETWEEN, race::Race,
 };
 
 mod group;
 mod key;
+mod options;
 mod part;
+mod rounds;
 mod stored;
 mod survivors;
 mod training;
+mod unit_inputs;
 
 pub use group::{PlannedSensor, SensorGroup};
-use key::UnitInputs;
+pub use options::PlanOptions;
 pub use part::{PassId, ReadyPass};
 use stored::Lookup;
 pub use stored::StoredUnits;
 pub(crate) use stored::UnitJob;
 use survivors::{Survivors, SurvivorsBefore};
 pub use training::CompletedSweep;
+use unit_inputs::UnitInputs;
 
 /// Version of the results. Raise it whenever the same inputs give other bytes, so that results of different versions of
 /// calib are never compared.
 pub const RESULT_VERSION: u32 = 4;
-
-/// Options for every unit of a plan.
-#[derive(Clone, Copy, Debug)]
-pub struct PlanOptions {
-    /// The part of a run whose error decides which settings a race drops.
-    pub part: Part,
-    /// Length of streams. With several groups of sensors, the longest.
-    pub span: Span,
-    /// Points per learning curve.
-    pub curve_points: usize,
-    /// Root of the agents' seeds.
-    pub seed: Seed,
-}
 
 /// All units of a sweep, in a fixed order.
 pub struct Plan<'a> {

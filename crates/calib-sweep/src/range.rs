@@ -1,18 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
-use crate::axis::Points;
-
-/// The spacing of numbers in a range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Scale {
-    /// Equal differences.
-    Linear,
-    /// Equal ratios.
-    Log,
-}
+use crate::points::{Points, Scale, Span, decimals};
 
 /// A range of numbers, ends included.
 ///
@@ -108,80 +97,6 @@ fn checked_count(count: f64) -> Result<usize, String> {
     } else {
         Err(format!("it must have 2 to {MANY_VALUES} values, this one has {count}"))
     }
-}
-
-/// Every number between two ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Span {
-    from: f64,
-    to: f64,
-    scale: Scale,
-    whole: bool,
-}
-
-impl Span {
-    fn check(&self) -> Result<(), String> {
-        let Self { from, to, scale, whole } = *self;
-        if !(from.is_finite() && to.is_finite() && from < to) {
-            let [from, to] = [from, to].map(|end| crate::written(&Value::from(end)));
-            return Err(format!("from must be below to, got {from} and {to}"));
-        }
-        if scale == Scale::Log && from <= 0.0 {
-            return Err(format!(
-                "it is logarithmic and begins at {from}; begin above 0, or use scale = \"linear\""
-            ));
-        }
-        if whole && (from.fract() != 0.0 || to.fract() != 0.0 || from < 0.0) {
-            return Err(format!(
-                "this field takes whole numbers, got {from} and {to}; give whole ends"
-            ));
-        }
-        Ok(())
-    }
-
-    /// Returns the number at fraction `share` of the range.
-    fn at(&self, share: f64) -> f64 {
-        match self.scale {
-            Scale::Linear => self.from + (self.to - self.from) * share,
-            Scale::Log => self.from * (self.to / self.from).powf(share),
-        }
-    }
-
-    fn rounded(&self, value: f64) -> f64 {
-        let value = match self.scale {
-            _ if self.whole => value.round(),
-            Scale::Linear => decimals(value, self.to - self.from),
-            Scale::Log => calib_core::rounded(value, 3),
-        };
-        // Keeps the ends exactly as the study writes them.
-        value.clamp(self.from, self.to)
-    }
-
-    /// Maps a uniform draw from `[0, 1)` to a value.
-    pub(crate) fn draw(&self, unit: f64) -> f64 {
-        match self.scale {
-            // Every whole number is equally likely, including the ends.
-            Scale::Linear if self.whole => {
-                (self.from + (unit * (self.to - self.from + 1.0)).floor()).min(self.to)
-            }
-            _ => self.rounded(self.at(unit)),
-        }
-    }
-
-    /// Converts a number to a value of the field.
-    pub(crate) fn value(&self, value: f64) -> Value {
-        if self.whole { Value::from(value.round() as u64) } else { Value::from(value) }
-    }
-}
-
-/// Rounds `value` to three more decimals than the leading digit of `spacing` has.
-fn decimals(value: f64, spacing: f64) -> f64 {
-    let places = (3.0 - spacing.log10().floor()).clamp(0.0, 17.0) as usize;
-    read(&format!("{value:.places$}"))
-}
-
-fn read(text: &str) -> f64 {
-    text.parse().unwrap_or_else(|_| unreachable!("a formatted number"))
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::{
     SweepError,
-    axis::Points,
+    points::Points,
     sobol::{DIMENSIONS, Sobol},
 };
 

@@ -1,4 +1,4 @@
-use calib_core::{RowStream, Seed, Segments, States};
+use calib_core::{RowStream, Seed, Segments, States, Stream};
 use proptest::prelude::*;
 
 use super::*;

@@ -7,21 +7,8 @@ use calib_core::Seed;
 use calib_files::{Fingerprint, Fingerprinter};
 use serde::Serialize;
 
-use super::{Plan, RESULT_VERSION, SensorGroup};
-use crate::{Baselines, Candidate, Program, Span, Start, Unit};
-
-/// The inputs of a unit's runs that are neither part of a setting nor shared by the whole plan.
-pub(super) struct UnitInputs<'i> {
-    pub(super) group: &'i SensorGroup<'i>,
-    /// Predicted state column.
-    pub(super) column: usize,
-    pub(super) agents: &'i [&'i Candidate],
-    /// The checkpoint that the agents start from, if they were pre-trained.
-    pub(super) start: Option<&'i Start>,
-    pub(super) seed: Seed,
-    /// Fingerprint of the stream's inputs.
-    pub(super) stream: &'i Fingerprint,
-}
+use super::{Plan, RESULT_VERSION, SensorGroup, unit_inputs::UnitInputs};
+use crate::{Baselines, Program, Span, Unit};
 
 impl Plan<'_> {
     /// Returns the fingerprint of all inputs of a unit's runs except their settings.

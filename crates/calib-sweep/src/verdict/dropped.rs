@@ -6,7 +6,7 @@ use calib_stats::{Selection, StatsError, select};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::LOWER;
+use super::judging::LOWER;
 use crate::{EnvironmentId, UnitResult};
 
 /// A setting that was dropped before all runs were made.

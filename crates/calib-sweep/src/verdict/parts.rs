@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Judging,
-    judge::{MeasuredErrors, NestedRuns},
+    measured::{MeasuredErrors, NestedRuns},
     rule::Chooser,
 };
 use crate::{Candidate, EnvironmentId, SweepError, UnitResult};

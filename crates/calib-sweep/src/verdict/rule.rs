@@ -1,5 +1,5 @@
 use calib_stats::{
-    Drawn, LogChoice, Selection, StatsError, choose_around_default, choose_by_mean_log,
+    Bounded, Drawn, LogChoice, Selection, StatsError, choose_around_default, choose_by_mean_log,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -233,4 +233,15 @@ fn selection_order(selection: &Selection) -> Vec<f64> {
     (0..count)
         .map(|value| (0..count).filter(|&other| key(other) < key(value)).count() as f64)
         .collect()
+}
+
+/// The choice of a rule, with its regret.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RuleChoice {
+    /// The rule.
+    pub rule: Rule,
+    /// Index of the chosen setting.
+    pub chosen: usize,
+    /// Regret of the choice; none without held-out data.
+    pub regret: Option<Bounded>,
 }

@@ -3,7 +3,7 @@ use calib_stats::{Estimate, summarise_overlapping};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ENOUGH_WINDOWS, Judging, errors::Errors, judge::MeasuredErrors, truth::Truth};
+use super::{ENOUGH_WINDOWS, Judging, errors::Errors, measured::MeasuredErrors, truth::Truth};
 use crate::{Candidate, ErrorScale, SweepError};
 
 /// An agent is recommended only if its error is at most this many times that of the simple predictor that the log

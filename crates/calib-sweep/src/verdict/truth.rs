@@ -2,7 +2,7 @@ use calib_stats::{Bounded, Estimate, kendall_tau_b, spearman};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{differ, errors::EnvironmentScores};
+use super::{differ::differ, errors::EnvironmentScores};
 use crate::SweepError;
 
 /// Results on held-out data for one window.

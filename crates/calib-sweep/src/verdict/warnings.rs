@@ -2,8 +2,11 @@ use calib_agent::Part;
 use calib_stats::Selection;
 
 use super::{
-    Dropped, Judging, PartChoice, Rule, SensorVerdict, SimpleComparison, differ,
-    rule::ChoiceStanding, simple::mean_of, told_apart, truth::Truth,
+    Dropped, ENOUGH_WINDOWS, Judging, PartChoice, Rule, SensorVerdict, SimpleComparison,
+    differ::{differ, told_apart},
+    rule::ChoiceStanding,
+    simple::mean_of,
+    truth::Truth,
 };
 use crate::{Candidate, UnitResult};
 
@@ -133,9 +136,6 @@ pub(super) fn all(
     warnings.extend(told_dropped(dropped, candidates, places));
     warnings
 }
-
-/// With fewer held-out windows, hardly any difference can be shown. Our choice.
-pub const ENOUGH_WINDOWS: usize = 4;
 
 /// Returns a warning if few or short windows were held out. If both hold, the remedy of one would make the other worse.
 fn little_held_out(truth: &Truth, part: Part) -> Option<String> {

@@ -5,6 +5,7 @@ use calib_core::Rng;
 use calib_stats::{Interval, summarise};
 
 use super::{simple_predictors::score, *};
+use crate::SimpleScore;
 
 /// Scores of three settings and of simple predictors, and how they are judged.
 struct Drawn {

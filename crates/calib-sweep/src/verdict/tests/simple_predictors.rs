@@ -4,7 +4,10 @@ use calib_agent::SimplePredictor;
 use calib_stats::{Estimate, Interval};
 
 use super::*;
-use crate::verdict::simple::{decisive, preferred};
+use crate::{
+    SimpleScore,
+    verdict::simple::{decisive, preferred},
+};
 
 /// Returns the error of a simple predictor in the window of this environment that begins at this row.
 pub(super) fn score(
