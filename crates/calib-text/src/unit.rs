@@ -195,6 +195,7 @@ const THINNED: usize = 1 << 16;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::unit_readings;
 
     fn known_units(numbers: &[f64]) -> Vec<TimestampUnit> {
         units(numbers).expect("known")
