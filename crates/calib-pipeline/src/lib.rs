@@ -73,8 +73,9 @@ pub use calib_sweep_steps::{
     verdict::{
         compare::{Compared, Summaries},
         described::{Descriptions, unknown as unknown_sensors},
-        evaluate::{Judgement, SensorChoice, Summary},
+        evaluate::Judgement,
         evaluation::Evaluation,
+        judged::{SensorChoice, Summary},
     },
 };
 pub use check::{CheckedResults, Damage};

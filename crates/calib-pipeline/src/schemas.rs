@@ -12,7 +12,7 @@ use calib_study::StepKind;
 use calib_sweep_steps::{
     agents::pretrain_files::PretrainManifest,
     sweep::{SweepManifest, plan::SweepPlan},
-    verdict::{compare::Summaries, evaluate::Summary},
+    verdict::{compare::Summaries, judged::Summary},
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, json_schema};
 

@@ -9,7 +9,7 @@ use calib_model_steps::rollouts::{
     rollout::{self, RolloutManifest},
 };
 use calib_sweep::{Candidate, ChoiceBaseline, SensorVerdict, SweepError, Truth};
-use calib_sweep_steps::verdict::evaluate::{self, Judged};
+use calib_sweep_steps::verdict::{evaluate, judged::Judged};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
 use super::{race, studies::ListedStudy, task::Task};

@@ -3,7 +3,7 @@
 use calib_base::StepError;
 use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, raced, verdict};
-use calib_sweep_steps::verdict::evaluate::Judged;
+use calib_sweep_steps::verdict::judged::Judged;
 
 /// The outcome of a race among existing runs.
 pub(super) struct RaceOutcome {

@@ -21,7 +21,8 @@ use crate::{
         simple::{self, SimpleErrors},
     },
     verdict::{
-        evaluate::{Judgement, Summary, judging},
+        evaluate::{Judgement, judging},
+        judged::Summary,
         report::{FIGURES, SUMMARY},
         verdict_rows::{sensitivity, verdict_row},
     },

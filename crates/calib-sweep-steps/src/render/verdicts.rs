@@ -11,8 +11,9 @@ use crate::{
     verdict::{
         compare::Compared,
         deployed,
-        evaluate::{self, Judgement, SensorChoice, Summary},
+        evaluate::{self, Judgement},
         evaluation::Evaluation,
+        judged::{SensorChoice, Summary},
     },
 };
 

@@ -12,13 +12,10 @@ use calib_base::{
     log::context::RunContext,
     outcome::{NoPlan, Outcome, StepResult},
 };
-use calib_core::Monitor;
 use calib_files::write_json;
 use calib_model_steps::rollouts::{
-    comparison::{self, Comparison, Pair},
     figures::{self, FirstRollouts},
-    one_step::OneStepModel,
-    rollout::{self, RolloutManifest},
+    rollout,
 };
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
 use calib_study::{Job, Layout, Study};
@@ -31,8 +28,10 @@ use crate::verdict::{
     compare_pairs::{self, Comparisons},
     compare_tables,
     deployed::{self, Deployed},
-    evaluate::{self, Judged, Summary, judge, told},
-    learning, recorded_together, report, report_cache, report_data,
+    evaluate::{self, told},
+    judged::Summary,
+    judged_model::{JudgedModel, by_deployment},
+    learning_together, recorded_together, report, report_cache, report_data,
 };
 
 /// The verdicts on several models and deployments, side by side.
@@ -114,71 +113,6 @@ pub(crate) struct DeploymentSummary {
     window: String,
     /// Results by name of the model. A study's only model has the name of its kind.
     models: BTreeMap<String, Summary>,
-}
-
-/// A model in a deployment, with all results about it.
-pub(crate) struct JudgedModel {
-    pub(crate) model: Option<String>,
-    pub(crate) deployment: Option<String>,
-    pub(crate) judged: Judged,
-    pub(crate) report: Report,
-    pub(crate) rollouts: Option<RolloutManifest>,
-    /// Distances of its rollouts from the recorded log.
-    pub(crate) pairs: Vec<Pair>,
-    pub(crate) one_step: Option<OneStepModel>,
-    starts: Vec<FirstRollouts>,
-}
-
-impl JudgedModel {
-    fn new(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Self, StepError> {
-        let judged = judge(job, context, monitor)?;
-        let paths = job.layout();
-        let manifest = &judged.manifest;
-        let report = report::assemble(&judged)?;
-        let rollouts = rollout::finished(job, manifest.model.as_deref())?;
-        let model = job.model().map(str::to_owned);
-        let deployment = job.deployment().map(str::to_owned);
-        let mut starts = match &rollouts {
-            Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
-            None => Vec::new(),
-        };
-        for own in &mut starts {
-            let known = report.recorded.iter().find(|figure| figure.sensor == own.sensor);
-            own.unit = known.and_then(|figure| figure.unit.clone());
-        }
-        let compared = rollouts.as_ref().and_then(|made| made.comparison.as_ref());
-        let pairs = match compared {
-            Some(_) => comparison::read(job)?,
-            None => Vec::new(),
-        };
-        let one_step = match &rollouts {
-            Some(rollouts) => OneStepModel::read(job.model_name(), job, &rollouts.model)?,
-            None => None,
-        };
-        Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })
-    }
-
-    pub(crate) fn comparison(&self) -> Option<&Comparison> {
-        self.rollouts.as_ref()?.comparison.as_ref()
-    }
-
-    /// Returns the name of its model.
-    pub(crate) fn model_name(&self) -> &str {
-        self.judged.job.model_name()
-    }
-
-    /// Returns the name of its deployment. Empty if there is only one.
-    pub(crate) fn deployment_name(&self) -> &str {
-        self.deployment.as_deref().unwrap_or_default()
-    }
-
-    /// Returns the name of a sensor with its deployment.
-    pub(crate) fn in_deployment(&self, sensor: &str) -> String {
-        match &self.deployment {
-            Some(deployment) => format!("{sensor} ({deployment})"),
-            None => sensor.to_owned(),
-        }
-    }
 }
 
 /// Judges the finished sweeps of `parts`, each by itself and all in one report. The report warns about models
@@ -313,18 +247,6 @@ fn summaries(
     Summaries { format: 3, tool: TOOL, title, models, deployments, what_to_deploy, comparisons }
 }
 
-/// Groups the parts by deployment, in the order in which deployments first appear.
-pub(crate) fn by_deployment(parts: &[JudgedModel]) -> Vec<Vec<&JudgedModel>> {
-    let mut groups: Vec<Vec<&JudgedModel>> = Vec::new();
-    for part in parts {
-        match groups.iter_mut().find(|group| group[0].deployment == part.deployment) {
-            Some(group) => group.push(part),
-            None => groups.push(vec![part]),
-        }
-    }
-    groups
-}
-
 /// Assembles the report: verdicts by sensor, all rank curves over the same Online errors, distances side by
 /// side.
 fn whole(
@@ -352,7 +274,7 @@ fn whole(
         title: job.title(),
         verdicts,
         sensitivities: sensitivities.collect(),
-        learning: learning::of_several(study, parts, &deployments),
+        learning: learning_together::of_several(study, parts, &deployments),
         decision: deployed::report_table(what_to_deploy),
         recorded: recorded_together::of_parts(&study.sweep.sensors, &deployments),
         rollouts: Vec::new(),

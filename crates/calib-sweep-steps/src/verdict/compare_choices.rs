@@ -2,7 +2,7 @@
 
 use calib_base::output::{number, percent, table};
 
-use crate::verdict::compare::{JudgedModel, by_deployment};
+use crate::verdict::judged_model::{JudgedModel, by_deployment};
 
 /// Returns a table of each model's choice, its error Online, and the distance of its rollouts from the recorded log.
 /// Without a model it has the choice in each deployment.

@@ -10,7 +10,7 @@ use calib_model_steps::rollouts::{
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::verdict::compare::JudgedModel;
+use crate::verdict::judged_model::JudgedModel;
 
 /// Comparisons of models, in `summary.json` of several models.
 #[derive(Debug, Default, Serialize, JsonSchema)]

@@ -11,8 +11,8 @@ use calib_model_steps::rollouts::{
 use calib_report::{DataProfile, Table};
 
 use crate::verdict::{
-    compare::JudgedModel,
     compare_pairs::{Pooled, groups, pooled},
+    judged_model::JudgedModel,
     report,
 };
 

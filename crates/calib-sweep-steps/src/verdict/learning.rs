@@ -5,13 +5,10 @@ use std::collections::BTreeMap;
 use calib_base::StepError;
 use calib_report::{LearningCurve, LearningCurves, LearningEnvironment};
 use calib_stats::{Summary, summarise};
-use calib_study::{Job, Study};
+use calib_study::Job;
 use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
-use crate::verdict::{
-    compare::JudgedModel,
-    verdict_rows::{field, setting},
-};
+use crate::verdict::verdict_rows::{field, setting};
 
 /// Returns one figure per sensor and environment: Online first, then the members.
 pub(crate) fn curves(
@@ -67,41 +64,6 @@ fn shown(environment: EnvironmentId, model: Option<&str>) -> LearningEnvironment
         }
         EnvironmentId::LogReplay => LearningEnvironment::LogReplay,
     }
-}
-
-/// Returns the curves of several models. Runs that all models share come from the first model. With several
-/// deployments the report shows Online only, and each deployment's own report shows the curves of members.
-pub(crate) fn of_several(
-    study: &Study,
-    parts: &[JudgedModel],
-    deployments: &[Vec<&JudgedModel>],
-) -> Vec<LearningCurves> {
-    study
-        .sweep
-        .sensors
-        .iter()
-        .flat_map(|sensor| -> Vec<LearningCurves> {
-            if deployments.len() == 1 {
-                let all = parts.iter().enumerate().flat_map(|(number, part)| {
-                    let own = part.report.learning.iter();
-                    own.filter(move |curves| number == 0 || !curves.environment.is_shared())
-                });
-                return all.filter(|curves| curves.sensor == *sensor).cloned().collect();
-            }
-            let online = deployments.iter().flat_map(|group| {
-                let own = group[0].report.learning.iter();
-                let own = own.filter(|curves| {
-                    curves.sensor == *sensor && curves.environment == LearningEnvironment::Online
-                });
-                own.map(|curves| LearningCurves {
-                    sensor: group[0].in_deployment(sensor),
-                    ..curves.clone()
-                })
-                .collect::<Vec<_>>()
-            });
-            online.collect()
-        })
-        .collect()
 }
 
 /// Returns the points of one setting over its `runs`. A diverged run has an infinite error at all later steps. The

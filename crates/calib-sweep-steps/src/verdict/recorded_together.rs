@@ -2,7 +2,7 @@
 
 use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod};
 
-use crate::verdict::compare::JudgedModel;
+use crate::verdict::judged_model::JudgedModel;
 
 /// Returns one figure per sensor for all parts of a study: the training periods of all models, and every deployment.
 pub(crate) fn of_parts(

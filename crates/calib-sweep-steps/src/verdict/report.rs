@@ -34,7 +34,7 @@ use crate::{
     sweep::SweepFacts,
     verdict::{
         described::Descriptions,
-        evaluate::{Judged, Summary},
+        judged::{Judged, Summary},
         learned::Learned,
         learning, report_cache,
         report_data::{data_profile, subtitle},

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use calib_data::ChannelProfile;
 use calib_report::{Channel, ChannelStatus, DataProfile};
 
-use crate::verdict::{evaluate::Judged, learned::Learned};
+use crate::verdict::{judged::Judged, learned::Learned};
 
 /// Returns a line on the training data and the held-out data.
 pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {

@@ -6,7 +6,7 @@ use calib_base::StepError;
 use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, verdict};
 
-use crate::verdict::compare::JudgedModel;
+use crate::verdict::judged_model::JudgedModel;
 
 /// Returns the choice of the study's rule from the members of all deployments and the replayed log.
 pub(super) fn choice(

@@ -14,8 +14,8 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::verdict::{
-    compare::{JudgedModel, by_deployment},
-    evaluate::SensorChoice,
+    judged::SensorChoice,
+    judged_model::{JudgedModel, by_deployment},
     verdict_rows,
 };
 
