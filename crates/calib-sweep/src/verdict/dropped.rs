@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use calib_stats::{Selection, StatsError, select};
+use calib_stats::{Direction, Selection, StatsError, select};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::judging::LOWER;
 use crate::{EnvironmentId, UnitResult};
+
+pub(super) const LOWER: Direction = Direction::LowerIsBetter;
 
 /// A setting that was dropped before all runs were made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -6,9 +6,8 @@ use calib_stats::{
 use super::{
     Agreement, BaselineRegret, ChoiceBaseline, Dropped, Grade, Judging, RuleChoice, SensorVerdict,
     Share, Truth, WindowTruth,
-    dropped::dropped,
+    dropped::{LOWER, dropped},
     errors::Errors,
-    judging::LOWER,
     measured::{MeasuredErrors, NestedRuns},
     nearby::share_nearby,
     parts,

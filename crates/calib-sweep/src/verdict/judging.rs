@@ -2,12 +2,9 @@
 
 use calib_agent::Part;
 use calib_core::Seed;
-use calib_stats::Direction;
 
 use super::Rule;
 use crate::{ErrorScale, SimpleScore};
-
-pub(super) const LOWER: Direction = Direction::LowerIsBetter;
 
 /// How results are judged.
 #[derive(Clone, Copy, Debug)]
