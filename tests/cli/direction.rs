@@ -1,11 +1,16 @@
-//! Dependencies go in one direction: between crates, and between the
-//! modules of the crates that contain the steps.
+//! Dependencies go in one direction: between crates, and between the files of a crate.
+
+mod imports;
+mod known;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
 };
+
+use imports::Sources;
+use known::KNOWN;
 
 /// Maps each name to the names that it uses.
 type Graph = BTreeMap<String, BTreeSet<String>>;
@@ -92,64 +97,122 @@ fn graph_of(edges: &[(&str, &str)]) -> Graph {
 /// Crates that contain the steps. Each may use those before it.
 const STEPS: [&str; 4] = ["calib-base", "calib-model-steps", "calib-sweep-steps", "calib-pipeline"];
 
+/// Returns the folder of sources of each package.
+fn packages() -> Vec<(String, PathBuf)> {
+    let mut packages: Vec<(String, PathBuf)> = crates()
+        .into_keys()
+        .map(|name| {
+            let folder = root().join("crates").join(&name).join("src");
+            (name, folder)
+        })
+        .collect();
+    packages.push(("calib".to_owned(), root().join("src")));
+    packages.push(("calib-python".to_owned(), root().join("python/src")));
+    packages
+}
+
+/// Reads the sources of a package.
+fn sources_below(folder: &Path) -> Sources {
+    Sources::of(sources(folder).into_iter().map(|path| {
+        let below = path.strip_prefix(folder).expect("inside");
+        let names: Vec<_> = below.iter().map(|name| name.to_string_lossy()).collect();
+        (names.join("/"), read(&path))
+    }))
+}
+
+/// Returns all that a name uses, also through others.
+fn reachable<'g>(graph: &'g Graph, start: &str) -> BTreeSet<&'g String> {
+    let mut reached = BTreeSet::new();
+    let mut open: Vec<&String> = graph[start].iter().collect();
+    while let Some(next) = open.pop() {
+        if reached.insert(next) {
+            open.extend(&graph[next]);
+        }
+    }
+    reached
+}
+
+/// Returns the sets of names that use each other, also through others.
+fn circles(graph: &Graph) -> Vec<BTreeSet<&String>> {
+    let reached: BTreeMap<&String, BTreeSet<&String>> =
+        graph.keys().map(|start| (start, reachable(graph, start))).collect();
+    let mut found = Vec::new();
+    for start in graph.keys() {
+        let around: BTreeSet<&String> = reached[start]
+            .iter()
+            .copied()
+            .filter(|other| reached[*other].contains(start))
+            .collect();
+        if around.len() > 1 && !found.contains(&around) {
+            found.push(around);
+        }
+    }
+    found
+}
+
 #[test]
-fn modules_of_the_steps_have_no_circles() {
-    for name in STEPS {
-        let graph = modules(&root().join("crates").join(name).join("src"));
-        assert!(graph.len() > 3, "{name}: {graph:?}");
-        assert_eq!(circle(&graph), None, "{name}");
-    }
+fn imports_are_followed_to_the_file_that_defines_an_item() {
+    let files = [
+        ("lib.rs", "mod a;\nmod b;\npub mod c;\npub use a::A;\nuse b::{B as Other, make};"),
+        ("a.rs", "use crate::c::{self, Inner};\npub struct A(c::Inner, Inner);"),
+        (
+            "b.rs",
+            "//! Like [`crate::A`].\npub struct B;\nfn make() -> &'static str { \"crate::A\" }",
+        ),
+        (
+            "c/mod.rs",
+            "mod inner;\npub use inner::Inner;\n#[cfg(test)]\nmod tests { use crate::A; }",
+        ),
+        ("c/inner.rs", "pub struct Inner;\nimpl Inner { fn is(all: crate::A) -> char { '\"' } }"),
+        ("c/tests.rs", "use super::*;"),
+    ];
+    let files = files.map(|(file, text)| (file.to_owned(), text.to_owned()));
+    let graph = Sources::of(files).imports();
+    let expected = [("a.rs", "c/inner.rs"), ("c/inner.rs", "a.rs"), ("lib.rs", "b.rs")];
+    let mut expected = graph_of(&expected);
+    expected.extend(["b.rs", "c/mod.rs"].map(|file| (file.to_owned(), BTreeSet::new())));
+    assert_eq!(graph, expected);
+    let found = circles(&graph);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].iter().eq(&["a.rs", "c/inner.rs"]), "{found:?}");
 }
 
-/// Returns the modules of a crate, as listed in its `lib.rs`, each with those that it uses.
-fn modules(folder: &Path) -> Graph {
-    let mut graph = Graph::new();
-    for path in sources(folder) {
-        let inside = path.strip_prefix(folder).expect("inside");
-        let mut parts = inside.iter().map(|part| part.to_string_lossy().into_owned());
-        let module = parts.next().expect("a file").trim_end_matches(".rs").to_owned();
-        // `lib` and `steps` hold the public interface, and stand above all modules.
-        if module == "lib" || module == "steps" {
-            continue;
-        }
-        let text = read(&path);
-        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
-        let mut used = BTreeSet::new();
-        for (place, _) in code.match_indices("crate::") {
-            let rest = &code[place + "crate::".len()..];
-            let names = match rest.strip_prefix('{') {
-                Some(list) => outer_names(list),
-                None => vec![first_name(rest)],
-            };
-            used.extend(names.into_iter().filter(|name| *name != module && !name.is_empty()));
-        }
-        used.retain(|name| name.chars().next().is_some_and(char::is_lowercase));
-        graph.entry(module).or_default().extend(used);
-    }
-    graph
-}
-
-fn first_name(text: &str) -> String {
-    text.chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect()
-}
-
-/// Returns the first names of a list of imports, `a::{b, c}, d}`, up to its closing brace.
-fn outer_names(list: &str) -> Vec<String> {
-    let mut depth = 0;
-    let mut names = Vec::new();
-    let mut name = String::new();
-    for letter in list.chars() {
-        match letter {
-            '{' => depth += 1,
-            '}' if depth == 0 => break,
-            '}' => depth -= 1,
-            ',' if depth == 0 => names.push(std::mem::take(&mut name)),
-            other if depth == 0 => name.push(other),
-            _ => {}
+#[test]
+fn files_import_from_one_another_in_one_direction() {
+    let mut new = Vec::new();
+    let mut is_there = vec![false; KNOWN.len()];
+    for (package, folder) in packages() {
+        let graph = sources_below(&folder).imports();
+        assert!(!graph.is_empty(), "{package}");
+        for circle in circles(&graph) {
+            let known = KNOWN.iter().position(|known| {
+                known.package == package
+                    && circle.iter().all(|file| known.files.contains(&file.as_str()))
+            });
+            if let Some(known) = known {
+                is_there[known] = true;
+                continue;
+            }
+            for file in &circle {
+                let used = graph[*file].iter().filter(|used| circle.contains(used));
+                new.extend(used.map(|used| format!("{package}: {file} imports from {used}")));
+            }
         }
     }
-    names.push(name);
-    names.iter().map(|name| first_name(name.trim())).collect()
+    assert!(
+        new.is_empty(),
+        "files import from each other; move what they share into a file below them:\n{}",
+        new.join("\n")
+    );
+    let gone = KNOWN.iter().zip(is_there).filter(|(_, is_there)| !is_there);
+    let gone: Vec<_> = gone
+        .map(|(known, _)| format!("{} {:?}: {}", known.package, known.files, known.reason))
+        .collect();
+    assert!(
+        gone.is_empty(),
+        "no circles any more, so remove them from the list:\n{}",
+        gone.join("\n")
+    );
 }
 
 #[test]
