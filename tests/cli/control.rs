@@ -1,6 +1,6 @@
 //! Acting agents: from a log of decisions to a verdict.
 
-use std::{fmt::Write as _, fs};
+use std::{fmt::Write as _, fs, path::Path};
 
 use calib_files::{read_sealed_json, write_sealed_json};
 
@@ -392,6 +392,11 @@ fn neighbours_can_be_near_in_a_representation() {
     assert!(!other.stderr().contains("up to date"), "{}", other.stderr());
 }
 
+/// Whether a file is a network of a model with actions.
+fn is_network(name: &Path) -> bool {
+    name.file_name().is_some_and(|name| name.to_string_lossy().starts_with("network-"))
+}
+
 #[test]
 fn what_is_damaged_is_found_and_made_again() {
     let place = place();
@@ -406,7 +411,10 @@ fn what_is_damaged_is_found_and_made_again() {
     assert!(figures.count() > 0, "there are figures");
     for name in whole.keys().filter(|name| !name.ends_with(".lock")) {
         let path = place.path().join("pole/study-results").join(name);
-        let mut bytes = fs::read(&path).expect("there");
+        let Ok(mut bytes) = fs::read(&path) else {
+            assert!(is_network(name), "{}", name.display());
+            continue;
+        };
         let middle = bytes.len() / 2;
         bytes[middle] ^= 0x10;
         fs::write(&path, bytes).expect("writable");
@@ -418,7 +426,13 @@ fn what_is_damaged_is_found_and_made_again() {
             name.display()
         );
         place.calib(&args).ends(&[0, 1]);
-        assert!(place.content("pole/study-results") == whole, "{}", name.display());
+        // Networks are trained when they are next used: until then a damaged one, or one of tables that were made again, is absent.
+        let again = place.content("pole/study-results");
+        let is_as_before = whole.iter().all(|(name, bytes)| match again.get(name) {
+            Some(now) => now == bytes,
+            None => is_network(name),
+        });
+        assert!(is_as_before && again.len() <= whole.len(), "{}", name.display());
     }
     place.calib(&["check", "pole/study-results"]).succeeds();
 }
