@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// The settings that are left after each round of a race, for each sensor.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Survivors(BTreeMap<String, Vec<BTreeSet<usize>>>);
+pub(super) struct Survivors(pub(super) BTreeMap<String, Vec<BTreeSet<usize>>>);
 
 impl Survivors {
     pub(super) fn rounds(&self, sensor: &str) -> &[BTreeSet<usize>] {
