@@ -100,6 +100,13 @@ impl Blocks {
         transition.0 < self.transitions && !self.dropped[member].contains(&transition.0)
     }
 
+    /// Returns the members that lack `transition`, which are adjacent.
+    pub(crate) fn lacking(&self, transition: u32) -> Range<usize> {
+        let first = self.dropped.partition_point(|dropped| dropped.end <= transition);
+        let from = self.dropped[first..].iter();
+        first..first + from.take_while(|dropped| dropped.start <= transition).count()
+    }
+
     /// Returns the number of transitions of member `member`.
     pub fn member_len(&self, member: usize) -> usize {
         self.transitions as usize - self.dropped[member].len()
@@ -208,6 +215,10 @@ mod tests {
                         !rows.contains(&all.source(i).0) && !rows.contains(&all.next(i).0)
                     })
                     .collect();
+                for i in 0..all.len() as u32 {
+                    let lacks = !blocks.contains(member, TransitionIndex(i));
+                    prop_assert_eq!(blocks.lacking(i).contains(&member), lacks);
+                }
                 let got: Vec<u32> = blocks.transitions_of(member).map(|i| i.0).collect();
                 prop_assert_eq!(&got, &expected);
                 prop_assert_eq!(blocks.member_len(member), expected.len());

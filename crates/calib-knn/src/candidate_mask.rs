@@ -27,6 +27,12 @@ impl<'a> CandidateMask<'a> {
             && !self.left_out.get(member).is_some_and(|left_out| left_out.contains(transition))
     }
 
+    /// Returns the members that lack `transition`, which are adjacent.
+    pub(crate) fn lacking(self, transition: u32) -> Range<usize> {
+        debug_assert!(self.left_out.is_empty(), "searches by class leave nothing out");
+        self.blocks.lacking(transition)
+    }
+
     /// Returns the end of the run of transitions that queries of `member` cannot find, if `transition` lies in
     /// one.
     pub(crate) fn beyond(self, member: usize, transition: u32) -> Option<u32> {

@@ -3,12 +3,14 @@ use std::ops::Range;
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{KnnError, MemberLists, Sources, candidate_mask::CandidateMask, lists::Candidate};
+use crate::{
+    KnnError, Lists, Sources, candidate_mask::CandidateMask, classes::Classes, lists::Candidate,
+};
 
 /// Sources between two checks for an interruption.
 const CHUNK: usize = 1 << 14;
 
-/// The distinct source states, each with the transitions that start from it.
+/// The distinct source states, each with the transitions that start from it. Transitions of different classes are not in one group.
 ///
 /// A plant at a standstill repeats a state for hours. Searching only distinct states keeps bucket trees
 /// balanced, and a search does not visit thousands of equal candidates.
@@ -49,12 +51,14 @@ impl Groups {
         });
         monitor.check()?;
         hashed.par_sort_unstable();
+        let classes = sources.classes;
+        let equal = |a: u32, b: u32| state(a) == state(b) && classes.class(a) == classes.class(b);
         // The first member of a group identifies it. Equal hashes almost always mean equal states.
         let mut named: Vec<(u32, u32)> = Vec::with_capacity(hashed.len());
         for run in hashed.chunk_by(|a, b| a.0 == b.0) {
             let mut firsts: Vec<u32> = Vec::new();
             for &(_, transition) in run {
-                let first = firsts.iter().copied().find(|&first| state(first) == state(transition));
+                let first = firsts.iter().copied().find(|&first| equal(first, transition));
                 if first.is_none() {
                     firsts.push(transition);
                 }
@@ -111,6 +115,21 @@ impl Groups {
         self.in_order(&order)
     }
 
+    /// Returns the same groups in the order of their classes, each in the order of time, and the end of each class.
+    pub(crate) fn in_classes(&self, classes: Classes<'_>) -> (Self, Vec<usize>) {
+        let mut order: Vec<(usize, u32, u32)> = (0..self.len() as u32)
+            .map(|group| {
+                let first = self.transitions(group as usize)[0];
+                (classes.class(first), first, group)
+            })
+            .collect();
+        order.par_sort_unstable();
+        let end = |class| order.partition_point(|&(other, ..)| other <= class);
+        let ends = (0..classes.count()).map(end).collect();
+        let order: Vec<u32> = order.iter().map(|&(.., group)| group).collect();
+        (self.in_order(&order), ends)
+    }
+
     /// Returns the number of distinct states.
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
@@ -126,25 +145,23 @@ impl Groups {
         self.rows[group] as usize
     }
 
-    /// Offers the transitions of `group` outside `forbidden`, all at squared distance `squared`.
+    /// Offers the transitions of `group` outside `forbidden`, all of one class and at squared distance `squared`.
     pub(crate) fn offer(
         &self,
         group: usize,
         squared: f64,
         forbidden: &Range<u32>,
-        lists: &mut MemberLists,
+        class: usize,
+        lists: &mut impl Lists,
         findable: CandidateMask<'_>,
     ) {
         let transitions = self.transitions(group);
-        let offer = |transition: u32, lists: &mut MemberLists| {
-            if !forbidden.contains(&transition) {
-                lists.offer(Candidate { squared, transition }, findable);
-            }
-        };
         let wanted = lists.members().len();
         if transitions.len() <= 2 * lists.k() * wanted {
             for &transition in transitions {
-                offer(transition, lists);
+                if !forbidden.contains(&transition) {
+                    lists.offer(class, Candidate { squared, transition }, findable);
+                }
             }
             return;
         }
@@ -157,7 +174,7 @@ impl Groups {
         firsts.sort_unstable();
         firsts.dedup();
         for transition in firsts {
-            offer(transition, lists);
+            lists.offer(class, Candidate { squared, transition }, findable);
         }
     }
 }
@@ -212,7 +229,7 @@ mod tests {
     use calib_core::{Segments, Silent, States, Transitions};
 
     use super::*;
-    use crate::{Blocks, bits::Bits};
+    use crate::{Blocks, MemberLists, bits::Bits};
 
     #[test]
     fn equal_states_share_a_group() {
@@ -248,13 +265,13 @@ mod tests {
         assert_eq!(groups.len(), 1);
         let mut lists = MemberLists::new(5, 2);
         lists.reset([0, 3].into_iter());
-        groups.offer(0, 0.0, &(1..700), &mut lists, CandidateMask::new(&blocks, &[]));
+        groups.offer(0, 0.0, &(1..700), 0, &mut lists, CandidateMask::new(&blocks, &[]));
         assert_eq!(found(&lists, 0), [700, 701]);
         assert_eq!(found(&lists, 3), [0, blocks.dropped(3).end]);
         let left_out =
             [Bits::of(999, 690..800), Bits::default(), Bits::default(), Bits::of(999, [0])];
         lists.reset([0, 3].into_iter());
-        groups.offer(0, 0.0, &(1..700), &mut lists, CandidateMask::new(&blocks, &left_out));
+        groups.offer(0, 0.0, &(1..700), 0, &mut lists, CandidateMask::new(&blocks, &left_out));
         assert_eq!(found(&lists, 0), [800, 801]);
         let end = blocks.dropped(3).end;
         assert_eq!(found(&lists, 3), [end, end + 1]);

@@ -1,6 +1,6 @@
 use calib_core::TransitionIndex;
 
-use crate::candidate_mask::CandidateMask;
+use crate::{Queries, candidate_mask::CandidateMask};
 
 /// A candidate source: squared distance, then row as the tie-break.
 ///
@@ -14,18 +14,54 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
-    const NONE: Self = Self { squared: f64::INFINITY, transition: u32::MAX };
+    pub(crate) const NONE: Self = Self { squared: f64::INFINITY, transition: u32::MAX };
 
-    fn before(self, other: Self) -> bool {
+    pub(crate) fn before(self, other: Self) -> bool {
         self.squared < other.squared
             || (self.squared == other.squared && self.transition < other.transition)
     }
 }
 
+/// The lists of one query during its search: of all sources, or of every class of them.
+///
+/// A radius is the squared distance beyond which no candidate can enter a list. A candidate at it may enter. It is `−∞` where no
+/// list is requested.
+pub(crate) trait Lists: Clone + Default + Send {
+    /// Whether there are lists for every class of sources.
+    const BY_CLASS: bool;
+
+    /// Creates the empty lists that a query requests.
+    fn requested(queries: &Queries<'_>, query: usize, k: usize) -> Self;
+
+    /// Removes all candidates and keeps what is requested.
+    fn clear(&mut self);
+
+    /// Offers a candidate of a class to every requested member that can find it.
+    fn offer(&mut self, class: usize, candidate: Candidate, findable: CandidateMask<'_>);
+
+    /// Returns the largest radius of all lists.
+    fn radius(&self) -> f64;
+
+    /// Returns the largest radius of the lists of a class.
+    fn radius_in(&self, class: usize) -> f64;
+
+    /// Returns the length of a full list.
+    fn k(&self) -> usize;
+
+    /// Returns the members whose lists are requested.
+    fn members(&self) -> &[usize];
+
+    /// Returns all transitions that are in some list, and maybe others, with repetitions.
+    fn all(&self) -> impl Iterator<Item = TransitionIndex> + '_;
+
+    /// Calls `put` for every neighbour with the number of its list, its position there, and the candidate.
+    fn each(&self, put: impl FnMut(usize, usize, Candidate));
+}
+
 /// The `k` nearest sources of one query in every member that the query belongs to.
 ///
 /// One search serves all members: a candidate enters the list of each member that contains it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct MemberLists {
     k: usize,
     /// `k` candidates for each member, in order. Short lists end in [`Candidate::NONE`].
@@ -53,27 +89,38 @@ impl MemberLists {
         self.clear();
     }
 
-    /// Removes all candidates and keeps the requested members.
-    pub(crate) fn clear(&mut self) {
+    fn update_radius(&mut self) {
+        self.radius = self
+            .wanted
+            .iter()
+            .map(|member| self.candidates[(member + 1) * self.k - 1].squared)
+            .fold(f64::NEG_INFINITY, f64::max);
+    }
+
+    /// Returns the neighbours found for `member`, nearest first: transition and squared distance.
+    pub(crate) fn of(&self, member: usize) -> impl Iterator<Item = (TransitionIndex, f64)> + '_ {
+        self.candidates[member * self.k..][..self.k]
+            .iter()
+            .filter(|candidate| candidate.transition != u32::MAX)
+            .map(|candidate| (TransitionIndex(candidate.transition), candidate.squared))
+    }
+}
+
+impl Lists for MemberLists {
+    const BY_CLASS: bool = false;
+
+    fn requested(queries: &Queries<'_>, query: usize, k: usize) -> Self {
+        let mut lists = Self::new(queries.members(), k);
+        lists.reset(queries.wanted(query));
+        lists
+    }
+
+    fn clear(&mut self) {
         self.candidates.fill(Candidate::NONE);
         self.update_radius();
     }
 
-    /// Returns the neighbours of all members, with repetitions.
-    pub(crate) fn all(&self) -> impl Iterator<Item = TransitionIndex> + '_ {
-        let found = self.candidates.iter().filter(|candidate| candidate.transition != u32::MAX);
-        found.map(|candidate| TransitionIndex(candidate.transition))
-    }
-
-    /// Returns the squared distance beyond which no candidate can enter a requested list. A candidate
-    /// at it may enter.
-    pub(crate) fn radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// Offers a candidate to every requested member that can find it. Each candidate must be offered
-    /// once.
-    pub(crate) fn offer(&mut self, candidate: Candidate, findable: CandidateMask<'_>) {
+    fn offer(&mut self, _: usize, candidate: Candidate, findable: CandidateMask<'_>) {
         if candidate.squared > self.radius {
             return;
         }
@@ -98,30 +145,33 @@ impl MemberLists {
         }
     }
 
-    fn update_radius(&mut self) {
-        self.radius = self
-            .wanted
-            .iter()
-            .map(|member| self.candidates[(member + 1) * self.k - 1].squared)
-            .fold(f64::NEG_INFINITY, f64::max);
+    fn radius(&self) -> f64 {
+        self.radius
     }
 
-    /// Returns the length of a full list.
-    pub(crate) fn k(&self) -> usize {
+    fn radius_in(&self, _: usize) -> f64 {
+        self.radius
+    }
+
+    fn k(&self) -> usize {
         self.k
     }
 
-    /// Returns the members whose lists are requested.
-    pub(crate) fn members(&self) -> &[usize] {
+    fn members(&self) -> &[usize] {
         &self.wanted
     }
 
-    /// Returns the neighbours found for `member`, nearest first: transition and squared distance.
-    pub(crate) fn of(&self, member: usize) -> impl Iterator<Item = (TransitionIndex, f64)> + '_ {
-        self.candidates[member * self.k..][..self.k]
-            .iter()
-            .filter(|candidate| candidate.transition != u32::MAX)
-            .map(|candidate| (TransitionIndex(candidate.transition), candidate.squared))
+    fn all(&self) -> impl Iterator<Item = TransitionIndex> + '_ {
+        let found = self.candidates.iter().filter(|candidate| candidate.transition != u32::MAX);
+        found.map(|candidate| TransitionIndex(candidate.transition))
+    }
+
+    fn each(&self, mut put: impl FnMut(usize, usize, Candidate)) {
+        for &member in &self.wanted {
+            for (position, (TransitionIndex(transition), squared)) in self.of(member).enumerate() {
+                put(member, position, Candidate { squared, transition });
+            }
+        }
     }
 }
 
@@ -139,7 +189,7 @@ mod tests {
         let mut lists = MemberLists::new(3, 2);
         lists.reset([0, 2].into_iter());
         for (transition, squared) in [(0, 1.0), (3, 2.0), (5, 0.5), (2, 2.0), (1, 9.0), (4, 0.1)] {
-            lists.offer(Candidate { squared, transition }, CandidateMask::new(&blocks, &[]));
+            lists.offer(0, Candidate { squared, transition }, CandidateMask::new(&blocks, &[]));
         }
         let transitions = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
         assert_eq!(transitions(0), [4, 5]);
@@ -158,7 +208,7 @@ mod tests {
         lists.reset(0..3);
         for transition in 0..6 {
             let candidate = Candidate { squared: 1.0, transition };
-            lists.offer(candidate, CandidateMask::new(&blocks, &left_out));
+            lists.offer(0, candidate, CandidateMask::new(&blocks, &left_out));
         }
         let transitions = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
         assert_eq!([transitions(0), transitions(1), transitions(2)], [[2, 3], [0, 4], [0, 1]]);

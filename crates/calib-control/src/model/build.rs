@@ -1,8 +1,11 @@
-use calib_core::{Monitor, States};
+use calib_core::{Monitor, States, TransitionIndex};
 use calib_files::ScratchPlace;
-use calib_knn::{Blocks, IndexKind, NeighborLists, Queries, Sources, Weights};
+use calib_knn::{Blocks, Exclusion, IndexKind, NeighborLists, Planned, Queries, Sources, Weights};
 
-use super::{ActionModel, ActionModelConfig, ActionTable, FillingTable, Rules, Starts, radius};
+use super::{
+    ActionModel, ActionModelConfig, ActionTable, FillingTable, Rules, Starts,
+    radius::{ActionLists, Outside},
+};
 use crate::{ControlError, Decisions, settings::next_states};
 
 /// Returns the neighbours per state: at most one per transition.
@@ -52,9 +55,8 @@ impl ActionModel {
         let radius = match log.settings() {
             None => {
                 let sources = Sources::new(metric, log.transitions(), &blocks)?;
-                filling.of_actions(&sources, &log, &starts.metric, monitor)?;
-                let each = (0..log.levels()).map(|action| log.with_action(action));
-                radius::radius(&sources, each, config.coverage, monitor)?
+                let outside = filling.of_actions(&sources, &log, &starts.metric, monitor)?;
+                outside.radius(config.coverage)?
             }
             Some(settings) => {
                 let weight = config.action_weight;
@@ -66,8 +68,7 @@ impl ActionModel {
                         .map(|metric| settings.at_level(metric, level, weight));
                     filling.of_level(&sources, level, [&next?, &starts?], monitor)?;
                 }
-                let all = (0..log.len() as u32).collect();
-                radius::radius(&sources, std::iter::once(all), config.coverage, monitor)?
+                Outside::all(sources, None, monitor)?.radius(config.coverage)?
             }
         };
         Ok(Self {
@@ -102,26 +103,42 @@ struct FillingTables<'a> {
 }
 
 impl FillingTables<'_> {
-    /// Fills the lists of every action from the transitions with that action.
-    fn of_actions(
+    /// Fills the lists of every action from the transitions with that action, by one search of all. Returns the distances for the radius of
+    /// coverage.
+    fn of_actions<'a>(
         &mut self,
-        sources: &Sources<'_>,
-        log: &Decisions,
+        sources: &Sources<'a>,
+        log: &'a Decisions,
         starts: &States,
         monitor: &dyn Monitor,
-    ) -> Result<(), ControlError> {
-        for action in 0..log.levels() {
-            let chosen = log.with_action(action);
-            if chosen.is_empty() {
-                continue;
+    ) -> Result<Outside<'a>, ControlError> {
+        let sources = sources.by_class(log.actions(), log.levels());
+        let next =
+            Queries::next_states(&sources, Exclusion::default()).with_nearest_outside_block();
+        let place = ScratchPlace::Memory;
+        let planned = sources.index(IndexKind::Auto, &next, self.k, &place, monitor)?;
+        let mut outside = Outside::new(sources, log);
+        let members = sources.blocks().members();
+        let search =
+            Search { planned: &planned, k: self.k, actions: log.levels(), members, monitor };
+        let blocks = sources.blocks();
+        search.each(&next, &planned.order, |query, lists| {
+            let transition = TransitionIndex(query);
+            outside.add_next_of(transition, lists);
+            for (member, table) in self.tables.iter_mut().enumerate() {
+                if blocks.contains(member, transition) {
+                    table.put_all(query as usize, |action| lists.list(action, member));
+                }
             }
-            let among = sources.among(&chosen);
-            let next = Queries::next_states(&among, calib_knn::Exclusion::default());
-            fill(&among, &next, self.k, action, self.tables, monitor)?;
-            let from_start = Queries::external(&among, starts, None)?;
-            fill(&among, &from_start, self.k, action, self.start_tables, monitor)?;
-        }
-        Ok(())
+        })?;
+        let starts = Queries::external(&sources, starts, None)?;
+        search.each(&starts, &planned.index.order(&starts), |query, lists| {
+            for (member, table) in self.start_tables.iter_mut().enumerate() {
+                table.put_all(query as usize, |action| lists.list(action, member));
+            }
+        })?;
+        outside.add_others(&*planned.index, monitor)?;
+        Ok(outside)
     }
 
     /// Fills the lists of one level from all transitions. `sources` and both queries have the action as further columns.
@@ -133,14 +150,45 @@ impl FillingTables<'_> {
         monitor: &dyn Monitor,
     ) -> Result<(), ControlError> {
         let next = Queries::external(sources, next, None)?;
-        fill(sources, &next, self.k, level, self.tables, monitor)?;
+        fill_level(sources, &next, self.k, level, self.tables, monitor)?;
         let starts = Queries::external(sources, starts, None)?;
-        fill(sources, &starts, self.k, level, self.start_tables, monitor)
+        fill_level(sources, &starts, self.k, level, self.start_tables, monitor)
     }
 }
 
-/// Finds the lists of all queries for one action, and writes them to the tables of the ensemble members.
-fn fill(
+/// A search for the lists of all actions.
+struct Search<'a> {
+    planned: &'a Planned<'a>,
+    k: usize,
+    actions: usize,
+    members: usize,
+    monitor: &'a dyn Monitor,
+}
+
+impl Search<'_> {
+    /// Calls `each` with every query of `order` and its lists.
+    fn each(
+        &self,
+        queries: &Queries<'_>,
+        order: &[u32],
+        mut each: impl FnMut(u32, ActionLists<'_>),
+    ) -> Result<(), ControlError> {
+        let Self { k, actions, members, monitor, .. } = *self;
+        monitor.begin("neighbours of all actions", order.len() as u64);
+        // Parts whose lists take no more memory than those of one action for all queries.
+        for order in order.chunks(order.len().div_ceil(actions)) {
+            let mut found = NeighborLists::new(order.len(), actions * members, k);
+            self.planned.index.search(queries, order, &mut found, monitor)?;
+            for (at, &query) in order.iter().enumerate() {
+                each(query, ActionLists { found: &found, at, members });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Finds the lists of all queries for one level, and writes them to the tables of the ensemble members.
+fn fill_level(
     sources: &Sources<'_>,
     queries: &Queries<'_>,
     k: usize,

@@ -6,7 +6,8 @@ use calib_knn::{Blocks, Sources};
 
 use super::step::{Draw, MOST_LIVE, Nearest};
 use super::{
-    ActionModel, ActionModelKind, Coverage, Ensemble, ModelEnvironment, Rules, Step, Target, radius,
+    ActionModel, ActionModelKind, Coverage, Ensemble, ModelEnvironment, Rules, Step, Target,
+    radius::Outside,
 };
 use crate::{ControlError, Decisions, Environment, Outcome};
 
@@ -91,19 +92,16 @@ impl Increments {
         let (groups, radius) = match log.settings() {
             None => {
                 let sources = Sources::new(states, log.transitions(), model.blocks())?;
-                let of_action: Vec<Vec<u32>> =
-                    (0..log.levels()).map(|action| log.with_action(action)).collect();
-                let radius =
-                    radius::radius(&sources, of_action.iter().cloned(), coverage, monitor)?;
-                let groups = of_action.into_iter().map(|own| ActionSources::new(states, own, log));
+                let radius = Outside::all(sources, Some(log), monitor)?.radius(coverage)?;
+                let groups = (0..log.levels())
+                    .map(|action| ActionSources::new(states, log.with_action(action), log));
                 (groups.collect(), radius)
             }
             Some(settings) => {
                 let taken = settings.taken(states, model.action_weight)?;
                 let sources = Sources::new(&taken, log.transitions(), model.blocks())?;
                 let all: Vec<u32> = (0..log.len() as u32).collect();
-                let each = std::iter::once(all.clone());
-                let radius = radius::radius(&sources, each, coverage, monitor)?;
+                let radius = Outside::all(sources, None, monitor)?.radius(coverage)?;
                 (vec![ActionSources::new(&taken, all, log)], radius)
             }
         };

@@ -82,6 +82,17 @@ impl FillingTable {
         self.distances[start..start + self.k].copy_from_slice(list.1);
     }
 
+    /// Writes the lists of every action to their places.
+    pub(crate) fn put_all<'l>(
+        &mut self,
+        row: usize,
+        list: impl Fn(usize) -> (&'l [u32], &'l [f32]),
+    ) {
+        for action in 0..self.actions {
+            self.put(row, action, list(action));
+        }
+    }
+
     /// Returns the finished table.
     pub(crate) fn finished(self) -> ActionTable {
         let neighbors = Arc::new(self.neighbors);

@@ -35,15 +35,18 @@ fn a_log_of_fewer_transitions_than_members_names_the_key() {
     assert!(told.ends_with("lower control.model.members"), "{told}");
 }
 
+/// Computes a squared distance by the definition.
+fn squared(model: &ActionModel, from: &[f32], transition: u32) -> f64 {
+    let row = model.log().transitions().sources()[transition as usize] as usize;
+    let state = model.log().states().row(row);
+    from.iter().zip(state).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>()
+}
+
 /// Computes a list of neighbours by the definition.
 fn plain(model: &ActionModel, member: usize, from: &[f32], action: usize) -> Vec<u32> {
-    let squared = |transition: u32| {
-        let row = model.log().transitions().sources()[transition as usize] as usize;
-        let state = model.log().states().row(row);
-        from.iter().zip(state).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>()
-    };
     let mut all: Vec<u32> = model.log().with_action(action);
     all.retain(|&candidate| model.blocks().contains(member, TransitionIndex(candidate)));
+    let squared = |transition| squared(model, from, transition);
     all.sort_by(|&a, &b| squared(a).total_cmp(&squared(b)).then(a.cmp(&b)));
     all.truncate(3);
     all
@@ -62,7 +65,7 @@ proptest! {
                 }
                 for number in 0..model.log().len() {
                     let transition = TransitionIndex::new(number);
-                    let got = model.tables[member].list(number, action).0;
+                    let (got, distances) = model.tables[member].list(number, action);
                     if !model.blocks().contains(member, transition) {
                         prop_assert!(got.is_empty());
                         continue;
@@ -70,9 +73,30 @@ proptest! {
                     let next = model.log().transitions().next(transition).get();
                     let from = model.log().states().row(next);
                     prop_assert_eq!(got, plain(&model, member, from, action));
+                    let exact = got.iter().map(|&near| squared(&model, from, near).sqrt() as f32);
+                    prop_assert_eq!(distances, exact.collect::<Vec<_>>());
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_radius_is_a_quantile_of_distances_to_other_blocks(
+        rows in 40_usize..400, seed in 0_u64..1000, actions in 1_usize..4,
+    ) {
+        let model = model(log(rows, seed, actions), ActionModelConfig::default());
+        let log = model.log();
+        let each = (0..log.len()).filter_map(|number| {
+            let transition = TransitionIndex::new(number);
+            let [from, _] = log.ends(transition);
+            let member = model.blocks().block_of(transition);
+            let action = usize::from(log.actions()[number]);
+            let nearest = *plain(&model, member, from, action).first()?;
+            Some(f64::from(squared(&model, from, nearest).sqrt() as f32))
+        });
+        let distances: Vec<f64> = each.collect();
+        let radius = calib_stats::quantile(&distances, 0.95).expect("some");
+        prop_assert_eq!(model.radius(), radius as f32);
     }
 }
 

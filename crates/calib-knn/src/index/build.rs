@@ -54,6 +54,8 @@ impl<'a> Sources<'a> {
     ///
     /// With a Theiler window of 3600 rows, 20 000 rows of two columns of the plant take 1.01 with the tree and 0.14 with the join.
     ///
+    /// The k-d tree has no lists for classes. Sources in classes get the join instead.
+    ///
     /// Progress counts passes over the sources.
     ///
     /// # Errors
@@ -70,19 +72,21 @@ impl<'a> Sources<'a> {
         let tree =
             |tree: KdTree<'a>, reason| Planned::new(tree, queries, IndexKind::KdTree, reason);
         let budget = self.leaf_budget;
+        let by_class = self.classes.are_given();
         // Only the join has a leaf budget. A budget therefore fixes the structure, so that the tables do not depend on the choice.
         let kind = if budget > 0 { IndexKind::Join } else { kind };
         match kind {
-            IndexKind::KdTree => Ok(tree(KdTree::new(*self, monitor)?, Reason::Asked)),
+            IndexKind::KdTree if !by_class => Ok(tree(KdTree::new(*self, monitor)?, Reason::Asked)),
             IndexKind::Scan | IndexKind::Auto if queries.len() < FEW_QUERIES => {
                 let asked = kind == IndexKind::Scan;
                 let reason = if asked { Reason::Asked } else { Reason::FewQueries };
                 Ok(scan(Scan::new(*self), reason))
             }
             IndexKind::Scan => Ok(scan(Scan::grouped(*self, monitor)?, Reason::Asked)),
-            IndexKind::Join | IndexKind::Auto => {
+            IndexKind::KdTree | IndexKind::Join | IndexKind::Auto => {
                 // The tree's arrays cannot be in files.
-                let few = self.columns() <= FEW_COLUMNS && *place == ScratchPlace::Memory;
+                let few =
+                    !by_class && self.columns() <= FEW_COLUMNS && *place == ScratchPlace::Memory;
                 if kind == IndexKind::Auto && few {
                     let built = KdTree::new(*self, monitor)?;
                     let most = MOST_GIVEN + 6 * k;

@@ -5,7 +5,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 use super::{NeighborIndex, NeighborLists, Queries, Sources, in_blocks};
-use crate::{KnnError, MemberLists, distance::squared, groups::Groups};
+use crate::{KnnError, Lists as _, MemberLists, distance::squared, groups::Groups};
 
 /// Queries per block, between two checks for an interruption.
 const QUERIES: usize = 256;
@@ -18,7 +18,7 @@ const SAMPLE: usize = 256;
 /// fill every list of the query, the lists are exact; otherwise `n` grows. Distances are computed again by the definition.
 ///
 /// The tree cannot skip states that the query must not find, such as those of a Theiler window or of a block that is left out. It
-/// returns all of them where they are the nearest.
+/// returns all of them where they are the nearest. It has no lists for classes.
 #[derive(Debug)]
 pub struct KdTree<'a> {
     sources: Sources<'a>,
@@ -76,7 +76,7 @@ impl<'a> KdTree<'a> {
             for &(_, group) in &found {
                 let source = self.groups.row(group as usize);
                 let squared = squared(state, self.sources.states.row(source));
-                self.groups.offer(group as usize, squared, &forbidden, &mut lists, findable);
+                self.groups.offer(group as usize, squared, &forbidden, 0, &mut lists, findable);
             }
             // The tree computes in f64 without cancellation. Its relative error is far smaller than this.
             let beyond = found.last().map_or(f64::INFINITY, |&(last, _)| last * (1.0 - 1e-12));

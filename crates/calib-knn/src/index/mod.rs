@@ -22,7 +22,7 @@ pub use scan::Scan;
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{KnnError, MemberLists};
+use crate::{KnnError, Lists};
 
 /// An exact search structure over the sources of a model.
 ///
@@ -52,12 +52,12 @@ pub trait NeighborIndex: Sync {
 
 /// Searches `order` in parallel in blocks of `size` queries, and stores the lists of each block at its positions. `search`
 /// reports progress to the monitor. Results that are found after an interruption are not used.
-fn in_blocks(
+fn in_blocks<L: Lists>(
     order: &[u32],
     size: usize,
     found: &mut NeighborLists,
     monitor: &dyn Monitor,
-    search: impl Fn(&[u32]) -> Vec<MemberLists> + Sync,
+    search: impl Fn(&[u32]) -> Vec<L> + Sync,
 ) -> Result<(), KnnError> {
     let pieces = found.pieces(order.chunks(size).map(<[u32]>::len));
     pieces.zip(order.par_chunks(size)).for_each(|(mut piece, order)| {

@@ -1,10 +1,10 @@
 use rayon::prelude::*;
 
-use crate::{KnnError, MemberLists, distance::stored};
+use crate::{KnnError, Lists, distance::stored};
 
 /// The search results for some queries: `[query, member, k]` neighbours and their distances.
 ///
-/// Lists that were not requested, and the ends of short ones, contain `u32::MAX` and `+∞`.
+/// Sources in classes have a list for each class and member. Lists that were not requested, and the ends of short ones, contain `u32::MAX` and `+∞`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NeighborLists {
     members: usize,
@@ -155,17 +155,14 @@ pub(crate) struct Piece<'a> {
 
 impl Piece<'_> {
     /// Stores the lists of the query at position `query` of the piece.
-    pub(crate) fn store(&mut self, query: usize, lists: &MemberLists) {
-        for &member in lists.members() {
-            let start = query * self.stride + member * self.k;
-            let neighbors = &mut self.neighbors[start..start + self.k];
-            let distances = &mut self.distances[start..start + self.k];
-            for ((neighbor, distance), (transition, squared)) in
-                neighbors.iter_mut().zip(distances).zip(lists.of(member))
-            {
-                *neighbor = transition.0;
-                *distance = stored(squared);
-            }
-        }
+    pub(crate) fn store(&mut self, query: usize, lists: &impl Lists) {
+        let cells = query * self.stride..(query + 1) * self.stride;
+        let neighbors = &mut self.neighbors[cells.clone()];
+        let distances = &mut self.distances[cells];
+        lists.each(|list, position, candidate| {
+            let cell = list * self.k + position;
+            neighbors[cell] = candidate.transition;
+            distances[cell] = stored(candidate.squared);
+        });
     }
 }

@@ -9,13 +9,15 @@ use pulp::Simd;
 
 use super::{Queries, Sources};
 use crate::{
-    MemberLists,
+    Lists,
     candidate_mask::CandidateMask,
-    distance::{Margin, squared_of_four},
+    distance::{Margin, squared, squared_of_four},
     groups::Groups,
     lists::Candidate,
 };
 
+/// Up to this many columns, lists of classes are filled by the definition at once. That is faster than an f32 sum before.
+const FEW_COLUMNS: usize = 16;
 /// Number of candidate groups that a query collects before it discards those that no longer count.
 const MOST_MET: usize = 512;
 
@@ -24,12 +26,12 @@ const MOST_MET: usize = 512;
 /// Candidates are compared by f32 sums. Until the end, the lists hold upper bounds of the distances. At the end, the
 /// candidates that can still be in a list, by the margin of the rounding, are measured by the definition.
 #[derive(Debug)]
-pub(super) struct Pending<'a> {
+pub(super) struct Pending<'a, L> {
     state: &'a [f32],
     forbidden: Range<u32>,
     findable: CandidateMask<'a>,
     /// Lists of upper bounds of squared distances. Their radius bounds the final one.
-    lists: MemberLists,
+    lists: L,
     /// Another upper bound, from neighbours in time.
     cap: f64,
     /// States beyond this squared distance, as an f32 sum, need not be looked at.
@@ -55,10 +57,27 @@ impl<'a> Pool<'a> {
     pub(super) fn state(&self, group: u32) -> &'a [f32] {
         self.sources.states.row(self.groups.row(group as usize))
     }
+
+    /// Whether distances are measured by the definition as soon as a group is met.
+    #[inline(always)]
+    fn measures_at_once<L: Lists>(&self) -> bool {
+        L::BY_CLASS && self.sources.columns() <= FEW_COLUMNS
+    }
+
+    /// Returns the class of a group's sources.
+    #[inline(always)]
+    pub(super) fn class(&self, group: u32) -> usize {
+        let classes = self.sources.classes;
+        if classes.are_given() {
+            classes.class(self.groups.transitions(group as usize)[0])
+        } else {
+            0
+        }
+    }
 }
 
-impl<'a> Pending<'a> {
-    /// Starts the search of a query. Its neighbours in time give the first bound.
+impl<'a, L: Lists> Pending<'a, L> {
+    /// Starts the search of a query. Its neighbours in time give the first bound. They would not fill the lists of every class.
     #[inline(always)]
     pub(super) fn new<S: Simd>(
         simd: S,
@@ -69,16 +88,20 @@ impl<'a> Pending<'a> {
     ) -> Self {
         let findable = queries.findable();
         let state = queries.states().row(queries.row(query));
-        let mut lists = MemberLists::new(findable.members(), k);
-        lists.reset(queries.wanted(query));
-        for transition in queries.near_in_time(query, k + 2) {
-            let distance = state_distance(simd, state, pool.sources.state(transition));
-            lists.offer(Candidate { squared: pool.margin.upper(distance), transition }, findable);
+        let mut lists = L::requested(queries, query, k);
+        if !L::BY_CLASS {
+            for transition in queries.near_in_time(query, k + 2) {
+                let distance = state_distance(simd, state, pool.sources.state(transition));
+                let candidate = Candidate { squared: pool.margin.upper(distance), transition };
+                lists.offer(0, candidate, findable);
+            }
         }
         let cap = lists.radius();
-        lists.clear();
+        if !L::BY_CLASS {
+            lists.clear();
+        }
         let forbidden = queries.forbidden(query);
-        let met = Vec::with_capacity(4 * k);
+        let met = Vec::with_capacity(if pool.measures_at_once::<L>() { 0 } else { 4 * k });
         let threshold = -1.0;
         let most = MOST_MET;
         let looked = 0;
@@ -105,6 +128,21 @@ impl<'a> Pending<'a> {
         (radius >= 0.0).then_some(radius)
     }
 
+    /// Returns the [`radius`](Self::radius) of the sources of one class.
+    #[inline(always)]
+    pub(super) fn radius_in(&self, class: usize) -> Option<f64> {
+        let radius = self.cap.min(self.lists.radius_in(class));
+        (radius >= 0.0).then_some(radius)
+    }
+
+    /// Whether a source of a class at this squared distance, an f32 sum, can still enter a list.
+    #[inline(always)]
+    fn is_near(&self, distance: f32, class: usize, margin: Margin) -> bool {
+        distance <= self.threshold
+            && (!L::BY_CLASS
+                || self.radius_in(class).is_some_and(|radius| distance <= margin.threshold(radius)))
+    }
+
     /// Drops the bound from neighbours in time, because a search that ends early may not visit them.
     pub(super) fn forget_neighbours_in_time(&mut self, margin: Margin) {
         self.cap = f64::INFINITY;
@@ -120,37 +158,60 @@ impl<'a> Pending<'a> {
         self.looked
     }
 
-    /// Offers the sources of a group. Returns whether the radius has become smaller.
+    /// Offers the sources of a group, which are of this class. Returns whether the radius of their class has become smaller.
     #[inline(always)]
-    pub(super) fn meet<S: Simd>(&mut self, simd: S, pool: Pool<'_>, group: u32) -> bool {
+    pub(super) fn meet<S: Simd>(
+        &mut self,
+        simd: S,
+        pool: Pool<'_>,
+        group: u32,
+        class: usize,
+    ) -> bool {
         let transitions = pool.groups.transitions(group as usize);
         if transitions.iter().all(|transition| self.forbidden.contains(transition)) {
             return false;
         }
         self.looked += 1;
+        if pool.measures_at_once::<L>() {
+            return self.measure(pool, group, class);
+        }
         let distance = state_distance(simd, self.state, pool.state(group));
-        if distance > self.threshold {
+        if !self.is_near(distance, class, pool.margin) {
             return false;
         }
         if self.met.len() >= self.most {
             self.forget(pool);
         }
         self.met.push((distance, group));
-        let before = self.lists.radius();
+        let before = self.lists.radius_in(class);
         let upper = pool.margin.upper(distance);
-        pool.groups.offer(group as usize, upper, &self.forbidden, &mut self.lists, self.findable);
-        let nearer = self.lists.radius() < before;
+        let lists = &mut self.lists;
+        pool.groups.offer(group as usize, upper, &self.forbidden, class, lists, self.findable);
+        let nearer = self.lists.radius_in(class) < before;
         if nearer {
             self.narrow(pool.margin);
         }
         nearer
     }
 
+    /// Offers the sources of a group by the definition of the distance.
+    #[inline(always)]
+    fn measure(&mut self, pool: Pool<'_>, group: u32, class: usize) -> bool {
+        let squared = squared(self.state, pool.state(group));
+        let before = self.lists.radius_in(class);
+        if squared > before {
+            return false;
+        }
+        let lists = &mut self.lists;
+        pool.groups.offer(group as usize, squared, &self.forbidden, class, lists, self.findable);
+        self.lists.radius_in(class) < before
+    }
+
     /// Discards groups that cannot be in a list. Some are too far by now. Others are as near as very many sources,
     /// as in a long standstill, but the definition ranks them behind groups that were already collected.
     #[cold]
     fn forget(&mut self, pool: Pool<'_>) {
-        self.met.retain(|&(distance, _)| distance <= self.threshold);
+        self.keep_near(pool);
         if 2 * self.met.len() > self.most {
             let mut lists = self.lists.clone();
             self.judge(pool, &mut lists);
@@ -166,22 +227,33 @@ impl<'a> Pending<'a> {
         self.most = MOST_MET.max(2 * self.met.len());
     }
 
+    /// Discards groups that are too far by now.
+    fn keep_near(&mut self, pool: Pool<'_>) {
+        let mut met = std::mem::take(&mut self.met);
+        met.retain(|&(distance, group)| self.is_near(distance, pool.class(group), pool.margin));
+        self.met = met;
+    }
+
     /// Fills `lists` by the definition from the collected groups.
-    fn judge(&self, pool: Pool<'_>, lists: &mut MemberLists) {
+    fn judge(&self, pool: Pool<'_>, lists: &mut L) {
         lists.clear();
         for four in self.met.chunks(4) {
             let states = [0, 1, 2, 3].map(|i: usize| pool.state(four[i.min(four.len() - 1)].1));
             for (&(_, group), squared) in four.iter().zip(squared_of_four(self.state, states)) {
                 let forbidden = &self.forbidden;
-                pool.groups.offer(group as usize, squared, forbidden, lists, self.findable);
+                let class = pool.class(group);
+                pool.groups.offer(group as usize, squared, forbidden, class, lists, self.findable);
             }
         }
     }
 
     /// Returns the lists by the definition, from the groups that can be in them.
-    pub(super) fn finish(mut self, pool: Pool<'_>) -> MemberLists {
-        self.met.retain(|&(distance, _)| distance <= self.threshold);
-        let mut lists = std::mem::replace(&mut self.lists, MemberLists::new(0, 0));
+    pub(super) fn finish(mut self, pool: Pool<'_>) -> L {
+        if pool.measures_at_once::<L>() {
+            return self.lists;
+        }
+        self.keep_near(pool);
+        let mut lists = std::mem::take(&mut self.lists);
         self.judge(pool, &mut lists);
         lists
     }
@@ -218,7 +290,7 @@ mod tests {
     use calib_core::{Segments, States, TransitionIndex, Transitions};
 
     use super::*;
-    use crate::{Blocks, Exclusion};
+    use crate::{Blocks, Exclusion, MemberLists};
 
     #[test]
     fn a_standstill_is_not_remembered_row_by_row() {
@@ -235,11 +307,11 @@ mod tests {
         let groups = Groups::singletons(&sources);
         let pool = Pool { sources: &sources, groups: &groups, margin: Margin::new(2) };
         let simd = pulp::Scalar;
-        let mut one = Pending::new(simd, pool, &queries, 6, 3);
+        let mut one: Pending<'_, MemberLists> = Pending::new(simd, pool, &queries, 6, 3);
         one.forget_neighbours_in_time(pool.margin);
         let mut most = 0;
         for group in (0..groups.len() as u32).rev() {
-            one.meet(simd, pool, group);
+            one.meet(simd, pool, group, 0);
             most = most.max(one.met.len());
         }
         assert!((MOST_MET / 2..=MOST_MET).contains(&most), "{most}");

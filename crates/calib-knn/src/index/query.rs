@@ -4,7 +4,7 @@ use calib_core::{RowIndex, States, TransitionIndex, Transitions};
 
 use crate::{
     Blocks, Exclusion, KnnError, NeighborLists, bits::Bits, candidate_mask::CandidateMask,
-    candidates::Candidates, distance::squared,
+    candidates::Candidates, classes::Classes, distance::squared,
 };
 
 /// The searched set: the source state of every transition.
@@ -18,6 +18,8 @@ pub struct Sources<'a> {
     pub(crate) leaf_budget: usize,
     /// The states that table distances are measured in, if they differ from the searched states.
     pub(crate) measured: Option<&'a States>,
+    /// The classes for each of which there are lists.
+    pub(crate) classes: Classes<'a>,
 }
 
 impl<'a> Sources<'a> {
@@ -41,13 +43,24 @@ impl<'a> Sources<'a> {
             candidates: Candidates::Every(1),
             leaf_budget: 0,
             measured: None,
+            classes: Classes::NONE,
         })
     }
 
-    /// Restricts the possible neighbours to these transitions, ascending: those with one action, for example.
+    /// Returns the same sources in `count` classes, given the class of every transition: its action, for example. One search then
+    /// finds the `k` nearest sources of every class, in every member. The list of a class and a member has number
+    /// `class * members + member` in [`NeighborLists`].
+    ///
+    /// # Panics
+    /// If there is not a class below `count` for each transition.
     #[must_use]
-    pub fn among(self, chosen: &'a [u32]) -> Self {
-        Self { candidates: Candidates::Chosen(chosen), ..self }
+    pub fn by_class(self, classes: &'a [u16], count: usize) -> Self {
+        assert_eq!(classes.len(), self.len(), "a class for each transition");
+        assert!(
+            classes.iter().all(|&class| usize::from(class) < count),
+            "a class below the number"
+        );
+        Self { classes: Classes::new(classes, count), ..self }
     }
 
     /// Returns the number of sources that can be neighbours.
@@ -94,6 +107,7 @@ pub struct Queries<'a> {
     kind: Kind<'a>,
     exclusion: Exclusion,
     left_out: &'a [Bits],
+    nearest: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +126,8 @@ impl<'a> Queries<'a> {
         Self::with_kind(sources, Kind::NextStates, exclusion)
     }
 
-    /// Creates queries for recorded `rows`, for one member.
+    /// Creates queries for recorded `rows`, for one member. If sources have classes, a query requests only the class of the transition
+    /// that starts from its row.
     pub fn rows(
         sources: &Sources<'a>,
         rows: &'a [RowIndex],
@@ -123,7 +138,14 @@ impl<'a> Queries<'a> {
     }
 
     fn with_kind(sources: &Sources<'a>, kind: Kind<'a>, exclusion: Exclusion) -> Self {
-        Self { states: sources.states, sources: *sources, kind, exclusion, left_out: &[] }
+        Self {
+            states: sources.states,
+            sources: *sources,
+            kind,
+            exclusion,
+            left_out: &[],
+            nearest: false,
+        }
     }
 
     /// Creates queries for states that were not recorded with the sources, for one member or for all. Nothing is forbidden.
@@ -140,6 +162,14 @@ impl<'a> Queries<'a> {
         }
         let kind = Kind::External(member);
         Ok(Self { states, ..Self::with_kind(sources, kind, Exclusion::default()) })
+    }
+
+    /// Returns the same queries for next states. Each also requests the nearest source of one class in one member: if a transition starts
+    /// from the query's row, of the transition's class in the member that lacks its block. The query itself does not belong to
+    /// that member.
+    #[must_use]
+    pub fn with_nearest_outside_block(self) -> Self {
+        Self { nearest: true, ..self }
     }
 
     /// Returns the same queries, which must not find the candidates in `left_out` of each member.
@@ -160,6 +190,11 @@ impl<'a> Queries<'a> {
             Kind::Rows(rows, _) => rows.len(),
             Kind::External(_) => self.states.rows(),
         }
+    }
+
+    /// Returns the classes of the sources.
+    pub(crate) fn classes(&self) -> Classes<'a> {
+        self.sources.classes
     }
 
     pub(crate) fn members(&self) -> usize {
@@ -219,6 +254,23 @@ impl<'a> Queries<'a> {
         let own = self.sources.transitions.starting_at(self.recorded(query)?);
         let own = own.map(|TransitionIndex(transition)| transition);
         own.filter(|&transition| self.sources.candidates.contains(transition))
+    }
+
+    /// Returns the classes whose lists query `query` requests.
+    pub(crate) fn wanted_classes(&self, query: usize) -> Range<usize> {
+        let classes = self.sources.classes;
+        let own = match self.kind {
+            Kind::Rows(..) => self.own_source(query).map(|own| classes.class(own)),
+            Kind::NextStates | Kind::External(_) => None,
+        };
+        own.map_or(0..classes.count(), |own| own..own + 1)
+    }
+
+    /// Returns the class and the member whose nearest source query `query` requests besides its lists.
+    pub(crate) fn wanted_nearest(&self, query: usize) -> Option<(usize, usize)> {
+        let own = self.own_source(query).filter(|_| self.nearest)?;
+        let member = self.sources.blocks.block_of(TransitionIndex(own));
+        Some((self.sources.classes.class(own), member))
     }
 
     /// Returns the transition that starts from the query's row, or the one that ends there.

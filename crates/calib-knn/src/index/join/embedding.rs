@@ -108,6 +108,11 @@ impl Embedding {
         self.width
     }
 
+    /// Returns the number of coordinates after which all are zero, a multiple of 4.
+    pub(super) fn used(&self) -> usize {
+        self.places.len().next_multiple_of(4)
+    }
+
     /// Returns the distance from the mean beyond which states are kept apart.
     pub(super) fn far(&self) -> f64 {
         FAR * self.usual

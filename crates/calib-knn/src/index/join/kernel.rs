@@ -164,6 +164,13 @@ pub(super) fn least<const N: usize>(distances: &[f32; N]) -> usize {
     (0..N).reduce(|a: usize, b: usize| if distances[b] < distances[a] { b } else { a }).unwrap_or(0)
 }
 
+/// Returns all positions, the smallest distance first.
+pub(super) fn nearest_first<const N: usize>(distances: &[f32; N]) -> [usize; N] {
+    let mut order = std::array::from_fn(|place| place);
+    order.sort_unstable_by(|&a: &usize, &b| distances[a].total_cmp(&distances[b]));
+    order
+}
+
 /// A set of positions below 64, in ascending order.
 pub(super) struct Places(u64);
 
@@ -304,6 +311,7 @@ mod tests {
         let places = within(&[1.0, 5.0, 0.5, 2.0], &[3.0; 4]);
         assert_eq!(places.beginning_with(1).collect::<Vec<_>>(), [0, 2, 3]);
         assert_eq!(least(&[1.0, 5.0, 0.5, 2.0]), 2);
+        assert_eq!(nearest_first(&[1.0, 5.0, 0.5, 2.0]), [2, 0, 3, 1]);
     }
 
     #[test]

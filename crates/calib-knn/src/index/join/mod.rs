@@ -1,4 +1,4 @@
-use std::ops::RangeInclusive;
+use std::{marker::PhantomData, ops::RangeInclusive};
 
 use calib_core::Monitor;
 use calib_files::{Scratch, ScratchPlace};
@@ -6,6 +6,7 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 mod block;
+mod class_masks;
 mod embedding;
 mod far;
 mod kernel;
@@ -13,8 +14,11 @@ mod spread;
 mod tree;
 
 use super::{NeighborIndex, NeighborLists, Queries, Sources, pending::Pool};
-use crate::{KnnError, distance::Margin, groups::Groups};
+use crate::{
+    KnnError, Lists, MemberLists, class_lists::ClassLists, distance::Margin, groups::Groups,
+};
 use block::{Band, Limit, QUERIES};
+use class_masks::ClassMasks;
 use embedding::Embedding;
 pub(crate) use embedding::width as image_width;
 use far::Far;
@@ -47,6 +51,8 @@ pub struct Join<'a> {
     groups: Groups,
     embedding: Embedding,
     tree: Tree,
+    /// Empty if sources have no classes.
+    masks: ClassMasks,
     /// Position of each transition's source in the order of the tree.
     place_of: Vec<u32>,
     image_margin: Margin,
@@ -105,6 +111,10 @@ impl<'a> Join<'a> {
                 place_of[transition as usize] = place as u32;
             }
         }
+        let masks = match sources.classes {
+            classes if classes.are_given() => ClassMasks::new(&tree, &groups, classes),
+            _ => ClassMasks::default(),
+        };
         let image_margin = Margin::new(width);
         let state_margin = Margin::new(sources.columns());
         Ok(Some(Self {
@@ -112,6 +122,7 @@ impl<'a> Join<'a> {
             groups,
             embedding,
             tree,
+            masks,
             place_of,
             image_margin,
             state_margin,
@@ -187,6 +198,20 @@ impl<'a> Join<'a> {
         k: usize,
         monitor: &dyn Monitor,
     ) -> f64 {
+        if self.sources.classes.are_given() {
+            self.share_with_lists::<ClassLists>(queries, order, k, monitor)
+        } else {
+            self.share_with_lists::<MemberLists>(queries, order, k, monitor)
+        }
+    }
+
+    fn share_with_lists<L: Lists>(
+        &self,
+        queries: &Queries<'_>,
+        order: &[u32],
+        k: usize,
+        monitor: &dyn Monitor,
+    ) -> f64 {
         let bands = self.bands(queries, order);
         let stride = bands.len().div_ceil(SAMPLE).max(1);
         let sample: Vec<_> = bands.iter().step_by(stride).map(|band| &band[..1]).collect();
@@ -197,11 +222,46 @@ impl<'a> Join<'a> {
             .map(|blocks| {
                 let count = blocks[0].1.len();
                 let limit = Limit { work: 2 * scan(count), ..self.limit(queries) };
-                let band = Band { join: self, queries, blocks, k, limit, monitor };
+                let lists = PhantomData::<L>;
+                let band = Band { join: self, queries, blocks, k, limit, monitor, lists };
                 (arch.dispatch(band).work, count)
             })
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         work as f64 / scan(sampled).max(1) as f64
+    }
+
+    /// Searches `order` with lists of this kind.
+    fn search_lists<L: Lists>(
+        &self,
+        queries: &Queries<'_>,
+        order: &[u32],
+        found: &mut NeighborLists,
+        monitor: &dyn Monitor,
+    ) -> Result<(), KnnError> {
+        let k = found.k();
+        let arch = Arch::new();
+        let bands = self.bands(queries, order);
+        let pieces =
+            found.pieces(bands.iter().map(|band| band.iter().map(|(_, run)| run.len()).sum()));
+        pieces.zip(&bands).for_each(|(mut piece, blocks)| {
+            if monitor.interrupted() {
+                return;
+            }
+            let searched = arch.dispatch(Band {
+                join: self,
+                queries,
+                blocks,
+                k,
+                limit: self.limit(queries),
+                monitor,
+                lists: PhantomData::<L>,
+            });
+            for (place, lists) in searched.lists.iter().enumerate() {
+                piece.store(place, lists);
+            }
+            monitor.advance(searched.lists.len() as u64);
+        });
+        Ok(monitor.check()?)
     }
 
     /// Writes the image of a query; returns bounds on its distance from the mean.
@@ -290,29 +350,11 @@ impl NeighborIndex for Join<'_> {
         found: &mut NeighborLists,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
-        let k = found.k();
-        let arch = Arch::new();
-        let bands = self.bands(queries, order);
-        let pieces =
-            found.pieces(bands.iter().map(|band| band.iter().map(|(_, run)| run.len()).sum()));
-        pieces.zip(&bands).for_each(|(mut piece, blocks)| {
-            if monitor.interrupted() {
-                return;
-            }
-            let searched = arch.dispatch(Band {
-                join: self,
-                queries,
-                blocks,
-                k,
-                limit: self.limit(queries),
-                monitor,
-            });
-            for (place, lists) in searched.lists.iter().enumerate() {
-                piece.store(place, lists);
-            }
-            monitor.advance(searched.lists.len() as u64);
-        });
-        Ok(monitor.check()?)
+        if self.sources.classes.are_given() {
+            self.search_lists::<ClassLists>(queries, order, found, monitor)
+        } else {
+            self.search_lists::<MemberLists>(queries, order, found, monitor)
+        }
     }
 }
 
@@ -324,7 +366,7 @@ mod tests {
     use crate::{Blocks, Exclusion, index::at_every_level};
 
     /// Returns the neighbours of each query, for the first three members.
-    fn lists(level: &block::Searched) -> Vec<Vec<(TransitionIndex, f64)>> {
+    fn lists(level: &block::Searched<MemberLists>) -> Vec<Vec<(TransitionIndex, f64)>> {
         (level.lists.iter())
             .map(|lists| (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect())
             .collect()
@@ -365,7 +407,16 @@ mod tests {
         let order = join.order(&queries);
         for blocks in &join.bands(&queries, &order) {
             let (queries, limit) = (&queries, join.limit(&queries));
-            let band = Band { join: &join, queries, blocks, k: 5, limit, monitor: &Silent };
+            let lists_of = PhantomData::<MemberLists>;
+            let band = Band {
+                join: &join,
+                queries,
+                blocks,
+                k: 5,
+                limit,
+                monitor: &Silent,
+                lists: lists_of,
+            };
             let levels = at_every_level(band);
             for level in &levels[1..] {
                 assert_eq!(lists(level), lists(&levels[0]));

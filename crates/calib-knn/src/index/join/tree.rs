@@ -157,6 +157,10 @@ impl Tree {
         self.starts.len() - 1
     }
 
+    pub(super) fn nodes(&self) -> usize {
+        self.nodes.len()
+    }
+
     /// Whether some leaf contains position `place` of the order.
     pub(super) fn has(&self, place: u32) -> bool {
         (place as usize) < self.count

@@ -5,11 +5,15 @@
 
 mod kernel;
 
+use std::{marker::PhantomData, ops::Range};
+
 use super::{
     NeighborIndex, NeighborLists, Queries, Sources, in_blocks,
     pending::{Pending, Pool},
 };
-use crate::{KnnError, MemberLists, distance::Margin, groups::Groups};
+use crate::{
+    KnnError, Lists, MemberLists, class_lists::ClassLists, distance::Margin, groups::Groups,
+};
 use calib_core::Monitor;
 use kernel::{MOST_LANES, meets};
 use pulp::{Arch, Simd, WithSimd};
@@ -31,7 +35,10 @@ const FARTHEST: f32 = 1e30;
 #[derive(Debug)]
 pub struct Scan<'a> {
     sources: Sources<'a>,
+    /// The distinct states class by class, each class in the order of time.
     groups: Groups,
+    /// The end of each class in the groups.
+    ends: Vec<usize>,
     centre: Vec<f32>,
     margin: Margin,
 }
@@ -54,11 +61,48 @@ impl<'a> Scan<'a> {
     pub(super) fn of(sources: Sources<'a>, groups: Groups) -> Self {
         let centre = centre(&sources);
         let margin = Margin::new(sources.columns());
-        Self { sources, groups, centre, margin }
+        let (groups, ends) = if sources.classes.are_given() {
+            groups.in_classes(sources.classes)
+        } else {
+            let end = groups.len();
+            (groups, vec![end])
+        };
+        Self { sources, groups, ends, centre, margin }
     }
 
     fn pool(&self) -> Pool<'_> {
         Pool { sources: &self.sources, groups: &self.groups, margin: self.margin }
+    }
+
+    /// Returns the tiles of up to `size` groups, class by class, so that a tile has one limit per query.
+    fn tiles(&self, size: usize) -> Vec<Tile> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        let classes = starts.zip(&self.ends).enumerate();
+        let tiles = classes.flat_map(|(class, (first, &end))| {
+            tile_starts(end - first, size).map(move |start| {
+                let start = first + start;
+                Tile { class, groups: start..(start + size).min(end) }
+            })
+        });
+        tiles.collect()
+    }
+
+    /// Searches `order` with lists of this kind.
+    fn search_lists<L: Lists>(
+        &self,
+        queries: &Queries<'_>,
+        order: &[u32],
+        found: &mut NeighborLists,
+        monitor: &dyn Monitor,
+    ) -> Result<(), KnnError> {
+        let k = found.k();
+        let arch = Arch::new();
+        // Smaller blocks, if there would otherwise be too few for all threads.
+        let size = order.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, QUERIES);
+        in_blocks(order, size, found, monitor, |order| {
+            let lists = PhantomData::<L>;
+            arch.dispatch(Block { scan: self, queries, order, k, monitor, lists })
+        })
     }
 }
 
@@ -82,7 +126,7 @@ fn centre(sources: &Sources<'_>) -> Vec<f32> {
 }
 
 /// A block of queries against all sources.
-struct Block<'a> {
+struct Block<'a, L> {
     scan: &'a Scan<'a>,
     queries: &'a Queries<'a>,
     /// The numbers of the queries.
@@ -90,6 +134,13 @@ struct Block<'a> {
     k: usize,
     /// The monitor. It is notified of every tile of sources, and asked whether to stop.
     monitor: &'a dyn Monitor,
+    lists: PhantomData<L>,
+}
+
+/// Groups of one class that are compared together.
+struct Tile {
+    class: usize,
+    groups: Range<usize>,
 }
 
 /// Panels of queries: `−2 (q − centre)` as `[panel, column, query]`, and the limits of the sums.
@@ -101,11 +152,11 @@ struct Panels {
     norms: Vec<f64>,
 }
 
-impl WithSimd for Block<'_> {
-    type Output = Vec<MemberLists>;
+impl<L: Lists> WithSimd for Block<'_, L> {
+    type Output = Vec<L>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Vec<MemberLists> {
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<L> {
         // As many sums as the registers can hold.
         if S::REGISTER_COUNT >= 32 { self.run::<S, 8>(simd) } else { self.run::<S, 4>(simd) }
     }
@@ -129,36 +180,38 @@ fn pass_far(lanes: &mut [f32], offsets: &mut [f32], columns: usize, strip: usize
     }
 }
 
-impl Block<'_> {
+impl<L: Lists> Block<'_, L> {
     #[inline(always)]
-    fn run<S: Simd, const PANEL: usize>(self, simd: S) -> Vec<MemberLists> {
+    fn run<S: Simd, const PANEL: usize>(self, simd: S) -> Vec<L> {
         let (scan, columns) = (self.scan, self.scan.sources.columns());
         let pool = scan.pool();
-        let total = scan.groups.len();
         let strip = kernel::strip::<S>();
         let error = (2.0 * columns as f64 + 16.0) * f64::from(f32::EPSILON);
         let tiny = (2.0 * columns as f64 + 16.0) * f64::from(f32::MIN_POSITIVE);
-        let mut pending: Vec<Pending<'_>> = (self.order.iter())
+        let mut pending: Vec<Pending<'_, L>> = (self.order.iter())
             .map(|&query| Pending::new(simd, pool, self.queries, query as usize, self.k))
             .collect();
         let mut panels = self.panels::<PANEL>(&pending);
-        let limit = |one: &Pending<'_>, norm: f64| {
-            let radius = one.radius()?;
-            Some(((radius - norm * (1.0 - error) + tiny) as f32).next_up())
+        let limit = |one: &Pending<'_, L>, class: usize, norm: f64| {
+            one.radius_in(class).map_or(f32::NEG_INFINITY, |radius| {
+                ((radius - norm * (1.0 - error) + tiny) as f32).next_up()
+            })
         };
-        for ((one, &norm), to) in pending.iter().zip(&panels.norms).zip(&mut panels.limits) {
-            *to = limit(one, norm).unwrap_or(*to);
-        }
         let tile = STRIPS * strip;
         let mut lanes = vec![0.0; tile * columns.max(1)];
         let mut offsets = vec![0.0; tile];
         let mut sums = [0.0; 8 * MOST_LANES];
-        let tiles = total.div_ceil(tile) as u64;
-        for (done, start) in (0..).zip(tile_starts(total, tile)) {
+        let tiles = scan.tiles(tile);
+        let mut begun = None;
+        for (done, &Tile { class, ref groups }) in (0..).zip(&tiles) {
             if self.monitor.interrupted() {
                 break;
             }
-            let width = tile.min(total - start);
+            if begun.replace(class) != Some(class) {
+                let each = pending.iter().zip(&panels.norms).zip(&mut panels.limits);
+                each.for_each(|((one, &norm), to)| *to = limit(one, class, norm));
+            }
+            let (start, width) = (groups.start, groups.len());
             let strips = lanes.chunks_exact_mut(strip * columns.max(1));
             for (number, (lanes, norms)) in strips.zip(offsets.chunks_mut(strip)).enumerate() {
                 let first = (start + number * strip).min(start + width);
@@ -183,28 +236,27 @@ impl Block<'_> {
                         // Lanes past the last source are unused.
                         let sums = &sums[..strip.min(start + width - first)];
                         for (source, &sum) in (first as u32..).zip(sums) {
-                            if sum <= *limit_of && pending[query].meet(simd, pool, source) {
-                                let now = limit(&pending[query], panels.norms[query]);
-                                *limit_of = now.unwrap_or(*limit_of);
+                            if sum <= *limit_of && pending[query].meet(simd, pool, source, class) {
+                                *limit_of = limit(&pending[query], class, panels.norms[query]);
                             }
                         }
                     }
                 }
             }
             // The number of queries to report: the share of the sources that all queries have been compared with.
-            let queries = |done: u64| self.order.len() as u64 * done / tiles;
+            let queries = |done: u64| self.order.len() as u64 * done / tiles.len() as u64;
             match queries(done + 1) - queries(done) {
                 0 => {}
                 some => self.monitor.advance(some),
             }
         }
-        if tiles == 0 {
+        if tiles.is_empty() {
             self.monitor.advance(self.order.len() as u64);
         }
         pending.into_iter().map(|one| one.finish(pool)).collect()
     }
 
-    fn panels<const PANEL: usize>(&self, pending: &[Pending<'_>]) -> Panels {
+    fn panels<const PANEL: usize>(&self, pending: &[Pending<'_, L>]) -> Panels {
         let centre = &self.scan.centre;
         let columns = self.scan.sources.columns().max(1);
         let padded = pending.len().next_multiple_of(PANEL);
@@ -249,13 +301,11 @@ impl NeighborIndex for Scan<'_> {
         found: &mut NeighborLists,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
-        let k = found.k();
-        let arch = Arch::new();
-        // Smaller blocks, if there would otherwise be too few for all threads.
-        let size = order.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, QUERIES);
-        in_blocks(order, size, found, monitor, |order| {
-            arch.dispatch(Block { scan: self, queries, order, k, monitor })
-        })
+        if self.sources.classes.are_given() {
+            self.search_lists::<ClassLists>(queries, order, found, monitor)
+        } else {
+            self.search_lists::<MemberLists>(queries, order, found, monitor)
+        }
     }
 }
 
