@@ -32,9 +32,8 @@ use crate::{
         build_cost, build_network,
         build_plan::{BuildPlan, Spilled, Training},
         built_model::BuiltModel,
-        jumps,
         model_files::{self, MemberSummary, ModelFacts, ModelManifest, model_key},
-        recurrence::{self, MemberRecurrence},
+        recurrence::MemberRecurrence,
     },
     represent::{self, Representation},
 };
