@@ -233,11 +233,7 @@ impl Source {
 
 /// Whether the tokens before an item make it visible to others.
 fn is_public(before: &[&str]) -> bool {
-    match before {
-        [.., "pub"] => true,
-        [.., "pub", "(", _, ")"] => true,
-        _ => false,
-    }
+    matches!(before, [.., "pub"] | [.., "pub", "(", _, ")"])
 }
 
 /// Collects the paths and names of a `use`, given without its keyword and semicolon.

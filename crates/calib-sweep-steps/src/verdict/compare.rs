@@ -13,10 +13,7 @@ use calib_base::{
     outcome::{NoPlan, Outcome, StepResult},
 };
 use calib_files::write_json;
-use calib_model_steps::rollouts::{
-    figures::{self, FirstRollouts},
-    rollout,
-};
+use calib_model_steps::rollouts::figures::{self, FirstRollouts};
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
 use calib_study::{Job, Layout, Study};
 use calib_sweep::SensorVerdict;
