@@ -8,26 +8,38 @@ use super::{
 };
 use crate::{ControlError, Decisions, settings::next_states};
 
+/// Queries per thread that one search for all actions has at least: two bands of the join.
+const QUERIES_PER_THREAD: usize = 2_048;
+
 /// Returns the neighbours per state: at most one per transition.
 fn neighbors(log: &Decisions, config: &ActionModelConfig) -> usize {
     config.neighbors.min(log.len())
 }
 
 impl ActionModel {
-    /// Returns the memory of a model's tables in bytes, including the lists of one action during the search. `starts` is the
-    /// number of start states.
+    /// Returns the memory of a model's tables in bytes. `starts` is the number of start states.
     pub fn bytes(log: &Decisions, starts: usize, config: &ActionModelConfig) -> u64 {
-        let entry = size_of::<u32>() + size_of::<f32>();
-        let tables = log.levels().saturating_add(1);
-        [log.len().saturating_add(starts), tables, neighbors(log, config), config.members, entry]
-            .into_iter()
-            .fold(1, |product, factor| product.saturating_mul(factor as u64))
+        let lists = log.len().saturating_add(starts).saturating_mul(log.levels());
+        lists_bytes(lists, log, config)
+    }
+
+    /// Returns the memory of a build in bytes: the tables, and the lists that one search finds on the threads of this pool.
+    pub fn build_bytes(log: &Decisions, starts: usize, config: &ActionModelConfig) -> u64 {
+        let queries = log.len().max(starts);
+        let lists = if log.settings().is_some() {
+            queries
+        } else {
+            let most = searched_together(queries, log.levels()).min(queries);
+            most.saturating_mul(log.levels())
+        };
+        Self::bytes(log, starts, config).saturating_add(lists_bytes(lists, log, config))
     }
 
     /// Builds the model of `log`. Distances are those of `metric`, `[rows, d]`: the states, or their representation.
     ///
-    /// For each action, the search of models without actions runs among the transitions with that action. A table is
-    /// `[transitions, actions, k]`, so a step needs no search. Episodes begin in one of `starts`, chosen uniformly.
+    /// A table is `[transitions, actions, k]`, so a step needs no search. One search finds the neighbours among the transitions with each
+    /// action. For continuous actions, one search per level finds the neighbours of a state with that level. Episodes begin in one of
+    /// `starts`, chosen uniformly.
     ///
     /// # Errors
     /// If a field is not valid, there are no starts, the numbers of rows or columns disagree, or the monitor interrupts.
@@ -91,6 +103,21 @@ impl ActionModel {
     }
 }
 
+/// Returns the bytes of this many lists in every ensemble member.
+fn lists_bytes(lists: usize, log: &Decisions, config: &ActionModelConfig) -> u64 {
+    let entry = size_of::<u32>() + size_of::<f32>();
+    [lists, neighbors(log, config), config.members, entry]
+        .into_iter()
+        .fold(1, |product, factor| product.saturating_mul(factor as u64))
+}
+
+/// Returns how many of `queries` are searched together for all actions. Their lists take no more memory than those of one action for all
+/// queries, unless some threads would then have nothing to search.
+fn searched_together(queries: usize, actions: usize) -> usize {
+    let busy = rayon::current_num_threads().saturating_mul(QUERIES_PER_THREAD);
+    queries.div_ceil(actions).max(busy)
+}
+
 fn finished(tables: Vec<FillingTable>) -> Vec<ActionTable> {
     tables.into_iter().map(FillingTable::finished).collect()
 }
@@ -103,8 +130,7 @@ struct FillingTables<'a> {
 }
 
 impl FillingTables<'_> {
-    /// Fills the lists of every action from the transitions with that action, by one search of all. Returns the distances for the radius of
-    /// coverage.
+    /// Fills the lists of every action from the transitions with that action. Returns the distances for the radius of coverage.
     fn of_actions<'a>(
         &mut self,
         sources: &Sources<'a>,
@@ -175,8 +201,7 @@ impl Search<'_> {
     ) -> Result<(), ControlError> {
         let Self { k, actions, members, monitor, .. } = *self;
         monitor.begin("neighbours of all actions", order.len() as u64);
-        // Parts whose lists take no more memory than those of one action for all queries.
-        for order in order.chunks(order.len().div_ceil(actions)) {
+        for order in order.chunks(searched_together(order.len(), actions)) {
             let mut found = NeighborLists::new(order.len(), actions * members, k);
             self.planned.index.search(queries, order, &mut found, monitor)?;
             for (at, &query) in order.iter().enumerate() {

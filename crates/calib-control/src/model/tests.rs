@@ -279,10 +279,53 @@ fn with_neighbors(neighbors: usize) -> ActionModelConfig {
 #[test]
 fn more_neighbours_than_there_are_take_no_more_memory() {
     let log = log(60, 1, 3);
-    let all = ActionModel::bytes(&log, 1, &with_neighbors(log.len()));
-    assert_eq!(ActionModel::bytes(&log, 1, &with_neighbors(usize::MAX)), all);
+    let all = ActionModel::build_bytes(&log, 1, &with_neighbors(log.len()));
+    assert_eq!(ActionModel::build_bytes(&log, 1, &with_neighbors(usize::MAX)), all);
     let metric = log.states().clone();
     let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
     ActionModel::build(log, &metric, starts, &with_neighbors(usize::MAX), 0.0, &Silent)
         .expect("built");
+}
+
+/// Calls `op` on a pool of this many threads.
+fn on_threads<T: Send>(threads: usize, op: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+    pool.install(op)
+}
+
+#[test]
+fn every_number_of_threads_gives_the_same_tables() {
+    let built = |threads| on_threads(threads, || model(log(9_001, 4, 3), Default::default()));
+    let [one, four] = [1, 4].map(built);
+    let queries = one.log().len();
+    assert!((3 * 2_048..4 * 2_048).contains(&queries), "{queries}: three parts, and one");
+    assert_eq!(one.radius(), four.radius());
+    let tables = |model: &ActionModel| [model.tables.clone(), model.start_tables.clone()].concat();
+    for (one, four) in tables(&one).iter().zip(&tables(&four)) {
+        assert_eq!(one.neighbors(), four.neighbors());
+        assert_eq!(one.distances(), four.distances());
+    }
+}
+
+#[test]
+fn memory_includes_the_lists_of_one_search() {
+    let config = ActionModelConfig { members: 2, neighbors: 3, ..Default::default() };
+    let bytes = |log: &Decisions, threads| {
+        on_threads(threads, || {
+            ActionModel::build_bytes(log, 5, &config) - ActionModel::bytes(log, 5, &config)
+        })
+    };
+    let log = log(14_001, 1, 3);
+    let queries = log.len() as u64;
+    // Two members have three neighbours of eight bytes for each action.
+    let list = 2 * 3 * 8;
+    assert_eq!(ActionModel::bytes(&log, 5, &config), (queries + 5) * 3 * list);
+    // A third of the queries, then 2,048 per thread, then all.
+    assert_eq!(
+        [1, 4, 16].map(|threads| bytes(&log, threads)),
+        [queries.div_ceil(3), 4 * 2_048, queries].map(|queries| queries * 3 * list)
+    );
+    let (continuous, _) = continuous(60, 1);
+    let queries = continuous.len() as u64;
+    assert_eq!(bytes(&continuous, 16), queries * list, "one level at a time");
 }

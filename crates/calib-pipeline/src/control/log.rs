@@ -371,7 +371,7 @@ pub(super) fn start_rows(log: &Decisions, start: StartRows) -> Vec<u32> {
 pub(super) fn require_model(log: &Decisions, config: &ControlConfig) -> Result<(), StepError> {
     let starts = start_rows(log, config.start).len();
     Ok(memory::require(
-        ActionModel::bytes(log, starts, &config.model),
+        ActionModel::build_bytes(log, starts, &config.model),
         &format!(
             "a model of {} ensemble members with {} neighbours for each of {} actions",
             config.model.members,

@@ -57,7 +57,7 @@ pub struct ControlPlan {
 struct ControlMemory {
     /// The decisions of the log.
     log: u64,
-    /// Tables of neighbours of all ensemble members.
+    /// Building the tables of neighbours of all ensemble members.
     tables: u64,
     /// Training the representation, if it is missing.
     representation: u64,
@@ -255,7 +255,8 @@ impl ControlMemory {
         let decisions = &log.decisions;
         let columns = decisions.states().columns();
         let transitions = decisions.len();
-        let tables = tables_bytes(config, decisions);
+        let starts = log::start_rows(decisions, config.start).len();
+        let tables = ActionModel::build_bytes(decisions, starts, &config.model);
         // Increments keep the scaled states of all sources and their numbers. Networks keep examples for each one
         // trained at the same time.
         let set = decisions.settings().map_or(0, calib_control::Settings::columns);
@@ -311,11 +312,6 @@ fn log_bytes(log: &Decisions) -> u64 {
     (log.states().rows() * (4 * (log.states().columns() + set) + 8) + 24 * log.len()) as u64
 }
 
-/// Returns the bytes of a model's tables.
-fn tables_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
-    ActionModel::bytes(log, log::start_rows(log, config.start).len(), &config.model)
-}
-
 /// Returns the bytes of the files of a model's networks.
 fn networks_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
     if !config.models.contains(&ActionModelKind::Network) {
@@ -329,9 +325,8 @@ fn networks_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
 /// Returns the bytes that the folder of results grows by, without the report.
 fn disk(config: &ControlConfig, log: &Decisions, is_model_kept: bool, runs: usize) -> u64 {
     let run = (RUN_BYTES + COLUMN_BYTES * log.states().columns()).next_multiple_of(BLOCK_BYTES);
-    // The lists of one action exist only while they are searched.
-    let levels = log.levels() as u64;
-    let tables = tables_bytes(config, log) / (levels + 1) * levels;
+    let starts = log::start_rows(log, config.start).len();
+    let tables = ActionModel::bytes(log, starts, &config.model);
     let parts = [tables, log_bytes(log), networks_bytes(config, log)];
     let model = if is_model_kept { 0 } else { parts.into_iter().fold(0, u64::saturating_add) };
     model.saturating_add((runs as u64).saturating_mul(run as u64))
