@@ -1,5 +1,7 @@
 //! Dry runs of sweeps of acting agents.
 
+use std::fs;
+
 use serde_json::Value;
 
 use crate::{control, harness::Place};
@@ -100,6 +102,23 @@ fn a_dry_run_counts_what_is_left() {
     }
     assert!(place.content(FOLDER) == kept, "nothing is written");
     assert_eq!(planned(&place, &["--force"])["left"], 18);
+}
+
+#[test]
+fn only_networks_without_a_valid_file_are_trained() {
+    let place = control::place();
+    let networks = "--set=control.models=['network']";
+    place.calib(&["control", STUDY, networks]).ends(&[0, 1]);
+    // Another grid needs other runs in the same networks.
+    let plan = || planned(&place, &[networks, "--set=control.grid={ step_size = [0.1] }"]);
+    let secs = |plan: &Value| plan["expected"]["models_secs"].as_f64().expect("seconds");
+    let disk = |plan: &Value| plan["disk"].as_u64().expect("bytes");
+    let stored = plan();
+    assert_eq!((secs(&stored), &stored["memory"]["other_models"]), (0.0, &0.into()), "{stored}");
+    let network = place.path().join("pole/study-results/control-model/network-1.safetensors");
+    fs::write(network, "damaged").expect("writable");
+    let damaged = plan();
+    assert!(secs(&damaged) > 0.0 && disk(&damaged) > disk(&stored), "{damaged}");
 }
 
 #[test]

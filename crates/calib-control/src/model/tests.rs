@@ -295,8 +295,9 @@ fn on_threads<T: Send>(threads: usize, op: impl FnOnce() -> T + Send) -> T {
 
 #[test]
 fn every_number_of_threads_gives_the_same_tables() {
-    let built = |threads| on_threads(threads, || model(log(9_001, 4, 3), Default::default()));
-    let [one, four] = [1, 4].map(built);
+    let [one, four] = [1, 4].map(|threads| {
+        on_threads(threads, || model(log(9_001, 4, 3), ActionModelConfig::default()))
+    });
     let queries = one.log().len();
     assert!((3 * 2_048..4 * 2_048).contains(&queries), "{queries}: three parts, and one");
     assert_eq!(one.radius(), four.radius());

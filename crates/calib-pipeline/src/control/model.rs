@@ -170,6 +170,11 @@ fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
     })
 }
 
+/// Returns the seed of all random numbers for agents in the model of a study.
+pub(super) fn seed(study: &Study) -> Seed {
+    Seed::new(study.seed).child("control")
+}
+
 /// Returns the files of the networks of a study's model, if that is stored.
 pub(super) fn network_files(
     job: &Job,

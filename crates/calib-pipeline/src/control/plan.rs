@@ -7,7 +7,7 @@ use calib_base::{
 };
 use calib_control::{
     ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, FixedWalks, NetworkConfig,
-    RunLength, off_policy_bytes,
+    NetworkModel, RunLength, off_policy_bytes,
 };
 use calib_model_steps::represent::{RepresentationCost, decisions};
 use calib_study::Job;
@@ -42,7 +42,7 @@ pub struct ControlPlan {
     threads: usize,
     /// Memory that the command needs.
     memory: ControlMemory,
-    /// Bytes on disk for the representation and the model, if they are missing, and for the runs still to make.
+    /// Bytes on disk for the representation, the model and networks that are missing, and for the runs still to make.
     disk: u64,
     /// Expected time, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -103,6 +103,7 @@ pub(super) fn planned(
     let work = WorkLeft::of(job, config, agents.count(), units, printer)?;
     let threads = rayon::current_num_threads();
     let kept = model::open_kept(job, config, log)?;
+    let networks = untrained(job, config, log, &work, kept.as_ref())?;
     let progress = printer.silent().progress();
     let represented = if config.model.distance == Distance::Laplacian && kept.is_none() {
         decisions::cost(job, log.material(), &progress)?
@@ -124,7 +125,8 @@ pub(super) fn planned(
     let (expected, unknown) = match measured {
         Ok(costs) => {
             let decisions = &log.decisions;
-            let time = ControlTime::of(&costs, represented, &work, config, decisions, threads);
+            let time =
+                ControlTime::of(&costs, represented, &work, networks, config, decisions, threads);
             (Some(time), None)
         }
         Err(reason) if reason.was_cancelled() => return Err(reason),
@@ -134,12 +136,26 @@ pub(super) fn planned(
         runs: work.runs,
         left: work.left(),
         threads,
-        memory: ControlMemory::of(config, log, agents, represented, &work, threads)?,
-        disk: disk(config, &log.decisions, kept.is_some(), work.left())
+        memory: ControlMemory::of(config, log, agents, represented, &work, networks, threads)?,
+        disk: disk(config, &log.decisions, kept.is_some(), networks, work.left())
             .saturating_add(represented.map_or(0, |cost| cost.disk)),
         expected,
         unknown,
     })
+}
+
+/// Returns the number of networks to train: those that runs need and that have no valid file.
+fn untrained(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    work: &WorkLeft,
+    kept: Option<&ActionModel>,
+) -> Result<usize, StepError> {
+    let needed = work.members(ActionModelKind::Network);
+    let Some(model) = kept else { return Ok(needed.len()) };
+    let Some(files) = model::network_files(job, config, log)? else { return Ok(needed.len()) };
+    Ok(NetworkModel::count_untrained(model, needed, model::seed(job.study()), &files))
 }
 
 impl ControlTime {
@@ -147,6 +163,7 @@ impl ControlTime {
         costs: &MeasuredCosts,
         represented: Option<&RepresentationCost>,
         work: &WorkLeft,
+        networks: usize,
         config: &ControlConfig,
         log: &Decisions,
         threads: usize,
@@ -159,10 +176,10 @@ impl ControlTime {
         for (left, kind) in work.kinds.iter().zip(&costs.kinds) {
             models_secs += match left.kind {
                 ActionModelKind::Network => {
-                    side_by_side(&[Pieces { count: left.members, secs: kind.making }], threads)
+                    side_by_side(&[Pieces { count: networks, secs: kind.making }], threads)
                 }
-                _ if left.members > 0 => kind.making,
-                _ => 0.0,
+                _ if left.members.is_empty() => 0.0,
+                _ => kind.making,
             };
             let runs = left.of_settings.iter().zip(&costs.agents).map(|(&count, agent)| Pieces {
                 count,
@@ -172,7 +189,7 @@ impl ControlTime {
             if work.extent == Extent::All {
                 let span = RunLength { steps: config.steps, timeout: config.timeout };
                 let walks = FixedWalks::new(config.runs, span, log.levels());
-                let count = left.members.saturating_mul(walks.in_member(log.levels()));
+                let count = left.members.len().saturating_mul(walks.in_member(log.levels()));
                 let secs = steps * kind.step;
                 other_secs += side_by_side(&[Pieces { count, secs }], threads);
             }
@@ -250,6 +267,7 @@ impl ControlMemory {
         agents: &ComparedAgents,
         represented: Option<&RepresentationCost>,
         work: &WorkLeft,
+        networks: usize,
         threads: usize,
     ) -> Result<Self, StepError> {
         let decisions = &log.decisions;
@@ -262,10 +280,10 @@ impl ControlMemory {
         let set = decisions.settings().map_or(0, calib_control::Settings::columns);
         let increments = transitions * (4 * (columns + set) + 4);
         let example = 4 * (2 * columns + decisions.levels() + 2);
-        let networks = threads.min(config.model.members) * transitions * example;
-        let needed = |kind, bytes: usize| if work.needs(kind) { bytes as u64 } else { 0 };
-        let other_models = needed(ActionModelKind::Increments, increments)
-            .max(needed(ActionModelKind::Network, networks));
+        let networks = threads.min(networks) * transitions * example;
+        let no_increments = work.members(ActionModelKind::Increments).is_empty();
+        let increments = if no_increments { 0 } else { increments };
+        let other_models = increments.max(networks) as u64;
         let mut thread = 0;
         for agent in agents.own() {
             thread = agent.bytes(columns, decisions.levels())?.max(thread);
@@ -312,24 +330,27 @@ fn log_bytes(log: &Decisions) -> u64 {
     (log.states().rows() * (4 * (log.states().columns() + set) + 8) + 24 * log.len()) as u64
 }
 
-/// Returns the bytes of the files of a model's networks.
-fn networks_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
-    if !config.models.contains(&ActionModelKind::Network) {
-        return 0;
-    }
+/// Returns the bytes of the files of this many networks.
+fn networks_bytes(log: &Decisions, networks: usize) -> u64 {
     let weights = NetworkConfig::default().parameters(log.states().columns(), log.levels());
     let file = (4 * weights + NETWORK_BYTES).next_multiple_of(BLOCK_BYTES);
-    (file as u64).saturating_mul(config.model.members as u64)
+    (file as u64).saturating_mul(networks as u64)
 }
 
-/// Returns the bytes that the folder of results grows by, without the report.
-fn disk(config: &ControlConfig, log: &Decisions, is_model_kept: bool, runs: usize) -> u64 {
+/// Returns the bytes that the folder of results grows by, without the report. `networks` and `runs` are those that are missing.
+fn disk(
+    config: &ControlConfig,
+    log: &Decisions,
+    is_model_kept: bool,
+    networks: usize,
+    runs: usize,
+) -> u64 {
     let run = (RUN_BYTES + COLUMN_BYTES * log.states().columns()).next_multiple_of(BLOCK_BYTES);
     let starts = log::start_rows(log, config.start).len();
     let tables = ActionModel::bytes(log, starts, &config.model);
-    let parts = [tables, log_bytes(log), networks_bytes(config, log)];
-    let model = if is_model_kept { 0 } else { parts.into_iter().fold(0, u64::saturating_add) };
-    model.saturating_add((runs as u64).saturating_mul(run as u64))
+    let model = if is_model_kept { 0 } else { tables.saturating_add(log_bytes(log)) };
+    let runs = (runs as u64).saturating_mul(run as u64);
+    model.saturating_add(networks_bytes(log, networks)).saturating_add(runs)
 }
 
 /// Refuses a sweep of this many settings if the disk has no room for its model and runs.
@@ -344,8 +365,10 @@ pub(super) fn require_room(
 ) -> Result<(), StepError> {
     let layout = job.layout();
     let runs = runs_of_kind(config, settings)?.saturating_mul(config.models.len());
-    let model = disk_room::left(disk(config, log, false, 0), &layout.control_model());
-    let runs = disk_room::left(disk(config, log, true, runs), &layout.control_units());
+    let has_networks = config.models.contains(&ActionModelKind::Network);
+    let networks = if has_networks { config.model.members } else { 0 };
+    let model = disk_room::left(disk(config, log, false, networks, 0), &layout.control_model());
+    let runs = disk_room::left(disk(config, log, true, 0, runs), &layout.control_units());
     disk_room::require(
         model.saturating_add(runs),
         "the sweep",
@@ -443,7 +466,7 @@ mod tests {
         let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network].map(|kind| KindLeft {
             kind,
             of_settings: of_settings.to_vec(),
-            members,
+            members: (0..members).collect(),
         });
         WorkLeft { extent, runs: 8, kinds: kinds.into() }
     }
@@ -457,8 +480,10 @@ mod tests {
         let costs = MeasuredCosts { building: 5.0, neighbors_step: 1.0, kinds, agents };
         let config = ControlConfig { steps: 10, runs: 1, ..ControlConfig::default() };
         let log = decisions();
-        let time = |work: &WorkLeft| ControlTime::of(&costs, None, work, &config, &log, 1);
-        let all = time(&work(Extent::All, [2, 2], 2));
+        let time = |work: &WorkLeft, networks| {
+            ControlTime::of(&costs, None, work, networks, &config, &log, 1)
+        };
+        let all = time(&work(Extent::All, [2, 2], 2), 2);
         // The model, and two networks.
         assert_eq!(all.models_secs, 5.0 + 2.0 * 7.0);
         // Two runs of each setting: steps of 2 and 4 seconds in one model, of 3 and 5 in the other.
@@ -470,12 +495,14 @@ mod tests {
             [10.0 * 128.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];
         assert_eq!(all.other_secs, constant + by_the_log + again);
         assert_eq!(all.secs, all.models_secs + all.runs_secs + all.other_secs);
-        let part = time(&work(Extent::Share, [1, 0], 1));
+        let stored = time(&work(Extent::All, [2, 2], 2), 0);
+        assert_eq!((stored.models_secs, stored.runs_secs), (5.0, all.runs_secs));
+        let part = time(&work(Extent::Share, [1, 0], 1), 1);
         assert_eq!((part.models_secs, part.other_secs), (12.0, 0.0));
         assert!((part.runs_secs - 10.0 * (2.0 + 3.0) - 2.0 * KEEPING_SECS).abs() < 1e-9);
         assert_eq!(part.secs, part.models_secs + part.runs_secs);
         assert_eq!(part.parts(), "models 12 s, runs 50 s");
-        let none = time(&work(Extent::Share, [0, 0], 0));
+        let none = time(&work(Extent::Share, [0, 0], 0), 0);
         assert_eq!((none.models_secs, none.runs_secs), (5.0, 0.0));
     }
 
@@ -491,24 +518,24 @@ mod tests {
         };
         let nothing = WorkLeft { extent: Extent::Share, runs: 0, kinds: Vec::new() };
         let config = ControlConfig::default();
-        let time = ControlTime::of(&costs, Some(&cost), &nothing, &config, &decisions(), 2);
+        let time = ControlTime::of(&costs, Some(&cost), &nothing, 0, &config, &decisions(), 2);
         assert_eq!((time.representation_secs, time.secs), (9.0, 14.0));
         assert_eq!(time.parts(), "representation 9.0 s, models 5.0 s, runs 0.0 s");
     }
 
     #[test]
-    fn a_model_that_is_there_takes_no_disk() {
+    fn only_what_is_missing_takes_disk() {
         let config = ControlConfig::default();
         let log = decisions();
         // One block per run.
         let runs = 3 * 4_096;
-        assert_eq!(disk(&config, &log, true, 3), runs);
+        assert_eq!(disk(&config, &log, true, 0, 3), runs);
         // 100 transitions and the start, two actions, three neighbours, five members, eight bytes. Then the log.
         let tables = 101 * 2 * 3 * 5 * 8;
         let whole = runs + tables + 101 * 12 + 24 * 100;
-        // 4,611 weights and biases of four bytes take five blocks in each member.
-        assert_eq!(disk(&config, &log, false, 3), whole + 5 * 5 * 4_096);
-        let without = ControlConfig { models: vec![ActionModelKind::Neighbors], ..config };
-        assert_eq!(disk(&without, &log, false, 3), whole);
+        assert_eq!(disk(&config, &log, false, 0, 3), whole);
+        // 4,611 weights and biases of four bytes take five blocks in each network.
+        assert_eq!(disk(&config, &log, false, 5, 3), whole + 5 * 5 * 4_096);
+        assert_eq!(disk(&config, &log, true, 2, 3), runs + 2 * 5 * 4_096);
     }
 }

@@ -35,12 +35,12 @@ pub(super) struct KindLeft {
     pub(super) kind: ActionModelKind,
     /// Runs left for each setting.
     pub(super) of_settings: Vec<usize>,
-    /// Number of ensemble members that are needed.
-    pub(super) members: usize,
+    /// The ensemble members that are needed.
+    pub(super) members: Vec<usize>,
 }
 
 impl KindLeft {
-    fn of(kind: ActionModelKind, left: &[RunId], settings: usize, members: usize) -> Self {
+    fn of(kind: ActionModelKind, left: &[RunId], settings: usize, members: Vec<usize>) -> Self {
         let mut of_settings = vec![0; settings];
         for run in left {
             of_settings[run.candidate] += 1;
@@ -75,7 +75,7 @@ impl WorkLeft {
             work.kinds.extend(config.models.iter().map(|&kind| KindLeft {
                 kind,
                 of_settings: of_settings.clone(),
-                members,
+                members: (0..members).collect(),
             }));
             return Ok(work);
         }
@@ -92,8 +92,8 @@ impl WorkLeft {
             let left = if job.policy().redoes() { ids } else { units.split(ids).1 };
             let members = match extent {
                 // Constant actions are taken in every member, even if all runs are stored.
-                Extent::All => members,
-                Extent::Share => members_of(&left).len(),
+                Extent::All => (0..members).collect(),
+                Extent::Share => members_of(&left),
             };
             work.kinds.push(KindLeft::of(kind, &left, settings, members));
         }
@@ -104,9 +104,9 @@ impl WorkLeft {
         self.kinds.iter().map(KindLeft::runs).sum()
     }
 
-    /// Whether agents or constant actions run in a model of this kind.
-    pub(super) fn needs(&self, kind: ActionModelKind) -> bool {
-        self.kinds.iter().any(|left| left.kind == kind && left.members > 0)
+    /// Returns the ensemble members of this kind of model in which agents or constant actions run.
+    pub(super) fn members(&self, kind: ActionModelKind) -> &[usize] {
+        self.kinds.iter().find(|left| left.kind == kind).map_or(&[][..], |left| &left.members[..])
     }
 }
 

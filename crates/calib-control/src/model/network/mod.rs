@@ -227,11 +227,28 @@ impl NetworkModel {
         files: Option<&NetworkFiles>,
         monitor: &dyn Monitor,
     ) -> Result<Self, ControlError> {
-        let config = NetworkConfig { members: model.members(), ..NetworkConfig::default() };
+        let (config, seed) = training_for(model, seed);
         let starts = model.starts().clone();
-        let seed = seed.child("networks");
         Self::train_members(model.log(), starts, &config, members, seed, files, monitor)
     }
+
+    /// Returns how many of these ensemble members have no valid file, so that [`for_members`](Self::for_members) trains their networks.
+    pub fn count_untrained(
+        model: &ActionModel,
+        members: &[usize],
+        seed: Seed,
+        files: &NetworkFiles,
+    ) -> usize {
+        let (config, seed) = training_for(model, seed);
+        let files = members.iter().map(|&member| files.of_member(member, &config, seed));
+        files.filter(|file| file.read().is_none()).count()
+    }
+}
+
+/// Returns the training of the networks that belong to a model, and its seed. `seed` is that of all random numbers for agents in the model.
+fn training_for(model: &ActionModel, seed: Seed) -> (NetworkConfig, Seed) {
+    let config = NetworkConfig { members: model.members(), ..NetworkConfig::default() };
+    (config, seed.child("networks"))
 }
 
 impl Ensemble for NetworkModel {

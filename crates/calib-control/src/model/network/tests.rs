@@ -168,6 +168,24 @@ fn stored_networks_are_trained_once() {
 }
 
 #[test]
+fn networks_without_a_valid_file_are_counted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = log();
+    let metric = log.states().clone();
+    let starts = crate::Starts { observed: one_start(), metric: one_start() };
+    let config = crate::ActionModelConfig { members: 3, ..crate::ActionModelConfig::default() };
+    let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+    let files = NetworkFiles::new(folder.path(), "log");
+    let seed = Seed::new(2);
+    let count = |members: &[usize]| NetworkModel::count_untrained(&model, members, seed, &files);
+    assert_eq!(count(&[0, 1, 2]), 3);
+    NetworkModel::for_members(&model, &[1], seed, Some(&files), &Silent).expect("trained");
+    assert_eq!([count(&[0, 1, 2]), count(&[1])], [2, 0]);
+    fs::write(folder.path().join("network-1.safetensors"), "damaged").expect("writable");
+    assert_eq!(count(&[1]), 1);
+}
+
+#[test]
 fn parameters_are_counted_before_training() {
     let config = NetworkConfig { updates: 1, members: 2, hidden_layers: 3, ..Default::default() };
     let network = model(config).networks[1].clone().expect("trained");
