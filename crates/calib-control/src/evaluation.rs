@@ -250,7 +250,7 @@ pub(crate) mod tests {
     use calib_core::{Seed, Segments, Silent};
 
     use super::*;
-    use crate::{AgentConfig, Columns, off_policy_values};
+    use crate::{AgentConfig, Columns, FittedQValue, off_policy_values};
 
     /// Returns a log of random moves in a corridor of ten places, with −1 per step. Right of the last place is the end.
     pub(crate) fn corridor() -> Decisions {
@@ -334,6 +334,17 @@ pub(crate) mod tests {
         let got = fitted.mean_over(&start, &policy[..2]);
         assert!((got - value).abs() < 1e-6, "{got}, not {value}");
         assert_eq!((fitted.passes(), fitted.has_converged()), (20, true));
+    }
+
+    #[test]
+    fn random_actions_take_each_action_as_often() {
+        let log = chain();
+        let start = States::new(vec![0.0], 1, 1).expect("valid");
+        let random = FittedQValue::of_random_actions(&log, &start, 0.9, 100, &Silent).expect("run");
+        // As above, with 0.5 in place of 0.25 and 0.75.
+        let value = (0..4).fold(0.0, |next: f64, _| (-1.0 + 0.45 * next) / 0.55);
+        assert!((random.value - value).abs() < 1e-3, "{random:?}, not {value}");
+        assert!(random.converged, "{random:?}");
     }
 
     /// Returns the fit to one long episode in one state, with 1 per step.

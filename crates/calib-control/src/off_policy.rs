@@ -28,6 +28,34 @@ pub struct FittedQValue {
 impl FittedQValue {
     /// Largest number of passes over the log.
     pub const MOST_PASSES: usize = FittedQ::MOST_PASSES;
+
+    /// Estimates the value of random actions, each as likely as any other. A pass takes as long as that for any other policy. `gamma` is
+    /// the discount factor, and `timeout` the longest episode in steps.
+    ///
+    /// # Errors
+    /// If the monitor interrupts.
+    pub fn of_random_actions(
+        log: &Decisions,
+        starts: &States,
+        gamma: f64,
+        timeout: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, ControlError> {
+        let [after, first] = [log.len(), starts.rows()]
+            .map(|rows| vec![1.0 / log.levels() as f64; rows * log.levels()]);
+        let mut fitted = FittedQ::fit(log, &after, gamma, timeout, monitor)?;
+        let value = fitted.mean_over(starts, &first);
+        Ok(Self::new(value, &fitted))
+    }
+
+    /// Creates the record of fitted values whose mean over the start states is `value`.
+    fn new(value: f64, fitted: &FittedQ) -> Self {
+        Self {
+            value: if value.is_finite() { value } else { f64::NEG_INFINITY },
+            passes: fitted.passes(),
+            converged: value.is_finite() && fitted.has_converged(),
+        }
+    }
 }
 
 /// The values of all settings, estimated from the log alone.
@@ -137,12 +165,7 @@ fn candidate_values(
         };
         SampledValues { importance, doubly_robust }
     });
-    let fitted_q = FittedQValue {
-        value: if value.is_finite() { value } else { f64::NEG_INFINITY },
-        passes: fitted.passes(),
-        converged: value.is_finite() && fitted.has_converged(),
-    };
-    Ok(CandidateValues { fitted_q, sampled })
+    Ok(CandidateValues { fitted_q: FittedQValue::new(value, &fitted), sampled })
 }
 
 /// Returns an agent that learned from `updates` recorded transitions.

@@ -119,7 +119,8 @@ impl MeasuredCosts {
                 ActionModelKind::Network => few.network(config, log, monitor)?,
             });
         }
-        let timing = AgentTiming { model, neighbors_step, few: &few, timeout };
+        let pass = few.pass(timeout, monitor)?;
+        let timing = AgentTiming { model, neighbors_step, few: &few, pass, timeout };
         Ok(Self {
             building: if kept.is_some() { 0.0 } else { part.building },
             neighbors_step,
@@ -230,6 +231,15 @@ struct FewDecisions {
 }
 
 impl FewDecisions {
+    /// Returns the seconds of a pass of fitted Q evaluation, which takes equally long for every agent.
+    fn pass(&self, timeout: usize, monitor: &dyn Monitor) -> Result<f64, StepError> {
+        let Self { log, starts } = self;
+        let clock = Stopwatch::start();
+        // With a discount factor of 0, values converge in few passes.
+        let random = FittedQValue::of_random_actions(log, starts, 0.0, timeout, monitor)?;
+        Ok(clock.elapsed().as_secs_f64() / random.passes as f64)
+    }
+
     /// Returns the cost of the network of one member for the whole log.
     fn network(
         &self,
@@ -264,6 +274,8 @@ struct AgentTiming<'a> {
     /// Seconds of a step in it without agents.
     neighbors_step: f64,
     few: &'a FewDecisions,
+    /// Seconds of a pass of fitted Q evaluation over the few decisions.
+    pass: f64,
     timeout: usize,
 }
 
@@ -317,12 +329,16 @@ impl AgentTiming<'_> {
         let FewDecisions { log, starts } = self.few;
         let clock = Stopwatch::start();
         let values = off_policy_values(log, starts, &[config], 1, self.timeout, &Silent)?;
-        let evaluated = (clock.elapsed().as_secs_f64() - beginning).max(0.0);
-        // Agents that have learned more may need all passes.
-        let passes = values.fitted_q[0].passes;
-        let evaluated = evaluated * FittedQValue::MOST_PASSES as f64 / passes as f64;
+        let took = (clock.elapsed().as_secs_f64() - beginning).max(0.0);
+        let evaluated = evaluation_secs(took, values.fitted_q[0].passes, self.pass);
         Ok(AgentCost { beginning, step, evaluated_transition: evaluated / log.len() as f64 })
     }
+}
+
+/// Returns the seconds of an evaluation in the largest number of passes, which agents that have learned more may need. One with `passes`
+/// passes `took` this long, and each pass takes `pass`. The policies in all states are found once.
+fn evaluation_secs(took: f64, passes: usize, pass: f64) -> f64 {
+    took + (FittedQValue::MOST_PASSES - passes) as f64 * pass
 }
 
 /// Returns an agent that takes the same time, whatever it learns.
@@ -371,6 +387,14 @@ mod tests {
         // Times that are too short to measure.
         assert_eq!(power([100, 200], [0.0, 0.0]), 1.0);
         assert_eq!(power([100, 100], [1.0, 2.0]), 1.0);
+    }
+
+    #[test]
+    fn only_passes_grow_with_the_passes() {
+        assert_eq!(evaluation_secs(7.0, FittedQValue::MOST_PASSES, 0.5), 7.0);
+        // Policies of two seconds, and ten passes of half a second.
+        let all = 2.0 + FittedQValue::MOST_PASSES as f64 * 0.5;
+        assert_eq!(evaluation_secs(7.0, 10, 0.5), all);
     }
 
     #[test]
