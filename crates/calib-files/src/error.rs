@@ -95,4 +95,12 @@ impl FileError {
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
     }
+
+    /// Whether the file was read, and its content is not usable.
+    pub fn is_of_content(&self) -> bool {
+        matches!(
+            self,
+            Self::Npy { .. } | Self::Tensors { .. } | Self::Damaged { .. } | Self::Json { .. }
+        )
+    }
 }

@@ -244,6 +244,12 @@ mod tests {
         );
         fs::write(&path, foreign.unwrap()).unwrap();
         assert!(read_tensors(&path).is_ok() && read_sealed_tensors(&path).is_err());
+        let is_of_content = || read_sealed_tensors(&path).expect_err("not sealed").is_of_content();
+        assert!(is_of_content());
+        fs::write(&path, &whole[..whole.len() - 1]).unwrap();
+        assert!(is_of_content());
+        fs::remove_file(&path).unwrap();
+        assert!(!is_of_content(), "a missing file");
     }
 
     #[test]

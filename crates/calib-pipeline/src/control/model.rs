@@ -17,7 +17,9 @@ use calib_control::{
     NetworkModel, Pessimism, Rules, open_action_model, write_action_model,
 };
 use calib_core::{Bounds, Monitor, Period, Seed, States};
-use calib_files::{Fingerprint, map_npy, read_sealed_tensors, remove_known, write_npy};
+use calib_files::{
+    FileError, Fingerprint, Tensors, map_npy, read_sealed_tensors, remove_known, write_npy,
+};
 use calib_model_steps::represent::decisions;
 use calib_study::{Job, StepKind, Study};
 use serde::{Deserialize, Serialize};
@@ -273,6 +275,9 @@ pub(super) fn open_kept(
 
 /// Builds the model again if it exists and is damaged. Damaged networks are removed, and trained again at their next
 /// use.
+///
+/// # Errors
+/// Returns an error if a file cannot be read, for example without permission. Such a file may be intact, so it is kept.
 pub(super) fn mend(
     job: &Job,
     config: &ControlConfig,
@@ -281,14 +286,46 @@ pub(super) fn mend(
 ) -> Result<(), StepError> {
     let directory = &job.layout().control_model();
     let manifest: Option<ControlModelManifest> = artefact::read(directory);
-    let is_whole = manifest.is_some_and(|manifest| artefact::are_whole(directory, &manifest.files));
+    let command = job.command(StepKind::Control);
+    let is_whole = match manifest {
+        None => false,
+        Some(manifest) => match artefact::check_files(directory, &manifest.files, &command) {
+            Ok(()) => true,
+            Err(StepError::Missing(_) | StepError::Stale(_)) => false,
+            Err(unread) => return Err(unread),
+        },
+    };
     if directory.exists() && !is_whole {
         open_or_build(job, config, log, printer)?;
     }
+    let (removed, unread) = remove_damaged(directory, read_sealed_tensors);
+    artefact::or_read_only(removed.map_err(StepError::from), directory, printer)?;
+    Ok(unread?)
+}
+
+/// Removes the networks in a folder whose content is damaged. `read` reads one. Returns whether that succeeded, and whether the
+/// others could be read.
+fn remove_damaged(
+    directory: &Path,
+    read: impl Fn(&Path) -> Result<Tensors, FileError>,
+) -> (Result<(), FileError>, Result<(), FileError>) {
+    let mut unread = Ok(());
     let removed = remove_known(directory, &mut |path: &Path| {
-        is_network(path) && read_sealed_tensors(&directory.join(path)).is_err()
+        if !is_network(path) {
+            return false;
+        }
+        match read(&directory.join(path)) {
+            Ok(_) => false,
+            Err(error) if error.is_of_content() => true,
+            // Another process has just removed it.
+            Err(error) if error.is_not_found() => false,
+            Err(error) => {
+                unread = Err(error);
+                false
+            }
+        }
     });
-    artefact::or_read_only(removed.map_err(StepError::from), directory, printer)
+    (removed, unread)
 }
 
 /// Whether a file in the folder of a model is that of a network.
@@ -371,4 +408,42 @@ pub(crate) fn build(job: &Job, printer: &Printer) -> Result<ActionModel, StepErr
     rare::check_actions(&log, config, printer)?;
     log::require_model(&log.decisions, config)?;
     open_or_build(job, config, &log, printer)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{fs, io};
+
+    use calib_files::{Tensor, write_tensors};
+
+    use super::*;
+
+    #[test]
+    fn a_network_that_cannot_be_read_is_reported_and_kept() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let networks = [0, 1, 2].map(|member| at(&format!("network-{member}.safetensors")));
+        for network in &networks {
+            let tensors = vec![Tensor::flat("weights", vec![0.5])];
+            let content = Tensors { tensors, ..Tensors::default() };
+            write_tensors(network, &content).expect("written");
+        }
+        fs::write(&networks[1], "damaged").expect("written");
+        fs::write(at("rewards.npy"), "damaged").expect("written");
+        let read = |path: &Path| {
+            if path == networks[2] {
+                // All file handles are in use.
+                return Err(FileError::io("read", path, io::Error::from_raw_os_error(24)));
+            }
+            read_sealed_tensors(path)
+        };
+        let (removed, unread) = remove_damaged(folder.path(), read);
+        removed.expect("removed");
+        let told = unread.expect_err("not read").to_string();
+        assert!(told.contains("network-2.safetensors"), "{told}");
+        assert_eq!([0, 1, 2].map(|member| networks[member].exists()), [true, false, true]);
+        assert!(at("rewards.npy").exists(), "no network");
+        let (removed, unread) = remove_damaged(folder.path(), read_sealed_tensors);
+        assert!(removed.is_ok() && unread.is_ok() && networks[2].exists());
+    }
 }
