@@ -117,16 +117,12 @@ impl Groups {
 
     /// Returns the same groups in the order of their classes, each in the order of time, and the end of each class.
     pub(crate) fn in_classes(&self, classes: Classes<'_>) -> (Self, Vec<usize>) {
-        let mut order: Vec<(usize, u32, u32)> = (0..self.len() as u32)
-            .map(|group| {
-                let first = self.transitions(group as usize)[0];
-                (classes.class(first), first, group)
-            })
+        let first = |group: u32| self.transitions(group as usize)[0];
+        let mut order: Vec<u32> = (0..self.len() as u32).collect();
+        order.par_sort_unstable_by_key(|&group| (classes.class(first(group)), first(group)));
+        let ends = (0..classes.count())
+            .map(|class| order.partition_point(|&group| classes.class(first(group)) <= class))
             .collect();
-        order.par_sort_unstable();
-        let end = |class| order.partition_point(|&(other, ..)| other <= class);
-        let ends = (0..classes.count()).map(end).collect();
-        let order: Vec<u32> = order.iter().map(|&(.., group)| group).collect();
         (self.in_order(&order), ends)
     }
 
