@@ -112,7 +112,7 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
                         Cell::Number(fitted.value)
                     } else {
                         let value = calib_core::number(fitted.value);
-                        Cell::Text(format!("{value} {}", show::NOT_CONVERGED))
+                        Cell::Text(format!("{value} (did not converge)"))
                     }
                 }));
                 if let Some(estimates) = &evaluation.importance_sampling {

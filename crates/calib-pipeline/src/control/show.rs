@@ -19,8 +19,8 @@ const SHOWN: usize = 8;
 /// Shown in place of the return if the program failed with a setting.
 pub(crate) const FAILED: &str = "failed";
 
-/// Shown beside a value by fitted Q evaluation that did not converge.
-pub(super) const NOT_CONVERGED: &str = "(did not converge)";
+/// Marks a value by fitted Q evaluation that did not converge.
+const NOT_CONVERGED: &str = "*";
 
 impl Told for ControlEvaluation {
     fn outcome(&self) -> Outcome {
@@ -188,7 +188,21 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     if evaluation.doubly_robust.is_some() {
         header.push("doubly robust");
     }
-    table(&header, &rows)
+    let table = table(&header, &rows);
+    let shown = order.iter().filter_map(|&candidate| evaluation.fitted_q_evaluation.get(candidate));
+    match note(shown) {
+        Some(note) => format!("{table}\n{note}"),
+        None => table,
+    }
+}
+
+/// Returns a line below the table that explains the mark, if one of the values has it.
+fn note<'a>(mut shown: impl Iterator<Item = &'a FittedQValue>) -> Option<String> {
+    let any = shown.any(|fitted| fitted.value.is_finite() && !fitted.converged);
+    any.then(|| {
+        let passes = FittedQValue::MOST_PASSES;
+        format!("{NOT_CONVERGED} fitted Q evaluation did not converge within {passes} passes")
+    })
 }
 
 /// Returns "chosen" or "default", or an empty text for other settings.
@@ -212,14 +226,14 @@ pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
     }
 }
 
-/// Formats a value by fitted Q evaluation, and whether it converged.
+/// Formats a value by fitted Q evaluation, with a mark if it did not converge.
 fn fitted_q(fitted: &FittedQValue) -> String {
     if !fitted.value.is_finite() {
         "diverged".to_owned()
     } else if fitted.converged {
         number(fitted.value)
     } else {
-        format!("{} {NOT_CONVERGED}", number(fitted.value))
+        format!("{}{NOT_CONVERGED}", number(fitted.value))
     }
 }
 
@@ -250,4 +264,24 @@ pub(super) fn told(fields: &[(String, String)]) -> String {
         return "the agent".to_owned();
     }
     fields.iter().map(|(field, value)| format!("{field}={value}")).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_that_did_not_converge_have_a_mark_with_a_note() {
+        let settled = FittedQValue { value: 43.4, passes: 20, converged: true };
+        let drifting = FittedQValue { passes: 160, converged: false, ..settled };
+        let diverged = FittedQValue { value: f64::NEG_INFINITY, ..drifting };
+        assert_eq!(
+            [settled, drifting, diverged].map(|value| fitted_q(&value)),
+            ["43.4", "43.4*", "diverged"]
+        );
+        assert_eq!(note([settled, diverged].iter()), None);
+        let told = note([settled, drifting].iter());
+        let expected = "* fitted Q evaluation did not converge within 160 passes";
+        assert_eq!(told.as_deref(), Some(expected));
+    }
 }
