@@ -227,8 +227,9 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
 
     def set_by(self, actions: Sequence[Any]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The number of each action, or of the nearest one with ``live``, and the values that it sets, ``[n, action columns]``."""
-        given = np.stack([np.asarray(action) for action in actions])
-        return self._settings.actions.set_by(given.reshape(-1) if self._settings.actions.kind == "discrete" else given)
+        # `step` takes an action of `Discrete` as a number and as an array of one.
+        shape = self.action_space.shape or ()
+        return self._settings.actions.set_by(np.stack([np.asarray(action).reshape(shape) for action in actions]))
 
 
 def _info(row: Any, time: Any, distance: Any, covered: Any, displacement: Any) -> dict[str, Any]:

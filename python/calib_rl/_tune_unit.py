@@ -135,6 +135,7 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
         mean = env.mean_return()
         if not np.isfinite(mean):
             raise FloatingPointError(f"the mean return is {mean}")
+        conduct = {} if env.last is None else {"conduct": env.last.conduct()}
     except (Exception, SystemExit) as error:  # whatever an agent raises is told, and the others go on
         return {"error": _told(error), "place": place, "trace": traceback.format_exc(limit=-8)}
     returns = env.returns
@@ -149,7 +150,6 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
         "curve": _tenths(returns),
         **json.loads(env.coverage or made.lived()),
     }
-    conduct = {} if env.last is None else {"conduct": env.last.conduct()}
     return {"run": run, "returns": returns, "cut_off": env.cut_off, **conduct}
 
 

@@ -132,6 +132,22 @@ def test_actions_of_every_space_are_recorded_as_what_they_set(acting: calib_rl.A
         assert column["taken"][2] == [float(count > 0) for count in column["steps"]]
 
 
+def test_actions_of_several_shapes_are_recorded(acting: calib_rl.ActionModel) -> None:
+    class Shapes(Always):
+        """Explores with numbers, and otherwise takes the arrays of one action that a policy returns."""
+
+        def learn(self, total_timesteps: int) -> None:
+            self.env.reset()
+            for step in range(total_timesteps):
+                _, _, terminated, truncated, _ = self.env.step([2, np.int64(2), np.array([2]), np.array([[2.0]])][step % 4])
+                if terminated or truncated:
+                    self.env.reset()
+
+    mixed, plain = run(Shapes, {"limit": [7]}, acting), run(Always, {"action": [2]}, acting, default=None)
+    assert not mixed.failures
+    assert mixed.runs[0]["conduct"] == plain.runs[0]["conduct"]
+
+
 def test_what_follows_the_counted_steps_counts_nothing(acting: calib_rl.ActionModel) -> None:
     class Rounds(Always):
         """An agent that rounds its steps up, as agents with batches do."""
