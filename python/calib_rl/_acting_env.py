@@ -39,7 +39,7 @@ class _Actions:
     def __init__(self, model: ActionModel, wanted: ActionKind | AnySpace | None, live: bool, model_kind: ModelKind) -> None:
         levels = np.array([action.values for action in model.actions], np.float64)
         low, high = np.array(list(model.action_columns.values()), np.float64).T
-        self.live = live
+        self.live, self.low, self.high = live, low, high
         self.range = np.where(high > low, high - low, 1.0)
         self.values, self.levels = levels, levels / self.range
         kind = wanted if isinstance(wanted, str) else _kind(wanted)
@@ -97,7 +97,8 @@ class _Actions:
     def set_by(self, actions: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Returns the numbers of the actions, or of the nearest ones with ``live``, and the values that they set, ``[n, action columns]``."""
         if self.live:
-            values = np.asarray(actions, np.float64)
+            # Walkers do the same.
+            values = np.asarray(actions, np.float64).clip(self.low, self.high)
             return self._nearest(values), values
         levels = np.asarray(self.of(actions), np.int64)
         return levels, self.values[levels]

@@ -132,6 +132,17 @@ def test_actions_of_every_space_are_recorded_as_what_they_set(acting: calib_rl.A
         assert column["taken"][2] == [float(count > 0) for count in column["steps"]]
 
 
+def test_a_setting_beyond_the_recorded_range_is_recorded_as_its_end(tmp_path: Path) -> None:
+    from test_acting import tank
+
+    model = calib_rl.build_model(tank(), tmp_path, actions=["valve0"], reward="reward", levels=3, timeout=40)
+    environment = {"action_space": "box", "live": True}
+    for value, end in [(7.0, 1.0), (-3.0, 0.0)]:
+        action = np.array([value], np.float32)
+        tuned = run(lambda env, limit=None, action=action: Always(env, action, limit), {"limit": [7]}, model, environment=environment)
+        assert tuned.runs[0]["conduct"]["set"] == [{"column": "valve0", "values": [end] * 25}]
+
+
 def test_actions_of_several_shapes_are_recorded(acting: calib_rl.ActionModel) -> None:
     class Shapes(Always):
         """Explores with numbers, and otherwise takes the arrays of one action that a policy returns."""
