@@ -156,7 +156,7 @@ class ActingSettings(WalkSettings):
         if pessimism not in ("nearest", "minimum_return"):
             raise ValueError(f"pessimism is {pessimism!r}, expected 'nearest' or 'minimum_return'")
         columns = observed_columns(model.columns, observe)
-        self.columns, self.units = columns, units
+        self.columns = columns
         self.actions = _Actions(model, action_space, live, kind)
         most = model.timeout if timeout is None else whole(timeout, "timeout", 1)
         worst = model.worst_return if worst_return is None else float(worst_return)
@@ -186,7 +186,7 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
     ) -> None:
         member = position(member, "member")
         self._settings = ActingSettings(model, [member], observe, timeout, units, pessimism, worst_return, action_space, live, kind)
-        self.model, self.member, self.timeout = model, member, self._settings.timeout
+        self.model, self.member, self.timeout, self.units = model, member, self._settings.timeout, units
         self.observation_space, self.action_space = self._settings.observation_space, self._settings.actions.space
         self._over = True
 
@@ -223,7 +223,7 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
     def in_units(self, seen: NDArray[np.float32]) -> dict[str, NDArray[np.float64]]:
         """Observations ``[n, columns]`` by the name of their column, in the units of the log."""
         columns = [self.model._native.columns[place] for place in self._settings.columns]
-        physical = np.asarray(seen, np.float64) if self._settings.units == "physical" else physical_values(columns, seen)
+        physical = np.asarray(seen, np.float64) if self.units == "physical" else physical_values(columns, seen)
         return {name: values for (name, _, _), values in zip(columns, physical.T)}
 
     def set_by(self, actions: Sequence[Any]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -77,7 +77,11 @@ class LastSteps:
         place = model.columns.index(name)
         bounds = np.quantile(model.states[:, place], np.arange(1, _PARTS + 1) / _PARTS)
         _, offset, scale = model._native.columns[place]
-        upper = np.unique(bounds * scale + offset)
+        upper = bounds * scale + offset
+        if self._env.units == "physical":
+            # Observations are rounded so, and a recorded value must not pass its own bound.
+            upper = upper.astype(np.float32).astype(np.float64)
+        upper = np.unique(upper)
         # A value beyond the recorded range belongs to the last part.
         parts = np.minimum(np.searchsorted(upper, values), len(upper) - 1)
         counts = np.zeros((len(model.actions), len(upper)), np.int64)

@@ -132,6 +132,20 @@ def test_actions_of_every_space_are_recorded_as_what_they_set(acting: calib_rl.A
         assert column["taken"][2] == [float(count > 0) for count in column["steps"]]
 
 
+@pytest.mark.parametrize("units", ["normalised", "physical"])
+def test_a_recorded_value_is_in_the_part_that_it_bounds(units: str, tmp_path: Path) -> None:
+    from test_acting import tank
+
+    # Levels whose float32 is above and below them.
+    levels = [0.1, 0.3, 0.7]
+    log = tank().with_columns(flow=polars.Series(np.random.default_rng(2).choice(levels, 1200)))
+    model = calib_rl.build_model(log, tmp_path, actions=["valve0"], reward="reward", timeout=40)
+    tuned = run(Always, {"action": [0]}, model, environment={"units": units, "observe": ["flow"]})
+    (column,) = tuned.runs[0]["conduct"]["columns"]
+    assert column["upper"] == pytest.approx(levels)
+    assert column["steps"] == [sum(abs(value - level) < 1e-3 for value in column["values"]) for level in levels]
+
+
 def test_a_setting_beyond_the_recorded_range_is_recorded_as_its_end(tmp_path: Path) -> None:
     from test_acting import tank
 
