@@ -283,7 +283,9 @@ class _Work:
             # All settings and all kinds of models have the same seed.
             sequence = np.random.SeedSequence([self.seed, member, run])
             seed = int(sequence.generate_state(1, np.uint64)[0])
-            units += [Unit(self.settings[place], place, kind, member, run, seed, steps) for place in places]
+            # Every setting shows the same run.
+            is_recorded = member == self.members[0] and run == 0
+            units += [Unit(self.settings[place], place, kind, member, run, seed, steps, is_recorded) for place in places]
         known = {place: unit for place, unit in enumerate(map(self.kept.read, units) if self.kept else ()) if unit is not None}
         missing = [place for place in range(len(units)) if place not in known]
         if self.progress:

@@ -96,6 +96,11 @@ class Kept:
             return None
         if not _is_result(came, unit):
             return None
+        # A call with other ensemble members records another one.
+        if not unit.is_recorded:
+            came.pop("conduct", None)
+        elif "conduct" not in came:
+            return None
         # Another grid may have the setting in another position.
         came["run"]["candidate"] = unit.candidate
         result: dict[str, Any] = came

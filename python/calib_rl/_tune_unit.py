@@ -25,11 +25,13 @@ _BEYOND = 100_000
 
 
 class Unit:
-    """One setting in one run of one ensemble member."""
+    """One setting in one run of one ensemble member. ``is_recorded`` is whether the agent's last steps are kept."""
 
-    def __init__(self, setting: dict[str, Any], candidate: int, kind: str, member: int, run: int, seed: int, steps: int) -> None:
+    def __init__(
+        self, setting: dict[str, Any], candidate: int, kind: str, member: int, run: int, seed: int, steps: int, is_recorded: bool = False
+    ) -> None:
         self.setting, self.candidate, self.kind, self.member = setting, candidate, kind, member
-        self.run, self.seed, self.steps = run, seed, steps
+        self.run, self.seed, self.steps, self.is_recorded = run, seed, steps, is_recorded
 
 
 class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -107,7 +109,7 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
 def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> dict[str, Any]:
     """Returns the result of a unit: a run as in `calib control`, with the return of every episode, or the reason of its failure.
 
-    The first run in ensemble member 0 also has the agent's last steps.
+    A recorded unit also has the agent's last steps as ``conduct``.
     """
     place = "make_agent"
     try:
@@ -115,8 +117,7 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
         made = make(model, member=unit.member, kind=kind, **environment)
         env = Recorder(made, unit.steps, made.timeout)
         env.seed = unit.seed
-        # Every setting shows the same run, however many there are.
-        if unit.member == 0 and unit.run == 0:
+        if unit.is_recorded:
             env.last = LastSteps(made, unit.steps)
         env.action_space.seed(unit.seed % 2**32)
         _seed_all(unit.seed)

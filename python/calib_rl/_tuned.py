@@ -46,7 +46,8 @@ class Tuned:
     runs: list[dict[str, Any]] = field(repr=False)
     """Every setting in every member and run: `setting` and its `place` in `settings`, `kind`, `member`, `run`, `mean_return`, `episodes`, `terminals`,
     `cut_off`, `uncovered`, the `returns` of whole episodes, and `conduct`. `cut_off` counts the episodes that were reset before their end. `conduct`
-    is what the agent did at the end of the run, as in ``verdict.json`` of ``calib control``. It is ``None`` but for the first run in member 0."""
+    is what the agent did at the end of the run, as in ``verdict.json`` of ``calib control``. It is ``None`` but for the first run in the first of
+    the ``members``."""
 
     @property
     def is_supported(self) -> bool:
@@ -157,7 +158,8 @@ class Tuned:
         names = {"neighbors": "neighbours", "increments": "increments", "network": "network"}
         for run in self.runs:
             if run["place"] == self.verdict["chosen"] and (conduct := run["conduct"]) is not None:
-                return {"model": names[run["kind"]], "actions": conduct["actions"], "conduct": conduct}
+                model = f"{names[run['kind']]} of ensemble member {run['member']}"
+                return {"model": model, "actions": conduct["actions"], "conduct": conduct}
         return None
 
     def _order(self) -> list[int]:

@@ -37,7 +37,7 @@ struct TunedPage {
 /// What the chosen agent did at the end of a run.
 #[derive(Deserialize)]
 struct PageConduct {
-    /// The kind of model of the run, as in "the neighbours".
+    /// The kind of model of the run and its ensemble member, as in "the neighbours of ensemble member 0".
     model: String,
     /// Names of the actions.
     actions: Vec<String>,

@@ -372,6 +372,17 @@ def test_what_cannot_be_compared_is_not_kept(acting: calib_rl.ActionModel, tmp_p
     assert len(list(tmp_path.iterdir())) == 4
 
 
+def test_the_first_of_the_members_is_recorded(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    def recorded(members: list[int]) -> list[int]:
+        tuned = run(Always, {"limit": [10]}, acting, default=None, members=members, folder=tmp_path / "units")
+        page = tuned.report(tmp_path / "page.html").read_text(encoding="utf-8")
+        assert f"in the neighbours of ensemble member {members[0]}." in page
+        return [one["member"] for one in tuned.runs if one["conduct"] is not None]
+
+    # Whatever other calls have stored.
+    assert [recorded(members) for members in ([0, 1], [1, 2], [2, 0], [0])] == [[0], [1], [2], [0]]
+
+
 def test_a_damaged_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
     first = run(Always, {"limit": [10]}, acting, folder=tmp_path)
     kept = sorted(tmp_path.iterdir())

@@ -72,7 +72,7 @@ pub struct SetPointValues {
 
 impl AgentConduct {
     /// Returns the figures of the chosen agent, with the names of their files: its last steps, and where along each
-    /// column it takes which of these `actions`. `model` names the kind of model of its run, such as "neighbours".
+    /// column it takes which of these `actions`. `model` names the model of its run, such as "neighbours of the first ensemble member".
     pub fn figures(&self, actions: &[String], model: &str) -> Vec<(&'static str, OverviewFigure)> {
         let columns = TAKEN.into_iter().zip(&self.columns);
         std::iter::once(("last-steps", self.last_steps(model)))
@@ -91,7 +91,7 @@ impl AgentConduct {
         let columns = plots.iter().flat_map(|plot| &plot.lines).map(|line| line.name.clone());
         OverviewFigure {
             caption: format!(
-                "The last steps of the chosen agent's first run, in the {model} of the first ensemble member. Lines break where an episode begins."
+                "The last steps of the chosen agent's first run, in the {model}. Lines break where an episode begins."
             ),
             table: Table {
                 title: title.clone(),
@@ -189,7 +189,7 @@ impl AgentConduct {
             title: format!("What the chosen agent does along {name}"),
             caption: format!(
                 "Share of the agent's steps in each fifth of {name} in which it takes the action, over the last {} steps of its first run in the \
-                 {model} of the first ensemble member. Lines have no point where it never was. It goes on exploring, so no share need be 100 %.",
+                 {model}. Lines have no point where it never was. It goes on exploring, so no share need be 100 %.",
                 self.steps
             ),
             axis: "steps in which it is taken (%)",
@@ -338,7 +338,8 @@ mod tests {
 
     fn last_steps(conduct: &AgentConduct) -> OverviewFigure {
         let actions = ["shut", "open"].map(str::to_owned);
-        let (name, figure) = conduct.figures(&actions, "neighbours").swap_remove(0);
+        let (name, figure) =
+            conduct.figures(&actions, "neighbours of the first ensemble member").swap_remove(0);
         assert_eq!(name, "last-steps");
         figure
     }
@@ -428,13 +429,17 @@ mod tests {
         let mut level = column("level", true, None);
         level.steps = vec![8, 0];
         let actions = ["shut", "open"].map(str::to_owned);
-        let figures = conduct(vec![level]).figures(&actions, "network");
+        let figures = conduct(vec![level]).figures(&actions, "network of ensemble member 3");
         assert_eq!(
             figures.iter().map(|(name, _)| *name).collect::<Vec<_>>(),
             ["last-steps", "taken-1"]
         );
         let taken = &figures[1].1;
-        assert!(taken.caption.contains("in the network of"), "{}", taken.caption);
+        assert!(
+            taken.caption.contains("in the network of ensemble member 3."),
+            "{}",
+            taken.caption
+        );
         assert_eq!(taken.table.rows[1][1..], [Cell::Missing, Cell::Missing]);
         assert_eq!(taken.table.rows[0][1..], [Cell::Percent(1.0), Cell::Percent(0.0)]);
     }

@@ -41,7 +41,8 @@ pub(super) fn all(evaluation: &ControlEvaluation) -> Vec<(&'static str, Overview
     let actions: Vec<String> =
         evaluation.log.actions.iter().map(|action| action.name.clone()).collect();
     let conduct = evaluation.conduct.iter();
-    all.extend(conduct.flat_map(|conduct| conduct.figures(&actions, "neighbours")));
+    let model = "neighbours of the first ensemble member";
+    all.extend(conduct.flat_map(|conduct| conduct.figures(&actions, model)));
     let maps = evaluation.log.map.iter().zip(COVERAGES);
     all.extend(maps.map(|(map, name)| (name, coverage(map, &actions))));
     all
