@@ -104,17 +104,24 @@ def _short(values: ArrayLike) -> list[float]:
 def is_conduct(value: Any) -> bool:
     """Whether a value of a file has the form of `LastSteps.conduct`."""
     try:
-        names = [*value["actions"], *(one["column"] for one in (*value["set"], *value["columns"]))]
-        counts = [value["steps"], *value["begins"], *(count for one in value["columns"] for count in one["steps"])]
-        lists = [value["rewards"], *(one["values"] for one in (*value["set"], *value["columns"]))]
-        numbers = [number for numbers in lists for number in numbers]
-        numbers += [number for one in value["columns"] for row in (one["upper"], *one["taken"]) for number in row]
+        actions, told, rewards = value["actions"], value["set"], value["rewards"]
+        columns, begins = value["columns"], value["begins"]
+        names = [*actions, *(one["column"] for one in (*told, *columns))]
+        series = [rewards, *(one["values"] for one in (*told, *columns))]
+        taken = [one["taken"] for one in columns]
+        parts = [row for one in columns for row in (one["upper"], *one["taken"])]
+        counts = [value["steps"], *begins, *(count for one in columns for count in one["steps"])]
+        lists = [actions, told, columns, begins, *taken, *series, *parts, *(one["steps"] for one in columns)]
         return (
-            all(isinstance(name, str) for name in names)
+            all(isinstance(each, list) for each in lists)
+            and all(isinstance(name, str) for name in names)
             and all(type(count) is int and count >= 0 for count in counts)
-            and all(len(numbers) == len(lists[0]) for numbers in lists)
-            and all(len(row) == len(one["upper"]) for one in value["columns"] for row in (one["steps"], *one["taken"]))
-            and all(math.isfinite(number) for number in numbers)
+            and all(len(numbers) == len(rewards) for numbers in series)
+            and 0 < len(rewards) <= value["steps"] <= _COUNTED
+            and all(place < len(rewards) for place in begins)
+            and all(len(one["taken"]) == len(actions) and sum(one["steps"]) == value["steps"] for one in columns)
+            and all(len(row) == len(one["upper"]) > 0 for one in columns for row in (one["steps"], *one["taken"]))
+            and all(type(number) in (int, float) and math.isfinite(number) for row in (*series, *parts) for number in row)
         )
-    except (KeyError, TypeError):
+    except (KeyError, TypeError, OverflowError):
         return False

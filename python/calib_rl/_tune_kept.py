@@ -92,9 +92,9 @@ class Kept:
             return None
         try:
             came = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return None
-        if not _is_result(came, unit):
+            if not _is_result(came, unit):
+                return None
+        except (OSError, ValueError, RecursionError, OverflowError):
             return None
         # A call with other ensemble members records another one.
         if not unit.is_recorded:
@@ -138,7 +138,7 @@ def _is_result(came: Any, unit: Unit) -> bool:
     counts += [coverage.get(name) for name in ("steps", "missing", "far")]
     lists = [came.get("returns"), run.get("curve"), drift.get("sums"), drift.get("squares")]
     return (
-        all(type(count) is int and count >= 0 for count in counts)
+        all(type(count) is int and 0 <= count < 2**63 for count in counts)
         and all(isinstance(numbers, list) for numbers in lists)
         and all(_is_number(number) for numbers in lists for number in numbers)
         and _is_number(run.get("mean_return"))

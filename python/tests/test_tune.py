@@ -399,6 +399,51 @@ def test_a_damaged_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: 
     assert all("coverage" in json.loads(path.read_text(encoding="utf-8"))["run"] for path in kept)
 
 
+def _damages() -> list[Callable[[dict[str, Any]], Any]]:
+    """Returns functions that damage a stored result."""
+
+    def put(value: Any, *path: str | int) -> Callable[[dict[str, Any]], Any]:
+        def damage(told: Any) -> None:
+            for key in path[:-1]:
+                told = told[key]
+            told[path[-1]] = value
+
+        return damage
+
+    return [
+        put(10**400, "run", "mean_return"),
+        put(10**30, "run", "episodes"),
+        put([10**400], "returns"),
+        put([], "conduct"),
+        put("shut", "conduct", "actions"),
+        put(10**30, "conduct", "steps"),
+        put({"0": 1}, "conduct", "begins"),
+        put([25], "conduct", "begins"),
+        put(10**400, "conduct", "rewards", 0),
+        put("high", "conduct", "columns", 0, "upper", 0),
+        put(None, "conduct", "set", 0, "values"),
+        lambda told: told["conduct"]["columns"][0]["taken"].pop(),
+        lambda told: told["conduct"]["columns"][0]["steps"].pop(),
+        lambda told: told["conduct"]["set"][0]["values"].pop(),
+        lambda told: told["conduct"]["columns"][0].pop("column"),
+    ]
+
+
+def test_every_damage_of_a_result_is_found(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    def tuned() -> calib_rl.Tuned:
+        return run(Always, {"limit": [10]}, acting, default=None, members=[0], folder=tmp_path)
+
+    first = tuned()
+    (kept,) = tmp_path.iterdir()
+    text = kept.read_text(encoding="utf-8")
+    for number, damage in enumerate(_damages()):
+        told = json.loads(text)
+        damage(told)
+        kept.write_text(json.dumps(told), encoding="utf-8")
+        assert tuned().runs == first.runs, number
+        assert kept.read_text(encoding="utf-8") == text, f"damage {number} was not written again"
+
+
 def test_agents_cannot_change_settings(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
     class Writes(Always):
         def __init__(self, env: Any, options: Any = None) -> None:
