@@ -76,7 +76,7 @@ def test_notebooks_show_what_is_saved_in_them(name: str, kind: str, figures: int
     nbformat = pytest.importorskip("nbformat")
     saved = nbformat.read(EXAMPLES / name, as_version=4)
     notebook = nbformat.read(EXAMPLES / name, as_version=4)
-    nbclient.NotebookClient(notebook, timeout=60, kernel_name="python3").execute()
+    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
     assert shown(notebook.cells) == shown(saved.cells), "save it anew with scripts/notebook.py"
     assert sum(kind in kinds for cell in shown(saved.cells) for kinds, _ in cell) == figures
     assert any(all(word in text for word in words) for text in texts(saved.cells))
