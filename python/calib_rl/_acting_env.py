@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._acting import ActionModel
 from ._checks import LARGEST_SEED, position, whole
+from ._errors import CalibWarning
 from ._kinds import ModelKind
 from ._model import Units, physical_values
 from ._walks import (
@@ -163,6 +165,8 @@ class ActingSettings(WalkSettings):
         self.observation_space = observation_space(model, columns, units)
         self.timeout = most
         super().__init__(model, (list(members), columns, units == "physical", most, pessimism == "minimum_return", worst, live, kind))
+        if kind == "network" and (told := model._native.unstored_networks) is not None:
+            warnings.warn(told, CalibWarning, stacklevel=4)
 
 
 class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):

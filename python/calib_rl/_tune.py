@@ -10,6 +10,7 @@ import os
 import queue
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, get_args
@@ -18,7 +19,7 @@ import numpy as np
 
 from ._acting import ActionModel, acting_model
 from ._checks import LARGEST_SEED, position, share, whole
-from ._errors import CalibError
+from ._errors import CalibError, CalibWarning
 from ._kinds import ModelKind
 from ._tune_kept import Kept
 from ._tune_settings import Failure, Grid, Names, Setting, settings_of
@@ -84,6 +85,7 @@ def tune(
 
     Raises:
         CalibError: The log of the model has only one action, so that there is nothing to choose. The folder is a file, or cannot be made.
+            Several processes need networks, and these cannot be stored.
         ValueError: There is no setting, or one occurs twice. An argument is outside its range. No environment can be made with ``environment``.
         TypeError: An argument is of another type. ``make_agent`` cannot be given to other processes.
         KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call continues.
@@ -331,8 +333,13 @@ class _Work:
             return
         if any(units[place].kind == "network" for place in missing):
             # Processes read the networks that this one trains. If that fails, it fails there too, and is told with their settings.
-            with contextlib.suppress(CalibError):
-                make(self.model, kind="network", **self.environment).close()
+            # The model is opened again, because they see what is stored, and not what this one has in memory.
+            model = ActionModel.open(self.model.path)
+            with contextlib.suppress(CalibError), warnings.catch_warnings():
+                warnings.simplefilter("ignore", CalibWarning)
+                make(model, kind="network", **self.environment).close()
+            if (told := model._native.unstored_networks) is not None:
+                raise CalibError(f"{told}, here in every process; or take processes=1")
         waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
         for place in missing:
             waiting.put(place)

@@ -349,6 +349,9 @@ def make(
         IndexError: The member does not exist.
         TypeError: ``model`` is not a model, or a number is not a whole number.
 
+    Warns:
+        CalibWarning: Networks were trained, and could not be stored.
+
     Examples:
         >>> import tempfile
         >>> import numpy as np

@@ -10,7 +10,7 @@ use calib_control::{
     Pessimism, Question, ReturnVerdict, Rules, Run, RunLength, StepModel, Support, Walkers, judge,
 };
 use calib_core::{Seed, Silent};
-use calib_pipeline::{Advice, ControlModel, PYTHON, Reason, StepError};
+use calib_pipeline::{Advice, ControlModel, PYTHON, Reason, StepError, unstored_networks};
 use calib_report::Decision;
 use pyo3::{exceptions::PyIndexError, prelude::*};
 use serde::Serialize;
@@ -201,6 +201,12 @@ impl PyActionModel {
     #[getter]
     fn only_action(&self) -> Option<String> {
         self.shared.opened.only_action()
+    }
+
+    /// Returns a warning if networks were trained and could not be stored.
+    #[getter]
+    fn unstored_networks(&self) -> Option<String> {
+        unstored_networks(self.shared.networks.get()?)
     }
 
     /// Returns the recorded behaviour's return per episode of at most `timeout` steps: the mean, and the best and the worst whole episode.

@@ -206,6 +206,24 @@ def test_networks_are_trained_once(acting: calib_rl.ActionModel, tmp_path: Path)
     assert networks[0].stat().st_mtime_ns == before[0]
 
 
+def test_networks_that_cannot_be_stored_are_used(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    folder = tmp_path / "control-model"
+    shutil.copytree(acting.path, folder, ignore=shutil.ignore_patterns("network-*"))
+    # No file can be put in the place of a folder.
+    (folder / "network-3.safetensors" / "in the way").mkdir(parents=True)
+    model = calib_rl.ActionModel.open(folder)
+    with pytest.warns(calib_rl.CalibWarning, match=r"networks were not stored: .*network-3\.safetensors") as told:
+        env = calib_rl.gym.make(model, member=3, kind="network")
+    assert [one.filename for one in told if one.category is calib_rl.CalibWarning] == [__file__]
+    env.reset(seed=1)
+    env.step(1)
+    few: dict[str, Any] = {"total_timesteps": 50, "members": [0, 1], "kinds": ["network"]}
+    with pytest.raises(calib_rl.CalibError, match="take processes=1"):
+        calib_rl.tune(Sarsa, {"step_size": [0.3]}, model, processes=2, **few)
+    with pytest.warns(calib_rl.CalibWarning, match="not stored"):
+        assert not calib_rl.tune(Sarsa, {"step_size": [0.3]}, model, processes=1, **few).failures
+
+
 def test_arguments_of_a_model_with_actions_are_named_as_in_python(tmp_path: Path) -> None:
     for given, told in {
         "neighbours": "did you mean control={'model': {'neighbors': ...}}?",

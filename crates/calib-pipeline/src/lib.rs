@@ -85,7 +85,7 @@ pub use cluster::{
 };
 pub use control::{
     ActingAgent, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames, ControlPlan,
-    InspectedActions, PYTHON, Reason, SimulateTask, SimulatedTask, Vocabulary,
+    InspectedActions, PYTHON, Reason, SimulateTask, SimulatedTask, Vocabulary, unstored_networks,
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};

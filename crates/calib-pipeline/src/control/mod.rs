@@ -32,7 +32,7 @@ pub use inspect::InspectedActions;
 pub(crate) use inspect::inspect;
 pub(crate) use log::{ActionLog, read as read_log};
 pub(crate) use model::build;
-pub use model::{ControlColumn, ControlModel, ControlNames};
+pub use model::{ControlColumn, ControlModel, ControlNames, unstored_networks};
 pub use plan::ControlPlan;
 pub(crate) use ranking::{ControlRanking, ranking};
 pub(crate) use rare::hardly_taken;

@@ -2,6 +2,7 @@
 //! their first use.
 
 use std::{
+    error::Error as _,
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -140,7 +141,7 @@ impl ControlModel {
     /// use, and read later.
     ///
     /// # Errors
-    /// Returns an error if a network diverged or cannot be stored, or the monitor interrupts.
+    /// Returns an error if a network diverged, or the monitor interrupts.
     pub fn networks(&self, monitor: &dyn Monitor) -> Result<NetworkModel, ControlError> {
         let seed = Seed::new(self.names.seed).child("control");
         let files = files_of_networks(&self.directory, &self.key);
@@ -175,6 +176,15 @@ fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
 /// Returns the seed of all random numbers for agents in the model of a study.
 pub(super) fn seed(study: &Study) -> Seed {
     Seed::new(study.seed).child("control")
+}
+
+/// Returns a warning if the networks could not be stored.
+pub fn unstored_networks(networks: &NetworkModel) -> Option<String> {
+    let error = networks.unstored()?;
+    let cause = error.source().map_or_else(String::new, |cause| format!(": {cause}"));
+    Some(format!(
+        "the trained networks were not stored: {error}{cause}; make room for them, or they are trained again each time"
+    ))
 }
 
 /// Returns the files of the networks of a study's model, if that is stored.

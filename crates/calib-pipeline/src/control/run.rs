@@ -402,6 +402,9 @@ fn swept(
                 }
                 match NetworkModel::for_members(model, &members, seed, networks, &progress) {
                     Ok(model) => {
+                        if let Some(warning) = model::unstored_networks(&model) {
+                            printer.warn(&warning);
+                        }
                         swept.add(&model, ids, &question)?;
                     }
                     Err(error @ ControlError::NetworkDiverged { .. })

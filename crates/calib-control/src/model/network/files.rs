@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use calib_core::Seed;
-use calib_files::{CheckpointFile, Tensors};
+use calib_files::{CheckpointFile, FileError, Tensors};
 use calib_nn::{Mlp, Naming};
 
 use super::NetworkConfig;
-use crate::ControlError;
 
 /// Version of the training. A change of what it returns needs another one.
 const VERSION: u32 = 1;
@@ -62,11 +61,11 @@ impl NetworkFile {
     ///
     /// # Errors
     /// If it cannot be written for another reason.
-    pub(super) fn write(&self, network: &Mlp) -> Result<(), ControlError> {
+    pub(super) fn write(&self, network: &Mlp) -> Result<(), FileError> {
         let tensors = network.to_tensors(Naming::Sequential);
         match self.0.write(Tensors { tensors, ..Tensors::default() }) {
             Err(error) if error.is_refusal() => Ok(()),
-            written => Ok(written?),
+            written => written,
         }
     }
 }

@@ -3,7 +3,10 @@
 mod files;
 mod train;
 
+use std::sync::Arc;
+
 use calib_core::{Monitor, Rng, Seed, States};
+use calib_files::FileError;
 use calib_knn::Blocks;
 use calib_nn::{Mlp, Workspace};
 use rayon::prelude::*;
@@ -85,6 +88,14 @@ pub struct NetworkModel {
     scales: Scales,
     /// One network per ensemble member; `None` for members that were left out.
     networks: Vec<Option<Mlp>>,
+    /// Why a trained network could not be stored.
+    unstored: Option<Arc<FileError>>,
+}
+
+/// A network of an ensemble member, and why it could not be stored.
+struct Trained {
+    network: Mlp,
+    unstored: Option<FileError>,
 }
 
 impl NetworkModel {
@@ -107,9 +118,10 @@ impl NetworkModel {
 
     /// Trains the networks of these ensemble members alone. They equal those of [`train`](Self::train), because each has its own seed and
     /// its own part of the log. The other members have no network. Networks that are in `files` are read, and the others are written there.
+    /// If that fails, [`unstored`](Self::unstored) says why.
     ///
     /// # Errors
-    /// As [`train`](Self::train), and if a file cannot be written.
+    /// As [`train`](Self::train).
     ///
     /// # Panics
     /// If there is no such member.
@@ -131,25 +143,31 @@ impl NetworkModel {
         monitor.begin("networks", (members.len() * config.updates) as u64);
         let trained = members
             .par_iter()
-            .map(|&member: &usize| -> Result<Mlp, ControlError> {
+            .map(|&member: &usize| -> Result<Trained, ControlError> {
                 let file = files.map(|files| files.of_member(member, config, seed));
                 if let Some(network) = file.as_ref().and_then(NetworkFile::read) {
                     monitor.advance(config.updates as u64);
-                    return Ok(network);
+                    return Ok(Trained { network, unstored: None });
                 }
                 let seed = seed.child("network").number(member as u64);
                 let network = train(log, &scales, (&blocks, member), config, seed, monitor)?;
-                if let Some(file) = file {
-                    file.write(&network)?;
-                }
-                Ok(network)
+                let unstored = file.and_then(|file| file.write(&network).err());
+                Ok(Trained { network, unstored })
             })
-            .collect::<Result<Vec<Mlp>, ControlError>>()?;
+            .collect::<Result<Vec<Trained>, ControlError>>()?;
         let mut networks = vec![None; config.members];
-        for (&member, network) in members.iter().zip(trained) {
-            networks[member] = Some(network);
+        let mut unstored = None;
+        for (&member, trained) in members.iter().zip(trained) {
+            networks[member] = Some(trained.network);
+            unstored = unstored.or(trained.unstored);
         }
-        Ok(Self { starts, scales, networks })
+        Ok(Self { starts, scales, networks, unstored: unstored.map(Arc::new) })
+    }
+
+    /// Returns why trained networks could not be stored, such as a full disk. `None` if all were, if none were to be, or where nothing may
+    /// be written.
+    pub fn unstored(&self) -> Option<&FileError> {
+        self.unstored.as_deref()
     }
 }
 

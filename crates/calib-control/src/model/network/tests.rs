@@ -186,6 +186,28 @@ fn networks_without_a_valid_file_are_counted() {
 }
 
 #[test]
+fn networks_that_cannot_be_stored_are_used() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |member: usize| folder.path().join(format!("network-{member}.safetensors"));
+    // No file can be put in the place of a folder.
+    fs::create_dir_all(at(1).join("in the way")).expect("writable");
+    let config = NetworkConfig { updates: 30, members: 3, ..NetworkConfig::default() };
+    let files = NetworkFiles::new(folder.path(), "log");
+    let train = |members: &[usize]| {
+        let starts = one_start();
+        let seed = Seed::new(2);
+        NetworkModel::train_members(&log(), starts, &config, members, seed, Some(&files), &Silent)
+            .expect("learnt")
+    };
+    let all = train(&[0, 1, 2]);
+    assert_eq!(all.networks, model(config).networks);
+    let told = all.unstored().expect("not stored").to_string();
+    assert!(told.contains("network-1.safetensors"), "{told}");
+    assert!(at(0).is_file() && at(2).is_file());
+    assert!(train(&[0, 2]).unstored().is_none());
+}
+
+#[test]
 fn parameters_are_counted_before_training() {
     let config = NetworkConfig { updates: 1, members: 2, hidden_layers: 3, ..Default::default() };
     let network = model(config).networks[1].clone().expect("trained");
