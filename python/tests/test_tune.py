@@ -124,7 +124,7 @@ def test_the_last_steps_of_a_run_are_recorded(acting: calib_rl.ActionModel, tmp_
 
 @pytest.mark.parametrize("space", ["multi_discrete", "box"])
 def test_actions_of_every_space_are_recorded_as_what_they_set(acting: calib_rl.ActionModel, space: str) -> None:
-    action = np.array([2]) if space == "multi_discrete" else np.array([0.9], np.float32)
+    action: Any = np.array([2]) if space == "multi_discrete" else np.array([0.9], np.float32)
     tuned = run(lambda env, limit=None: Always(env, action, limit), {"limit": [7]}, acting, environment={"action_space": space})
     conduct = next(one["conduct"] for one in tuned.runs if one["conduct"])
     assert conduct["set"][0]["values"] == [1.0] * 25, "0.9 is nearest to 1"
