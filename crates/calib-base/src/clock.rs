@@ -77,17 +77,41 @@ pub struct TimeTaken {
 impl TimeTaken {
     /// Runs `work`, and returns its result and its time.
     pub fn by<T>(work: impl FnOnce() -> T) -> (T, Self) {
-        let clock = Stopwatch::start();
-        let before = processor_secs();
+        let timer = Timer::start();
         let made = work();
-        let secs = clock.elapsed().as_secs_f64();
-        (made, Self { secs, processor_secs: processor_secs() - before })
+        (made, timer.taken())
     }
 
     /// Returns the processor time, s. It is the wall time of work that is short against the ticks in which processor
     /// time is reported, or where the system does not report it.
     pub fn on_processors(&self) -> f64 {
         if self.processor_secs < TEN_TICKS { self.secs } else { self.processor_secs }
+    }
+}
+
+/// A running measurement of wall and processor time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Timer {
+    clock: Stopwatch,
+    /// Processor time at the start, s.
+    processor_secs: f64,
+}
+
+impl Timer {
+    /// Starts the measurement.
+    pub(crate) fn start() -> Self {
+        Self { clock: Stopwatch::start(), processor_secs: processor_secs() }
+    }
+
+    /// Returns the wall time since the start.
+    pub(crate) fn elapsed(self) -> Duration {
+        self.clock.elapsed()
+    }
+
+    /// Returns the time since the start.
+    pub(crate) fn taken(self) -> TimeTaken {
+        let secs = self.clock.elapsed().as_secs_f64();
+        TimeTaken { secs, processor_secs: processor_secs() - self.processor_secs }
     }
 }
 

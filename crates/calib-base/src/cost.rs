@@ -1,7 +1,10 @@
 //! Expected costs of steps, from short measurements on this machine.
 
 use std::{
-    sync::atomic::{AtomicU64, Ordering},
+    sync::{
+        Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
     time::Duration,
 };
 
@@ -10,13 +13,9 @@ use calib_study::StepKind;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::{
-    StepError,
-    clock::{Stopwatch, TimeTaken},
-    output::duration_of_secs,
-};
+use crate::{StepError, clock::Timer, output::duration_of_secs};
 
-/// Time limit of one measurement: long against the tick of the processor's clock, and short for whoever waits (our
+/// Time limit of one measured task: long against the tick of the processor's clock, and short for whoever waits (our
 /// choice).
 const MEASURED: Duration = Duration::from_millis(300);
 
@@ -61,45 +60,68 @@ pub struct ExpectedStep {
     pub cost: StepCost,
 }
 
-/// Returns the processor seconds of `work`. If `work` takes too long, it is ended, and the time is extrapolated from
-/// the units that its monitor was told of.
+/// Returns the processor seconds of `work`. If its last task takes too long, `work` is ended, and the time of the task is
+/// extrapolated from the units that the monitor was told of. Time before the task, such as that of a preparation, counts
+/// once. `None` if no unit was done by then.
 ///
 /// # Errors
 /// If the work fails, or `monitor` interrupts it.
 pub fn processor_secs<T, E: Into<StepError>>(
     monitor: &dyn Monitor,
     work: impl FnOnce(&dyn Monitor) -> Result<T, E>,
-) -> Result<f64, StepError> {
+) -> Result<Option<f64>, StepError> {
+    let begun = Timer::start();
     let limit = TimeLimit {
         monitor,
-        clock: Stopwatch::start(),
-        total: AtomicU64::new(0),
+        begun,
+        task: Mutex::new(TimedTask { secs_before: 0.0, timer: begun, total: 0 }),
         done: AtomicU64::new(0),
     };
-    let (ended, taken) = TimeTaken::by(|| work(&limit));
-    let secs = taken.on_processors();
-    let Err(reason) = ended else { return Ok(secs) };
+    let ended = work(&limit);
+    let task = *limit.task();
+    let [all, secs] = [begun, task.timer].map(|timer| timer.taken().on_processors());
+    let Err(reason) = ended else { return Ok(Some(all)) };
     let reason: StepError = reason.into();
     if !reason.was_cancelled() || monitor.interrupted() {
         return Err(reason);
     }
-    // At least one unit was under way.
-    let done = limit.done.into_inner().max(1);
-    let total = limit.total.into_inner().max(done);
-    Ok(secs * total as f64 / done as f64)
+    Ok(extrapolated(task.secs_before, secs, limit.done.into_inner(), task.total))
 }
 
-/// A monitor that ends work after [`MEASURED`], and counts its units until then.
+/// Returns the seconds of work whose task took `secs` for `done` of its `total` units, after `secs_before` of other work.
+/// `None` if no unit was done.
+fn extrapolated(secs_before: f64, secs: f64, done: u64, total: u64) -> Option<f64> {
+    (done > 0).then(|| secs_before + secs * total.max(done) as f64 / done as f64)
+}
+
+/// A monitor that ends work [`MEASURED`] after its last task began, and counts the units of the task until then.
 struct TimeLimit<'a> {
     monitor: &'a dyn Monitor,
-    clock: Stopwatch,
-    total: AtomicU64,
+    begun: Timer,
+    task: Mutex<TimedTask>,
     done: AtomicU64,
+}
+
+/// The task that was begun last. Before the first one, all work so far.
+#[derive(Clone, Copy)]
+struct TimedTask {
+    /// Processor seconds of the work before it.
+    secs_before: f64,
+    timer: Timer,
+    /// Number of its units.
+    total: u64,
+}
+
+impl TimeLimit<'_> {
+    fn task(&self) -> MutexGuard<'_, TimedTask> {
+        self.task.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Monitor for TimeLimit<'_> {
     fn begin(&self, _task: &str, total: u64) {
-        self.total.store(total, Ordering::Relaxed);
+        let secs_before = self.begun.taken().on_processors();
+        *self.task() = TimedTask { secs_before, timer: Timer::start(), total };
         self.done.store(0, Ordering::Relaxed);
     }
 
@@ -108,7 +130,7 @@ impl Monitor for TimeLimit<'_> {
     }
 
     fn interrupted(&self) -> bool {
-        self.monitor.interrupted() || self.clock.elapsed() >= MEASURED
+        self.monitor.interrupted() || self.task().timer.elapsed() >= MEASURED
     }
 }
 
@@ -129,38 +151,64 @@ mod tests {
         assert_eq!(first.line(), "expecting about 1.5 s of a processor");
     }
 
-    /// Makes `units` units of 20 ms.
-    fn units(monitor: &dyn Monitor, units: u64) -> Result<u64, Cancelled> {
+    /// Makes `units` units of 20 ms, and counts those that it `made`.
+    fn units(monitor: &dyn Monitor, units: u64, made: &AtomicU64) -> Result<(), Cancelled> {
         monitor.begin("sleeping", units);
         for _ in 0..units {
             monitor.check()?;
             thread::sleep(Duration::from_millis(20));
             monitor.advance(1);
+            made.fetch_add(1, Ordering::Relaxed);
         }
-        Ok(units)
+        Ok(())
     }
 
     #[test]
-    fn long_work_is_ended_and_extrapolated() {
-        let clock = Stopwatch::start();
-        let long = processor_secs(&Silent, |monitor| units(monitor, 1_000_000));
-        let waited = clock.elapsed().as_secs_f64();
-        let long = long.expect("no error");
-        // At most 15 units are made.
-        assert!(long >= waited * 50_000.0, "{long} after {waited}");
-        let short = processor_secs(&Silent, |monitor| units(monitor, 1)).expect("no error");
-        assert!(short < long, "{short}");
+    fn units_are_extrapolated_and_the_time_before_them_is_not() {
+        assert_eq!(extrapolated(0.0, 0.25, 10, 1_000_000), Some(25_000.0));
+        assert_eq!(extrapolated(0.5, 0.25, 10, 1_000_000), Some(25_000.5));
+        assert_eq!(extrapolated(0.5, 0.25, 10, 0), Some(0.75), "more units than were announced");
+        assert_eq!(extrapolated(0.5, 0.25, 0, 1_000_000), None);
     }
 
     #[test]
-    fn what_ends_work_otherwise_is_an_error() {
+    fn long_work_is_ended_after_some_of_its_units() {
+        let made = AtomicU64::new(0);
+        let secs = processor_secs(&Silent, |monitor| {
+            // A preparation that alone takes longer than the limit.
+            thread::sleep(Duration::from_millis(400));
+            units(monitor, 1_000_000, &made)
+        });
+        let made = made.into_inner();
+        assert!((1..1_000_000).contains(&made), "{made}");
+        assert!(secs.expect("no error").is_some());
+    }
+
+    #[test]
+    fn a_preparation_counts_once() {
+        let ended_after = |done: u64| {
+            let secs = processor_secs(&Silent, |monitor| {
+                thread::sleep(Duration::from_millis(400));
+                monitor.begin("nothing", 1);
+                monitor.advance(done);
+                Err::<(), _>(Cancelled)
+            });
+            secs.expect("no error")
+        };
+        // The processor time of other threads counts too, from 0.1 s on.
+        assert!(ended_after(1).is_some_and(|secs| secs >= 0.1));
+        assert_eq!(ended_after(0), None);
+    }
+
+    #[test]
+    fn interruptions_and_failures_are_errors() {
         struct Interrupted;
         impl Monitor for Interrupted {
             fn interrupted(&self) -> bool {
                 true
             }
         }
-        let ended = processor_secs(&Interrupted, |monitor| units(monitor, 1));
+        let ended = processor_secs(&Interrupted, |monitor| monitor.check());
         assert!(ended.expect_err("interrupted").was_cancelled());
         let failed =
             processor_secs(&Silent, |_| Err::<(), _>(StepError::message("no such sensor")));

@@ -216,7 +216,7 @@ fn timeable(kind: ModelKind, config: &DynamicsConfig, columns: usize) -> Dynamic
 }
 
 /// Returns the expected cost of training the network on this processor, from some updates of one like it. `None` if it
-/// is trained elsewhere, or does not fit into memory.
+/// is trained elsewhere, does not fit into memory, or makes no update while it is timed.
 pub(super) fn cost(
     study: &Study,
     dataset: &Dataset,
@@ -244,7 +244,7 @@ pub(super) fn cost(
         monitor.begin("training", trainer.updates_per_epoch() as u64);
         trainer.epoch(monitor)
     })?;
-    Ok(Some(StepCost { processor_secs: epoch * config.epochs as f64, memory, disk }))
+    Ok(epoch.map(|secs| StepCost { processor_secs: secs * config.epochs as f64, memory, disk }))
 }
 
 /// Returns a network of the study's shape for states of `columns` columns, which has learned nothing. `None` if the
@@ -401,7 +401,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mini_batches_that_nobody_waits_for_are_cut() {
+    fn large_mini_batches_are_cut() {
         let config = DynamicsConfig {
             hidden_layers: 1,
             hidden_units: 1_000,

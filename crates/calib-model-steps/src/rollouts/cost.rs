@@ -120,6 +120,7 @@ pub(super) fn expect(
     let rolling = Rolling { steps: extent.timed_steps(), weights: study.model.weights()?, seed };
     let stepping =
         processor_secs(&monitor, |monitor| model.roll_out(0, &starts[0], &rolling, monitor))?;
+    let Some(stepping) = stepping else { return Ok(()) };
     tell(job, extent.cost(stepping)?, context);
     Ok(())
 }
@@ -161,7 +162,7 @@ fn tell(job: &Job, cost: StepCost, context: &RunContext) {
 }
 
 /// Returns the processor seconds in which as many rollouts of a network as step together make so many steps. `None` if
-/// its shape is not known.
+/// its shape is not known, or no step is made while they are timed.
 fn network_secs(
     study: &Study,
     train: &Frames,
@@ -171,10 +172,9 @@ fn network_secs(
     let states = train.states();
     let Some(network) = train_model::untrained(study, states.columns())? else { return Ok(None) };
     let starts = [RowIndex::new(0); LANES];
-    let secs = processor_secs(monitor, |monitor| {
+    processor_secs(monitor, |monitor| {
         predict(&*network, states, train.segments(), &starts, steps, monitor)
-    })?;
-    Ok(Some(secs))
+    })
 }
 
 /// Returns the seconds of a rollout of so many steps in a model of a part of the states. `None` if they make no model.

@@ -238,9 +238,10 @@ fn expect_cost(
     if missing.is_empty() {
         return Ok(());
     }
-    let processor_secs = processor_secs(&context.silent().progress(), |monitor| {
+    let secs = processor_secs(&context.silent().progress(), |monitor| {
         train(job.study(), parts, missing, None, monitor)
     })?;
+    let Some(processor_secs) = secs else { return Ok(()) };
     let cost = StepCost { processor_secs, ..cost };
     context.say(&cost.line());
     context.expect(StepKind::Pretrain, job, cost);
