@@ -60,9 +60,9 @@ pub struct ExpectedStep {
     pub cost: StepCost,
 }
 
-/// Returns the processor seconds of `work`. If its last task takes too long, `work` is ended, and the time of the task is
-/// extrapolated from the units that the monitor was told of. Time before the task, such as that of a preparation, counts
-/// once. `None` if no unit was done by then.
+/// Returns the processor seconds of `work`. If its last task takes too long, `work` is ended, and the time of the task
+/// is extrapolated from the units that the monitor was told of. Time before the task, such as that of a preparation,
+/// counts once. `None` if no unit was done by then.
 ///
 /// # Errors
 /// If the work fails, or `monitor` interrupts it.
@@ -88,8 +88,8 @@ pub fn processor_secs<T, E: Into<StepError>>(
     Ok(extrapolated(task.secs_before, secs, limit.done.into_inner(), task.total))
 }
 
-/// Returns the seconds of work whose task took `secs` for `done` of its `total` units, after `secs_before` of other work.
-/// `None` if no unit was done.
+/// Returns the seconds of work whose task took `secs` for `done` of its `total` units, after `secs_before` of other
+/// work. `None` if no unit was done.
 fn extrapolated(secs_before: f64, secs: f64, done: u64, total: u64) -> Option<f64> {
     (done > 0).then(|| secs_before + secs * total.max(done) as f64 / done as f64)
 }
