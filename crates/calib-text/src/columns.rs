@@ -54,7 +54,8 @@ impl NumberColumn {
     }
 }
 
-/// Reads the columns of a table. Separator, header and decimal sign are recognised as those of logs are.
+/// Reads the columns of a table. Separator and decimal sign are recognised as those of logs are. The first row is a
+/// header if it has a name above values, and the row below it may have units.
 ///
 /// # Errors
 /// If the text has no rows, rows of different lengths, or a header that does not fit: the reason, in words.
@@ -119,6 +120,50 @@ mod tests {
         assert_eq!((bare[0].name.as_str(), bare[1].name.as_str(), bare.len()), ("0", "1", 2));
         assert_eq!(numbers(&bare[1]), [2.5, 4.0]);
         assert_eq!(numbers(&columns("0\n2.5\n1\n")[0]), [0.0, 2.5, 1.0]);
+    }
+
+    #[test]
+    fn no_sample_is_taken_for_units() {
+        let units = columns("day,flow,level\n,[m3/h],-\nmon,1,3\ntue,2,4\n");
+        assert_eq!(numbers(&units[1]), [1.0, 2.0]);
+        assert_eq!(numbers(&columns("flow\nbar\n1\n2\n")[0]), [1.0, 2.0]);
+        let failed = columns("flow\nERR\n1\n2\n")[0].numbers.clone().expect_err("an error");
+        assert_eq!(failed.to_string(), "expected numbers, got `ERR` in line 2");
+        for text in ["flow\nnan\n1\n2\n", "nan\n1\n2\n", "day,flow\nmon,\ntue,1\nwed,2\n"] {
+            let all = columns(text);
+            let flow = &all[all.len() - 1];
+            let numbers = numbers(flow);
+            assert!(numbers[0].is_nan() && numbers[1..] == [1.0, 2.0], "{text}: {numbers:?}");
+            assert_eq!(flow.name, if text.starts_with("nan") { "0" } else { "flow" });
+        }
+        let failed = columns("ERR\n1\n2\n")[0].numbers.clone().expect_err("an error");
+        assert_eq!(failed.to_string(), "expected numbers, got `ERR` in line 1");
+        let second = columns("flow\nbar\ngauge\n1\n2\n3\n")[0].numbers.clone();
+        assert_eq!(second.expect_err("one row of units").line, 3);
+        let label = columns("day,flow\nmon,low\ntue,1\nwed,2\n")[1].numbers.clone();
+        assert_eq!(label.expect_err("a word").line, 2, "days have no unit");
+    }
+
+    #[test]
+    fn headers_may_have_numbers_for_names() {
+        for (text, names) in [
+            ("level,101,102\n1,2,3\n4,5,6\n", ["level", "101", "102"]),
+            ("day,2023,2024\n1,5,6\n2,7,8\n", ["day", "2023", "2024"]),
+            ("time,1,2\n2024-01-01,5,6\n2024-01-02,7,8\n", ["time", "1", "2"]),
+        ] {
+            let all = columns(text);
+            let found: Vec<&str> = all.iter().map(|column| column.name.as_str()).collect();
+            assert_eq!(found, names);
+            assert_eq!(numbers(&all[1]).len(), 2, "{text}");
+        }
+        // The first row is a header or values.
+        let either = refused("day,2023\nmon,1\ntue,2\n");
+        assert!(either.contains("a header or values"), "{either}");
+        let title = refused("mon,\ntue,1\nwed,2\n");
+        assert!(title.contains("its header has 1 name, and most rows have 2 cells"), "{title}");
+        let gap = columns("1,\n2,3\n4,5\n");
+        assert_eq!(numbers(&gap[0]), [1.0, 2.0, 4.0]);
+        assert!(numbers(&gap[1])[0].is_nan());
     }
 
     #[test]

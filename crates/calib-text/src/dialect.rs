@@ -5,7 +5,12 @@ use std::{
     path::Path,
 };
 
-use crate::{Candidates, Decimal, Marks, Notation, RecordReader, Signs, parse_number};
+use crate::{
+    Candidates, Decimal, Marks, RecordReader, Signs,
+    names::{are_values, is_name, is_written_time},
+    parse_number,
+    sample::Sample,
+};
 
 /// Number of rows that are examined.
 const LOOKED_AT: usize = 400;
@@ -25,67 +30,6 @@ pub struct Dialect {
     pub has_row_names: bool,
     /// The first rows of values.
     sample: Sample,
-}
-
-/// Cells of some rows. A log may have thousands of files, so all cells share one string.
-#[derive(Clone, Debug, Default)]
-struct Sample {
-    text: String,
-    /// End of each cell in `text`, in bytes.
-    cells: Vec<u32>,
-    rows: Vec<u32>,
-    lines: Vec<u64>,
-}
-
-impl Sample {
-    /// Collects rows, each with its line.
-    fn of(rows: impl Iterator<Item = (u64, Vec<String>)>) -> Self {
-        let mut sample = Self::default();
-        for (line, row) in rows {
-            sample.lines.push(line);
-            for cell in row {
-                sample.text.push_str(cell.trim());
-                sample.cells.push(sample.text.len() as u32);
-            }
-            sample.rows.push(sample.cells.len() as u32);
-        }
-        sample.text.shrink_to_fit();
-        sample
-    }
-
-    fn rows(&self) -> Vec<Vec<String>> {
-        let mut rows = Vec::with_capacity(self.rows.len());
-        let mut cell = 0;
-        let mut begin = 0;
-        for &end in &self.rows {
-            let mut row = Vec::new();
-            while cell < end as usize {
-                let stop = self.cells[cell] as usize;
-                row.push(self.text[begin..stop].to_owned());
-                (begin, cell) = (stop, cell + 1);
-            }
-            rows.push(row);
-        }
-        rows
-    }
-
-    /// Iterates over the cells of a column, without rows that are too short.
-    fn column(&self, column: usize) -> impl Iterator<Item = &str> {
-        self.by_row(column).flatten()
-    }
-
-    /// The cell of a column in each row; `None` in a row that is too short.
-    fn by_row(&self, column: usize) -> impl Iterator<Item = Option<&str>> {
-        let starts = std::iter::once(0).chain(self.rows.iter().copied());
-        starts.zip(&self.rows).map(move |(start, &end)| {
-            let cell = start as usize + column;
-            if cell >= end as usize {
-                return None;
-            }
-            let begins = cell.checked_sub(1).map_or(0, |before| self.cells[before] as usize);
-            Some(&self.text[begins..self.cells[cell] as usize])
-        })
-    }
 }
 
 /// A column as described by the header.
@@ -133,9 +77,14 @@ impl CutTable {
     }
 }
 
-/// Returns the columns of a table without a header, by its first row of values, the row above if there is one, and the
-/// separator.
-type WithoutHeader = fn(&[String], Option<&[String]>, u8) -> Result<Vec<TextColumn>, String>;
+/// A kind of table.
+#[derive(Clone, Copy)]
+enum TableKind {
+    /// A log. It has a column of times, so that a row without values is not one of its rows.
+    Log,
+    /// Columns of numbers. Any row may be one of values, even if all of them are missing.
+    Numbers,
+}
 
 impl Dialect {
     /// Recognises the format of a file that begins with `head`, which consists of whole records.
@@ -146,11 +95,11 @@ impl Dialect {
         let table = CutTable::of(head, separator).ok_or(
             "no character separates its cells; expected a comma, a semicolon, a tab or |, or data.separator",
         )?;
-        Self::with_rows(table, unnamed)
+        Self::with_rows(table, TableKind::Log)
     }
 
     /// Recognises the format of a table that is no log. It may have only one column. Without a header, columns are called
-    /// 0, 1 and so on.
+    /// 0, 1 and so on. The first row is a header if it has a name above values. The row below may have units.
     pub(crate) fn of_columns(text: &[u8]) -> Result<Self, String> {
         let table = CutTable::of(text, None).unwrap_or_else(|| {
             let marks = marks(b',');
@@ -166,42 +115,67 @@ impl Dialect {
         if has_split_numbers {
             return Err(misnamed(1, 2, b','));
         }
-        Self::with_rows(table, numbered)
+        Self::with_rows(table, TableKind::Numbers)
     }
 
-    fn with_rows(table: CutTable, without_header: WithoutHeader) -> Result<Self, String> {
+    fn with_rows(table: CutTable, kind: TableKind) -> Result<Self, String> {
         let CutTable { marks, rows, width } = table;
         // Titles above the table have fewer cells than the table.
-        let is_narrow = |row: &Row| width_of(&row.cells) < width;
+        let is_narrow = |row: &Row| {
+            let may_be_title = match kind {
+                TableKind::Log => true,
+                TableKind::Numbers => !is_data(&row.cells),
+            };
+            may_be_title && width_of(&row.cells) < width
+        };
         let title = rows.iter().take_while(|row| is_narrow(row)).last();
         let title = title.map(|row| row.cells.clone()).filter(|cells| !is_data(cells));
-        let mut rows = rows.into_iter().skip_while(is_narrow).peekable();
-        let Some(first) = rows.peek() else { return Err("it has no rows".to_owned()) };
+        let rows: Vec<Row> = rows.into_iter().skip_while(is_narrow).collect();
+        let [first, below @ ..] = rows.as_slice() else { return Err("it has no rows".to_owned()) };
         let row_names = title.as_deref().filter(|title| are_names_of_r(title, &first.cells));
-        let (mut skip, mut columns) = if !is_data(&first.cells) {
+        let has_header = match kind {
+            TableKind::Log => !is_data(&first.cells),
+            TableKind::Numbers => is_header(&first.cells, below),
+        };
+        let (mut skip, mut columns) = if has_header {
             (first.end, named(&first.cells)?)
         } else if let Some(names) = row_names {
             (first.begin, with_row_names(names)?)
         } else {
-            (first.begin, without_header(&first.cells, title.as_deref(), marks.separator)?)
+            let columns = match kind {
+                TableKind::Log => unnamed(&first.cells, title.as_deref(), marks.separator),
+                TableKind::Numbers => {
+                    numbered(&first.cells, width, title.as_deref(), marks.separator)
+                }
+            };
+            (first.begin, columns?)
         };
         let has_row_names = row_names.is_some();
-        if skip == first.end {
-            rows.next();
-        }
         let mut above = Vec::new();
-        while let Some(row) = rows.peek()
+        let mut values = if has_header { below } else { &rows[..] };
+        while let [row, next @ ..] = values
             && !is_data(&row.cells)
-            && above.len() < UNIT_ROWS
-            && is_about_columns(&row.cells)
         {
+            let has_descriptions = match kind {
+                TableKind::Log => above.len() < UNIT_ROWS && is_about_columns(&row.cells),
+                TableKind::Numbers => {
+                    has_header && skip == first.end && are_units(&row.cells, next)
+                }
+            };
+            if !has_descriptions {
+                break;
+            }
             skip = row.end;
             // An old header below a new one contains no units.
-            let is_header = are_all_names(&row.cells, &columns);
-            above.extend(rows.next().filter(|_| !is_header).map(|row| row.cells));
+            if !are_all_names(&row.cells, &columns) {
+                above.push(row.cells.clone());
+            }
+            values = next;
         }
         describe(&mut columns, &above);
-        let sample = Sample::of(rows.map(|row| (row.end.1, row.cells)));
+        let first_value = rows.len() - values.len();
+        let values = rows.into_iter().skip(first_value);
+        let sample = Sample::of(values.map(|row| (row.end.1, row.cells)));
         Ok(Self { marks, columns, skip, has_row_names, sample })
     }
 
@@ -216,7 +190,7 @@ impl Dialect {
             }
         }
         let lines = std::mem::take(&mut self.sample.lines);
-        self.sample = Sample { lines, ..Sample::of(rows.into_iter().map(|row| (0, row))) };
+        self.sample = Sample::of(lines.into_iter().zip(rows));
     }
 
     /// Returns the line of the first row that has this cell in a column.
@@ -349,6 +323,40 @@ fn is_finite_number(cell: &str) -> bool {
         .any(|&decimal| parse_number(cell, decimal).is_some_and(f64::is_finite))
 }
 
+/// Whether the first row of a table of numbers is its header: it has a name above values. If nothing below is a value,
+/// it is a header unless it has values itself.
+fn is_header(first: &[String], below: &[Row]) -> bool {
+    let mut columns = first.iter().enumerate();
+    let is_above_values = columns.any(|(column, cell)| is_name(cell) && has_values(below, column));
+    let has_none_below = || (0..first.len()).all(|column| !has_values(below, column));
+    is_above_values || first.iter().any(|cell| is_name(cell)) && !is_data(first) && has_none_below()
+}
+
+/// Whether a row without numbers has the units of a table of numbers, and not missing values: only columns of values have
+/// a unit, and at least one column has one.
+fn are_units(cells: &[String], below: &[Row]) -> bool {
+    let mut has_unit = false;
+    for (column, cell) in cells.iter().enumerate() {
+        let cell = cell.trim();
+        // A dash means that there is no unit.
+        if cell == "-" {
+            continue;
+        }
+        let is_above_values = has_values(below, column);
+        // The cell is a missing value, a unit of what has no unit, or a value.
+        if cell.is_empty() == is_above_values || is_above_values && !is_name(cell) {
+            return false;
+        }
+        has_unit |= is_above_values;
+    }
+    has_unit
+}
+
+/// Whether a column has values in these rows.
+fn has_values(rows: &[Row], column: usize) -> bool {
+    are_values(rows.iter().filter_map(|row| row.cells.get(column)).map(String::as_str))
+}
+
 /// Whether a row without values may describe columns, with units or descriptions. An empty row does not.
 fn is_about_columns(cells: &[String]) -> bool {
     cells.iter().any(|cell| !cell.trim().is_empty())
@@ -376,15 +384,6 @@ fn are_names_of_r(title: &[String], first: &[String]) -> bool {
     title.len() + 1 == width_of(first)
         && title.iter().all(|name| !name.trim().is_empty())
         && !first.first().is_some_and(|cell| is_written_time(cell.trim()))
-}
-
-/// Whether a cell is a time that is not a plain number.
-fn is_written_time(cell: &str) -> bool {
-    cell.len() >= 6
-        && Candidates::of(&[cell], None)
-            .left
-            .iter()
-            .any(|notation| !matches!(notation, Notation::Number(_)))
 }
 
 /// Returns the columns of a table of R, whose header does not name the first column.
@@ -425,15 +424,27 @@ fn unnamed(
     Ok(names.into_iter().map(|name| TextColumn { name, ..TextColumn::default() }).collect())
 }
 
-/// Returns the columns of a table that is no log and has no header.
+/// Returns the columns of a table that is no log and has no header. Names beside numbers are refused: the row may be a
+/// header with numbers for names, or its names may be labels of rows.
 fn numbered(
     cells: &[String],
+    width: usize,
     title: Option<&[String]>,
     separator: u8,
 ) -> Result<Vec<TextColumn>, String> {
-    let width = width_of(cells);
     if let Some(title) = title {
         return Err(misnamed(width_of(title), width, separator));
+    }
+    if let Some(name) = cells.iter().map(|cell| cell.trim()).find(|cell| is_name(cell)) {
+        return Err(format!(
+            "its first row may be a header or values: `{name}` is no number, and neither is what stands below it. \
+             Give every column a name in the first row that is no number, such as {}",
+            (0..width)
+                .map(|column| format!("column_{column}"))
+                .take(3)
+                .collect::<Vec<_>>()
+                .join(",")
+        ));
     }
     let names = (0..width).map(|number| number.to_string());
     Ok(names.map(|name| TextColumn { name, ..TextColumn::default() }).collect())
@@ -442,7 +453,7 @@ fn numbered(
 /// Returns the message for a header that has fewer names than rows have cells.
 fn misnamed(named: usize, width: usize, separator: u8) -> String {
     let cause = if (named > 1 || width == 2) && separator == b',' {
-        "If the numbers have decimal commas, each of them became two cells: export the log again with semicolons between cells, with quotes around numbers, or with decimal points. \
+        "If the numbers have decimal commas, each of them became two cells: export the table again with semicolons between cells, with quotes around numbers, or with decimal points. \
          Else give every column a name"
     } else {
         "Give every column a name"
