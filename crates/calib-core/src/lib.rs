@@ -44,7 +44,9 @@ pub use column::{Bounds, Column, ColumnKind, Normalised, Normaliser, Physical};
 pub use frames::{Frames, FramesError};
 pub use index::{RowIndex, TransitionIndex};
 pub use monitor::{Cancelled, Monitor, Silent};
-pub use number::{count, exact, factor, is_many_times, number, percent, rounded, setting, whole};
+pub use number::{
+    count, exact, factor, is_many_times, number, numbers_apart, percent, rounded, setting, whole,
+};
 pub use seed::{Rng, Seed};
 pub use segment::{Segment, SegmentError, Segments};
 pub use states::{States, StatesError};

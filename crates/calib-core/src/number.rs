@@ -5,6 +5,18 @@ pub fn number(value: f64) -> String {
     significant(value, 1e-3)
 }
 
+/// Formats two values as [`number`] does. If both texts would be the same, the values get as many more digits as tell them
+/// apart: `500.4` and `500`.
+pub fn numbers_apart(values: [f64; 2]) -> [String; 2] {
+    let texts =
+        (4..=MOST_DIGITS).map(|digits| values.map(|value| rounded(value, digits).to_string()));
+    let mut texts = std::iter::once(values.map(number)).chain(texts);
+    texts.find(|[one, other]| one != other).unwrap_or_else(|| values.map(number))
+}
+
+/// Number of significant digits that tells all values of double precision apart.
+const MOST_DIGITS: usize = 17;
+
 /// Formats a hyperparameter value as it is typed: `1e-4`, `0.05`, `256`, `3.16e-4`.
 ///
 /// Powers of ten below 0.01 have an exponent, and whole numbers up to a million are written in full.
@@ -129,6 +141,18 @@ mod tests {
         for (value, expected) in cases {
             assert_eq!(number(value), expected, "{value}");
         }
+    }
+
+    #[test]
+    fn numbers_that_differ_look_different() {
+        assert_eq!(numbers_apart([7.0, 500.0]), ["7", "500"]);
+        assert_eq!(numbers_apart([500.4, 500.0]), ["500.4", "500"]);
+        assert_eq!(numbers_apart([28_800.04, 28_800.0]), ["28800.04", "28800"]);
+        assert_eq!(numbers_apart([-1.2342e-4, -1.2344e-4]), ["-0.00012342", "-0.00012344"]);
+        assert_eq!(numbers_apart([2.0, 2.0]), ["2", "2"]);
+        let next = f64::from_bits(0.1_f64.to_bits() + 1);
+        let [one, other] = numbers_apart([next, 0.1]);
+        assert_ne!(one, other);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Warnings about parts of a log that are probably not as intended, in sentences.
 
-use calib_core::{Timestamp, number};
+use calib_core::{Timestamp, number, numbers_apart};
 use calib_text::format_time;
 
 use crate::{
@@ -402,7 +402,11 @@ impl FarOut {
         let [low, high] = self.trained?;
         let (end, name) = if self.furthest < 0.0 { (low, "minimum") } else { (high, "maximum") };
         let value = end + self.furthest * (high - low);
-        Some(format!(", up to {}: the training {name} is {}", number(value), number(end)))
+        if value == end {
+            return Some(format!(", which is {} throughout", number(end)));
+        }
+        let [value, end] = numbers_apart([value, end]);
+        Some(format!(", up to {value}: the training {name} is {end}"))
     }
 }
 
@@ -416,4 +420,21 @@ fn most_first(
     channels.sort_by_key(|channel| std::cmp::Reverse(channel.far_out.held_out));
     let all: Vec<String> = channels.into_iter().map(told).collect();
     first_few(&all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_furthest_value_looks_different_from_the_end_of_the_training_range() {
+        let told = |furthest: f64, trained: [f64; 2]| {
+            let far_out = FarOut { furthest, trained: Some(trained), ..FarOut::default() };
+            far_out.furthest_value().expect("known")
+        };
+        assert_eq!(told(2.0, [499.8, 500.0]), ", up to 500.4: the training maximum is 500");
+        assert_eq!(told(-3.0, [10.0, 20.0]), ", up to -20: the training minimum is 10");
+        assert_eq!(told(0.0, [500.0, 500.0]), ", which is 500 throughout");
+        assert_eq!(FarOut::default().furthest_value(), None);
+    }
 }
