@@ -97,6 +97,8 @@ fn what_does_not_fit_is_refused() {
     assert_snapshot!("another_sensor", sweep(&["sweep.sensors=[\"TUIT101\"]"]));
     let taken = "pretrain={ checkpoint = \"study-results/pretrain\", fraction = 0.4 }";
     assert_snapshot!("another_shape", sweep(&[taken, "agent.value_function=mlp"]));
+    let sensor = sweep(&[taken, "sweep.sensors=[\"TUIT101\"]"]);
+    assert!(sensor.contains("it has PIT300, TIT101; pre-train there, or correct"), "{sensor}");
     place
         .calib(&["build-model", "study.toml", "--set", "preprocess.normalise=standard"])
         .succeeds();
@@ -106,6 +108,13 @@ fn what_does_not_fit_is_refused() {
     let weights = place.path().join("study-results/pretrain/PIT300.safetensors");
     fs::write(&weights, b"damaged").expect("writable");
     assert!(sweep(&[]).contains("run `calib pretrain study.toml` to make it again"));
+    let damaged = sweep(&[taken]);
+    assert!(
+        damaged.contains("for PIT300 in study-results/pretrain are missing, damaged"),
+        "{damaged}"
+    );
+    assert!(damaged.contains("; pre-train there, or correct"), "{damaged}");
+    assert!(!damaged.contains("calib pretrain"), "{damaged}");
     let none = place.calib(&["pretrain", "study.toml", "--set", "pretrain.epochs=0"]).fails(2);
     assert!(none.contains("pretrain.epochs is 0"), "{none}");
     let diverged = ["pretrain", "study.toml", "--set", "pretrain.learning_rate=1e38"];

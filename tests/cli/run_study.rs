@@ -75,7 +75,7 @@ fn a_dry_run_refuses_start_states_and_agents_that_are_not_there() {
         ),
         (
             &["pretrain={ checkpoint = \"nowhere\", fraction = 0.4 }"],
-            "nowhere/manifest.json does not exist",
+            "nowhere/manifest.json does not exist; pre-train there, or correct pretrain.checkpoint",
         ),
     ];
     let run = ["run", "study.toml", "--dry-run"];
@@ -95,6 +95,7 @@ fn a_dry_run_refuses_start_states_and_agents_that_are_not_there() {
             let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
             let told = place.calib(&[&run[..], &set].concat()).fails(2);
             assert!(told.contains(expected), "{set:?}: {told}");
+            assert!(!told.contains("calib pretrain"), "{set:?}: {told}");
         }
         waiting("evaluate", "sweep/manifest.json does not exist");
     }

@@ -8,7 +8,7 @@ use std::{
 use calib_agent::{AgentConfig, Checkpoint, Epoch, FittedPredictor, Pretrained, layer_sizes};
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Artefact, Facts},
+    artefact::{self, Artefact, Facts, MANIFEST},
     ensure,
     log::partition::{PretrainPart, span},
     stale::StoredArtefact,
@@ -258,7 +258,9 @@ fn checked_starts(
         return Ok((BTreeMap::new(), vec![]));
     };
     let command = job.command(StepKind::Pretrain);
-    let manifest: PretrainManifest = artefact::require(&directory, &command)?;
+    let is_given = study.pretrain.checkpoint.is_some();
+    let manifest: PretrainManifest =
+        if is_given { given(&directory)? } else { artefact::require(&directory, &command)? };
     check_columns(&directory, &manifest, dataset)
         .map_err(|reason| StepError::Stale(reason.to_string()))?;
     if manifest.data != part.fingerprint {
@@ -273,7 +275,7 @@ fn checked_starts(
             }
         )));
     }
-    if study.pretrain.checkpoint.is_none() {
+    if !is_given {
         let kept = StoredArtefact {
             step: StepKind::Pretrain,
             study: &manifest.study,
@@ -284,10 +286,15 @@ fn checked_starts(
     let mut starts = BTreeMap::new();
     for (sensor, column) in sensors {
         let agent = manifest.agents.iter().find(|agent| agent.sensor == *sensor);
-        let agent = agent.ok_or_else(|| no_agent(sensor, &directory, &manifest, &command))?;
-        if study.pretrain.checkpoint.is_none()
-            && agent.key != agent_key(study, &part.fingerprint, sensor, *column)?
-        {
+        let again = format!("run `{command}` again");
+        let remedy = if is_given { PRETRAIN_THERE } else { &again };
+        let agent = agent.ok_or_else(|| no_agent(sensor, &directory, &manifest, remedy))?;
+        ensure!(
+            !is_given || artefact::are_whole(&directory, &agent.files),
+            "pretrain.checkpoint: files of the agent for {sensor} in {} are missing, damaged or replaced; {PRETRAIN_THERE}",
+            directory.display()
+        );
+        if !is_given && agent.key != agent_key(study, &part.fingerprint, sensor, *column)? {
             return Err(StepError::Stale(format!(
                 "the agent for {sensor} in {} was pre-trained otherwise; run `{command}` again",
                 directory.display()
@@ -318,16 +325,35 @@ fn checked_starts(
     Ok((starts, vec![note(study, part, dataset)?]))
 }
 
+/// What to do if the folder of `pretrain.checkpoint` lacks something. The study itself cannot pre-train.
+const PRETRAIN_THERE: &str = "pre-train there, or correct pretrain.checkpoint";
+
+/// Reads the manifest of the agents in the folder of `pretrain.checkpoint`.
+fn given(directory: &Path) -> Result<PretrainManifest, StepError> {
+    let path = directory.join(MANIFEST);
+    ensure!(
+        path.exists(),
+        "pretrain.checkpoint: {} does not exist; {PRETRAIN_THERE}",
+        path.display()
+    );
+    artefact::read(directory).with_context(|| {
+        format!(
+            "pretrain.checkpoint: {} is no list of agents that this calib can read; {PRETRAIN_THERE}",
+            path.display()
+        )
+    })
+}
+
 /// Returns the error that the agents of `manifest` do not predict `sensor`.
 fn no_agent(
     sensor: &str,
     directory: &Path,
     manifest: &PretrainManifest,
-    command: &str,
+    remedy: &str,
 ) -> StepError {
     let known: Vec<&str> = manifest.agents.iter().map(|agent| agent.sensor.as_str()).collect();
     let reason = format!(
-        "no agent in {} predicts {sensor}: it has {}; run `{command}` again",
+        "no agent in {} predicts {sensor}: it has {}; {remedy}",
         directory.display(),
         known.join(", ")
     );
