@@ -37,11 +37,8 @@ pub(super) fn expect(
         return Ok(());
     }
     let states = dataset.train.states();
-    let columns = match width {
-        Width::OfStates => states.columns(),
-        // The states stand in for a representation that is not made yet.
-        Width::Exactly(columns) | Width::Perhaps(columns) => columns.min(states.columns()),
-    };
+    // The states stand in for a representation that is not made yet.
+    let columns = width.coordinates(states.columns());
     let sample = Sample { states, every: context.stands_in().unwrap_or(1), columns };
     let monitor = context.silent().progress();
     let Some(secs) = sample.processor_secs(config, &monitor)? else { return Ok(()) };
@@ -57,7 +54,7 @@ pub(crate) struct Sample<'a> {
     pub(crate) states: &'a States,
     /// The distance of its rows: a stand-in for another log repeats each row so many times.
     pub(crate) every: usize,
-    /// Number of columns, the first ones.
+    /// Number of columns: the first ones. If the states have fewer, they are repeated.
     pub(crate) columns: usize,
 }
 
@@ -83,8 +80,10 @@ impl Sample<'_> {
     ) -> Result<KnnModel, StepError> {
         let &Self { states, every, columns } = self;
         let rows = rows.min(self.rows());
-        let values: Vec<f32> =
-            (0..rows).flat_map(|row| &states.row(row * every)[..columns]).copied().collect();
+        let values: Vec<f32> = (0..rows)
+            .flat_map(|row| states.row(row * every).iter().cycle().take(columns))
+            .copied()
+            .collect();
         let states = States::new(values, rows, columns)?;
         let transitions = Transitions::new(Segments::from_lengths([rows])?);
         Ok(KnnModel::build(states, transitions, config, monitor)?)
@@ -164,6 +163,10 @@ mod tests {
         let model = sample.model(1_000, &config, &Silent).expect("enough rows");
         assert_eq!((model.states().rows(), model.states().columns()), (100, 1));
         assert_eq!(model.states().row(7)[0], states.row(21)[0]);
+        let wider = Sample { columns: 5, ..sample }.model(1_000, &config, &Silent);
+        let wider = wider.expect("enough rows");
+        let [first, second] = [0, 1].map(|column| states.row(21)[column]);
+        assert_eq!(wider.states().row(7), [first, second, first, second, first]);
         let secs = sample.processor_secs(&config, &Silent).expect("not interrupted");
         assert!(secs.is_some_and(|secs| secs > 0.0), "{secs:?}");
         let most = ModelConfig { neighbors: 100, ..config };

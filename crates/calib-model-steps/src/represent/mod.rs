@@ -460,6 +460,16 @@ pub(crate) enum Width {
     Perhaps(usize),
 }
 
+impl Width {
+    /// Returns the number of coordinates, given the number of columns of the states.
+    pub(crate) fn coordinates(self, columns: usize) -> usize {
+        match self {
+            Self::OfStates => columns,
+            Self::Exactly(coordinates) | Self::Perhaps(coordinates) => coordinates,
+        }
+    }
+}
+
 /// Returns the width of the states that the study searches, given the number of columns of the states.
 pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
     let config = &study.representation;

@@ -16,6 +16,7 @@ use calib_study::{Job, StepKind, Study};
 
 use crate::{
     model::{build_cost::Sample, model_files::OpenModel, train_model},
+    represent,
     rollouts::comparison,
 };
 
@@ -147,6 +148,7 @@ pub(super) fn expect_before_model(
         ModelFamily::Network => network_secs(study, train, steps, &monitor)?,
         ModelFamily::Neighbors | ModelFamily::None => {
             let every = context.stands_in().unwrap_or(1);
+            let columns = represent::width(study, job.layout(), columns).coordinates(columns);
             let sample = Sample { states: train.states(), every, columns };
             neighbors_secs(study, sample, steps, &monitor)?
         }
