@@ -95,6 +95,19 @@ impl StepError {
         matches!(self.root(), Self::Missing(_) | Self::Stale(_))
     }
 
+    /// Whether a file or a disk is the cause, also below an error of another crate.
+    pub fn is_of_storage(&self) -> bool {
+        let error: &(dyn Error + 'static) = match self.root() {
+            Self::Storage(_) => return true,
+            Self::Data(error) => error.as_ref(),
+            Self::Control(error) => error.as_ref(),
+            Self::Other(error) => error.as_ref(),
+            _ => return false,
+        };
+        std::iter::successors(Some(error), |error| error.source())
+            .any(|error| error.is::<io::Error>() || error.is::<FileError>())
+    }
+
     /// Returns the position of the cause in the study file, if it is there.
     pub fn place(&self) -> Option<&Place> {
         match self.root() {
@@ -330,6 +343,8 @@ macro_rules! ensure {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     #[test]
@@ -361,6 +376,26 @@ mod tests {
         let incomplete = Err::<(), _>(StepError::Incomplete("a shard".to_owned())).context("plan");
         assert_eq!(incomplete.expect_err("an error").exit_code(), 4);
         assert_eq!(StepError::message("no such sensor").exit_code(), 2);
+    }
+
+    #[test]
+    fn disks_are_the_cause_of_errors_of_other_crates_too() {
+        let full = || FileError::io("write", Path::new("a"), io::Error::other("the disk is full"));
+        let model = ModelError::Search(KnnError::File(full()));
+        let of_storage: [StepError; 4] = [
+            full().into(),
+            DataError::File(full()).into(),
+            model.into(),
+            io::Error::other("").into(),
+        ];
+        for error in of_storage {
+            let error = Err::<(), _>(error).context("a model").expect_err("an error");
+            assert!(error.is_of_storage(), "{error}");
+        }
+        let month = RolloutError::Month { got: 13 };
+        for error in [StepError::Cancelled, StepError::message("no rows"), month.into()] {
+            assert!(!error.is_of_storage(), "{error}");
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use serde::Serialize;
 use super::{
     deadline::TimeLimit,
     drafting::Drafting,
-    given,
+    given::gives,
     look::ExaminedLog,
     prediction::{Lead, TrialPrediction},
     trial::Trials,
@@ -48,6 +48,21 @@ struct Alternative {
     sensors: Option<Vec<usize>>,
     /// Rows from one state to the next, if it is this that changes.
     spacing: Option<usize>,
+}
+
+impl Alternative {
+    /// Returns the options that propose it, with the best of its sensors, in place of those that were `asked`. `chosen`
+    /// is the spacing that these options alone would not determine.
+    fn asked(&self, asked: &ProposeOptions, chosen: Option<usize>, sensor: &str) -> ProposeOptions {
+        let mut asked = asked.clone();
+        asked.horizon = Some(self.horizon_secs);
+        let spacing = self.spacing.or(chosen);
+        asked.set.extend(spacing.map(|rows| format!("{SPACING}={rows}")));
+        if self.sensors.is_some() {
+            asked.sensors = vec![sensor.to_owned()];
+        }
+        asked
+    }
 }
 
 /// The result of a trial.
@@ -114,7 +129,7 @@ impl Alternatives<'_> {
     /// Tries one change after the other with these agents, until one is ahead or the time is over.
     ///
     /// # Errors
-    /// Returns an error if the user interrupts the command.
+    /// Returns an error if the user interrupts the command, or the disk refuses a trial.
     pub(super) fn try_out(&self, agents: &[ProposedAgent]) -> Result<OtherTrials, StepError> {
         let clock = Stopwatch::start();
         let trials = self.trials;
@@ -146,7 +161,7 @@ impl Alternatives<'_> {
         let ExaminedLog { sketch, cut, .. } = self.drafting.look;
         let [start, end] = cut.held_out;
         let held_out_secs = end.micros_since(start) as f64 / 1e6;
-        let rows = if self.is_spacing_given() { self.spacing } else { 1 };
+        let rows = if self.keeps_spacing() { self.spacing } else { 1 };
         let limits = [sketch.period_secs * rows as f64, held_out_secs];
         let mut all: Vec<Alternative> =
             horizons(self.horizon.secs, limits).into_iter().map(with_horizon).collect();
@@ -177,7 +192,13 @@ impl Alternatives<'_> {
     }
 
     fn is_spacing_given(&self) -> bool {
-        given(self.trials.args, SPACING).is_some()
+        gives(self.trials.args, SPACING)
+    }
+
+    /// Whether alternatives keep the spacing of the study, unless it is what they change. It was given, or trial models
+    /// chose it. Otherwise it follows from the log and the horizon.
+    fn keeps_spacing(&self) -> bool {
+        self.is_spacing_given() || self.trials.choose_spacing()
     }
 
     /// Returns the next larger number of rows from one state to the next. `None` if it was given, or the horizon would
@@ -228,7 +249,7 @@ impl Alternatives<'_> {
         // The same spacing as that of the command for this alternative.
         let spacing = match alternative.spacing {
             Some(spacing) => spacing,
-            None if self.is_spacing_given() => self.spacing,
+            None if self.keeps_spacing() => self.spacing,
             None => spacing_by_log(sketch, scope, cut.rows, Some(secs)).0,
         };
         let proposed = alternative.sensors.as_ref().unwrap_or(&sensors.proposed).clone();
@@ -242,8 +263,9 @@ impl Alternatives<'_> {
             let predicted = match compared {
                 Ok(Some(predicted)) if scored == horizon => predicted,
                 Ok(None) => return Ok(Tried::Late),
-                Err(reason) if reason.was_cancelled() => return Err(reason),
-                Ok(Some(_)) | Err(_) => return Ok(Tried::Impossible),
+                Ok(Some(_)) => return Ok(Tried::Impossible),
+                Err(reason) if is_impossible(&reason) => return Ok(Tried::Impossible),
+                Err(reason) => return Err(reason),
             };
             if let Some((place, lead)) = largest_lead(&predicted) {
                 return Ok(Tried::Ahead(AheadAgent { agent, place, lead }));
@@ -256,14 +278,11 @@ impl Alternatives<'_> {
     fn found(&self, alternative: Alternative, ahead: &AheadAgent) -> Found {
         let ExaminedLog { sketch, sensors, .. } = self.drafting.look;
         let AheadAgent { agent, place, lead } = *ahead;
-        let mut asked = self.drafting.asked.clone();
-        asked.horizon = Some(alternative.horizon_secs);
-        asked.set.extend(alternative.spacing.map(|rows| format!("{SPACING}={rows}")));
         let channel = alternative.sensors.as_ref().unwrap_or(&sensors.proposed)[place];
         let sensor = sketch.channels[channel].name.clone();
-        if alternative.sensors.is_some() {
-            asked.sensors = vec![sensor.clone()];
-        }
+        // The command would build trial models again, with another horizon or sensor, and might choose another spacing.
+        let chosen = self.trials.choose_spacing().then_some(self.spacing);
+        let asked = alternative.asked(self.drafting.asked, chosen, &sensor);
         Found {
             there: alternative.there,
             agent: agent.label().to_owned(),
@@ -325,6 +344,15 @@ fn with_horizon(secs: f64) -> Alternative {
 fn horizons(secs: f64, [shortest, longest]: [f64; 2]) -> Vec<f64> {
     let all = HORIZONS.iter().map(|factor| rounded(factor * secs, 2));
     all.filter(|secs| (shortest..=longest).contains(secs)).collect()
+}
+
+/// Whether an error of a trial means that the log or its model does not allow the trial.
+fn is_impossible(reason: &StepError) -> bool {
+    let is_of_log = matches!(
+        reason.root(),
+        StepError::Unscorable(_) | StepError::Data(_) | StepError::Other(_)
+    );
+    is_of_log && !reason.is_of_storage()
 }
 
 /// Returns the position and the lead of the sensor whose agent is furthest ahead.
@@ -404,9 +432,8 @@ mod tests {
         assert_eq!(written, ["0.5s", "7.5s", "90s", "10m", "90m", "2d"]);
     }
 
-    #[test]
-    fn the_command_has_what_was_given() {
-        let asked = ProposeOptions {
+    fn asked() -> ProposeOptions {
+        ProposeOptions {
             logs: "my logs".into(),
             study: "plant.toml".into(),
             within: 120.0,
@@ -414,9 +441,38 @@ mod tests {
             horizon: Some(300.0),
             set: vec!["data.time_zone=Europe/Paris".to_owned()],
             existing: ExistingFile::Kept,
-        };
+        }
+    }
+
+    #[test]
+    fn options_keep_a_spacing_that_trial_models_chose() {
+        let nearer = with_horizon(60.0);
+        let open = nearer.asked(&asked(), None, "PIT300");
+        assert_eq!((open.horizon, open.set), (Some(60.0), asked().set));
+        let chosen = nearer.asked(&asked(), Some(4), "PIT300").set;
+        assert_eq!(chosen[1..], ["preprocess.subsample=4"]);
+        let other = Alternative { spacing: Some(8), sensors: Some(vec![1]), ..nearer };
+        let changed = other.asked(&asked(), Some(4), "TIT101");
+        assert_eq!(changed.set[1..], ["preprocess.subsample=8"]);
+        assert_eq!(changed.sensors, ["TIT101"]);
+    }
+
+    #[test]
+    fn only_logs_and_models_make_a_trial_impossible() {
+        let impossible = [
+            StepError::Unscorable("too few rows".to_owned()),
+            StepError::message("no transitions"),
+        ];
+        assert!(impossible.iter().all(is_impossible));
+        let full = std::io::Error::other("the disk is full");
+        let others = [StepError::Cancelled, full.into(), StepError::Missing("a file".to_owned())];
+        assert!(!others.iter().any(is_impossible));
+    }
+
+    #[test]
+    fn the_command_has_what_was_given() {
         assert_eq!(
-            command(&asked),
+            command(&asked()),
             shell_words([
                 "calib",
                 "init",

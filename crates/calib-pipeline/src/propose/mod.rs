@@ -404,8 +404,7 @@ impl SizedStudy {
     }
 }
 
-/// Chooses the time between states. Models decide between spacings only if the study chooses by its models, which the
-/// user has to request.
+/// Chooses the time between states.
 fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<StateSpacing, StepError> {
     let ExaminedLog { sketch, scope, cut, sensors, .. } = drafting.look;
     // Takes the last rows of the training range, because they come just before the data that the study is judged on.
@@ -416,9 +415,7 @@ fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<StateS
         let cut = cut.shortened(&sketch.timestamps, trial::ROWS * spacing);
         drafting.text(spacing, &cut, sensors, horizon, &size, [""; 4])
     };
-    let has_model = trials.model == ProposedModel::Ensemble;
-    let is_open = !gives(trials.args, "preprocess.subsample");
-    if has_model && is_open && gives(trials.args, "evaluate.rule") {
+    if trials.choose_spacing() {
         let candidates = spacings(sketch, scope, cut.rows[0]);
         return trials.spacing(&candidates, small, sketch.period_secs);
     }

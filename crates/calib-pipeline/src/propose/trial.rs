@@ -24,7 +24,7 @@ use calib_sweep_steps::{
     verdict::evaluate,
 };
 
-use super::{deadline::TimeLimit, prediction::TrialPrediction};
+use super::{deadline::TimeLimit, given::gives, prediction::TrialPrediction};
 
 /// Largest number of states of a trial model.
 pub(super) const ROWS: usize = 20_000;
@@ -179,6 +179,13 @@ impl Trials<'_> {
             ..Request::new(&self.args.study)
         };
         Ok(Job::of_text(request, text)?)
+    }
+
+    /// Whether trial models decide between spacings. They do only if the study chooses by its models, which the user has
+    /// to request.
+    pub(super) fn choose_spacing(&self) -> bool {
+        let is_open = !gives(self.args, "preprocess.subsample");
+        self.model == ProposedModel::Ensemble && is_open && gives(self.args, "evaluate.rule")
     }
 
     /// Measures the cost of states that are `spacing` rows apart. The training range has `states` of them.
