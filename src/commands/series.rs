@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use calib_data::{
-    number_columns,
+    most_cells, number_columns,
     table::{Table, read_parquet, read_parquet_columns},
 };
-use calib_files::{array_bytes, read_array, read_regular};
+use calib_files::{array_bytes, read_array, read_regular, regular_bytes};
 use calib_pipeline::{Context as _, StepError, bail, check_table, require_memory};
 
 /// Most columns that a message lists.
@@ -102,10 +102,14 @@ fn from_npy(path: &Path, column: Option<&str>) -> Result<Samples, StepError> {
 }
 
 fn from_csv(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError> {
+    let require = |bytes: u64| {
+        let what = format!("reading {}", path.display());
+        require_memory(bytes, &what, "take fewer rows or columns of it")
+    };
+    require(regular_bytes(path)?)?;
     let text = read_regular(path)?;
-    // A cell takes a byte of text at least, and is a number of eight bytes.
-    let what = format!("reading {}", path.display());
-    require_memory(8 * text.len() as u64, &what, "take fewer rows or columns of it")?;
+    // A number has eight bytes.
+    require(8 * most_cells(&text) as u64)?;
     let mut columns = number_columns(&text).map_err(|reason| {
         StepError::message(format!("{} is not a usable CSV file: {reason}", path.display()))
     })?;

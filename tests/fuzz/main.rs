@@ -9,8 +9,8 @@
 use std::{fs, path::Path};
 
 use calib_data::{
-    DataConfig, Declared, Moment, PreprocessConfig, format_time, inspect, number_columns,
-    parse_time,
+    DataConfig, Declared, Moment, PreprocessConfig, format_time, inspect, most_cells,
+    number_columns, parse_time,
     table::{Table, parquet_names, read_parquet, read_parquet_list},
 };
 use calib_files::{
@@ -195,9 +195,11 @@ proptest! {
     #[test]
     fn series(edits in edits(), which in any::<Index>()) {
         let whole = corpus("csv");
-        if let Ok(columns) = number_columns(&edited(&whole[which.index(whole.len())], &edits)) {
+        let text = edited(&whole[which.index(whole.len())], &edits);
+        if let Ok(columns) = number_columns(&text) {
             let lengths: Vec<usize> = columns.iter().flat_map(|column| &column.numbers).map(Vec::len).collect();
             prop_assert!(lengths.windows(2).all(|pair| pair[0] == pair[1]));
+            prop_assert!(lengths.iter().sum::<usize>() <= most_cells(&text));
         }
     }
 

@@ -5,8 +5,8 @@ pub fn number(value: f64) -> String {
     significant(value, 1e-3)
 }
 
-/// Formats two values as [`number`] does. If both texts would be the same, the values get as many more digits as tell them
-/// apart: `500.4` and `500`.
+/// Formats two values as [`number`] does. If both texts would be the same, the values get as many more digits as tell
+/// them apart: `500.4` and `500`.
 pub fn numbers_apart(values: [f64; 2]) -> [String; 2] {
     let texts =
         (4..=MOST_DIGITS).map(|digits| values.map(|value| rounded(value, digits).to_string()));

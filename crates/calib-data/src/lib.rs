@@ -75,7 +75,8 @@ mod text;
 mod unit_change;
 
 pub use calib_text::{
-    NotANumber, NumberColumn, TimestampUnit, Zone, format_time, number_columns, parse_time,
+    NotANumber, NumberColumn, TimestampUnit, Zone, format_time, most_cells, number_columns,
+    parse_time,
 };
 
 pub use angle::{AngleOf, AnglePart, angle_hint};

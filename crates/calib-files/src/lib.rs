@@ -68,7 +68,9 @@ pub use mapped::is_mapped;
 pub use name::file_name;
 pub use note::{remove_note, write_note};
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
-pub use open::{is_same_file, open_regular, open_to_append, read_regular, require_regular};
+pub use open::{
+    is_same_file, open_regular, open_to_append, read_regular, regular_bytes, require_regular,
+};
 pub use record::{FolderRecord, LOCK};
 pub use room::{free_bytes, taken_bytes};
 pub use scratch::{Scratch, ScratchFile, ScratchPlace};

@@ -26,6 +26,15 @@ pub fn read_regular(path: &Path) -> Result<Vec<u8>, FileError> {
     fs::read(path).map_err(|source| FileError::io("read", path, source))
 }
 
+/// Returns the size of a file in bytes, with the refusals of [`open_regular`].
+///
+/// # Errors
+/// As [`open_regular`].
+pub fn regular_bytes(path: &Path) -> Result<u64, FileError> {
+    let file = open_regular(path)?;
+    Ok(file.metadata().map_err(|source| FileError::io("read", path, source))?.len())
+}
+
 /// Opens a file for appending, with the refusals of [`open_regular`], and creates it if it does not exist. This is for
 /// logs of work, not for results, which are complete or absent.
 ///

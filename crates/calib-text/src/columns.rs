@@ -93,6 +93,7 @@ pub fn number_columns(text: &[u8]) -> Result<Vec<NumberColumn>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::most_cells;
 
     fn columns(text: &str) -> Vec<NumberColumn> {
         number_columns(text.as_bytes()).expect("a table")
@@ -176,6 +177,17 @@ mod tests {
         assert!(either.to_string().contains("line 2, a fraction or above a thousand"), "{either}");
         let split = refused("flow\n0,5\n1,5\n");
         assert!(split.contains("each of them became two cells"), "{split}");
+    }
+
+    #[test]
+    fn cells_are_at_most_the_separators_and_line_ends() {
+        for text in ["a\n0.123456789\n0.123456789", "a,b\r\n1,2\r\n", "\u{feff}sep=:\na:b\n1:2\n"] {
+            let all = columns(text);
+            let cells = all.len() * (1 + numbers(&all[0]).len());
+            let most = most_cells(text.as_bytes());
+            assert!((cells..=cells + 3).contains(&most), "{text}: {most} for {cells}");
+        }
+        assert_eq!([&b""[..], b"1\r2\r"].map(most_cells), [1, 3]);
     }
 
     #[test]

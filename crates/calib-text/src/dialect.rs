@@ -9,6 +9,7 @@ use crate::{
     Candidates, Decimal, Marks, RecordReader, Signs,
     names::{are_values, is_name, is_written_time},
     parse_number,
+    preamble::{preamble, separators},
     sample::Sample,
 };
 
@@ -61,9 +62,9 @@ impl CutTable {
     /// Cuts text by the separator that gives most rows the same number of cells; `None` if none gives more than one.
     fn of(head: &[u8], separator: Option<char>) -> Option<Self> {
         let start = preamble(head);
-        let separators: Vec<u8> = match separator {
+        let separators = match separator {
             Some(separator) => vec![separator as u8],
-            None => declared(&head[..start]).map_or(b"\t;,|".to_vec(), |separator| vec![separator]),
+            None => separators(&head[..start]),
         };
         let tables = separators.into_iter().filter_map(|separator| {
             let marks = marks(separator);
@@ -230,28 +231,6 @@ fn marks(separator: u8) -> Marks {
     Marks { separator, quote: b'"' }
 }
 
-/// Returns the offset of the table in bytes: it begins after comments, empty lines and Excel's `sep=;`.
-fn preamble(head: &[u8]) -> usize {
-    let mut start = 0;
-    for line in head.split_inclusive(|&byte| byte == b'\n') {
-        let text = line.trim_ascii();
-        if !(text.is_empty() || text.starts_with(b"#") || declared(line).is_some()) {
-            break;
-        }
-        start += line.len();
-    }
-    start
-}
-
-/// Returns the separator that a line `sep=;` declares.
-fn declared(preamble: &[u8]) -> Option<u8> {
-    let line = preamble
-        .split(|&byte| byte == b'\n')
-        .map(<[u8]>::trim_ascii_end)
-        .find(|line| line.len() == 5 && line[..4].eq_ignore_ascii_case(b"sep="))?;
-    Some(line[4])
-}
-
 fn rows(head: &[u8], start: usize, marks: Marks) -> Vec<Row> {
     let lines = memchr::memchr_iter(b'\n', &head[..start]).count() as u64;
     let mut records = RecordReader::new(&head[start..], marks);
@@ -332,8 +311,8 @@ fn is_header(first: &[String], below: &[Row]) -> bool {
     is_above_values || first.iter().any(|cell| is_name(cell)) && !is_data(first) && has_none_below()
 }
 
-/// Whether a row without numbers has the units of a table of numbers, and not missing values: only columns of values have
-/// a unit, and at least one column has one.
+/// Whether a row without numbers has the units of a table of numbers, and not missing values: only columns of values
+/// have a unit, and at least one column has one.
 fn are_units(cells: &[String], below: &[Row]) -> bool {
     let mut has_unit = false;
     for (column, cell) in cells.iter().enumerate() {

@@ -3,7 +3,7 @@
 //!
 //! - [`RecordReader`]: splits text in memory into records and cells by its [`Marks`].
 //! - [`Dialect`]: recognises the separator, header and units of a table from its first rows.
-//! - [`number_columns`]: the columns of a table that is no log.
+//! - [`number_columns`]: the columns of a table that is no log; [`most_cells`]: a bound on their cells.
 //! - [`Cell`], [`Words`]: a cell in eight bytes.
 //! - [`cell_of`], [`plain_decimal`], [`Signs`]: numbers, and their decimal sign.
 //! - [`Switch`], [`Quality`]: words for the state of a switch, and codes of good and bad values.
@@ -26,6 +26,7 @@ mod dialect;
 mod names;
 mod notation;
 mod number;
+mod preamble;
 mod quality;
 mod record;
 mod sample;
@@ -45,6 +46,7 @@ pub use number::{
     Decimal, LARGEST, SignError, Signs, cell_of, either_way, may_be_thousand, parse_number,
     plain_decimal,
 };
+pub use preamble::most_cells;
 pub use quality::Quality;
 pub use record::{Marks, RecordReader};
 pub use switch::Switch;

@@ -20,8 +20,8 @@ pub(crate) fn is_no_value(cell: &str) -> bool {
     NO_VALUE.contains(&cell.as_str()) || cell.starts_with('#') && cell.ends_with(['!', '?'])
 }
 
-/// Whether at least half of the cells of a column are numbers or times, without those that are empty or say that a value
-/// is missing.
+/// Whether at least half of the cells of a column are numbers or times, without those that are empty or say that a
+/// value is missing.
 pub(crate) fn are_values<'a>(cells: impl Iterator<Item = &'a str>) -> bool {
     let (mut values, mut others) = (0, 0);
     for cell in cells.map(str::trim).filter(|cell| !cell.is_empty()) {
