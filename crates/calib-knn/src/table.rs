@@ -181,7 +181,7 @@ fn fill(
                 } else {
                     let mut found = NeighborLists::new(order.len(), members, k);
                     planned.index.search(queries, order, &mut found, monitor)?;
-                    queries.measure(order, &mut found);
+                    found.measure(queries, order);
                     (found, Origin::Search)
                 };
                 if send.send((number, found, origin)).is_err() {

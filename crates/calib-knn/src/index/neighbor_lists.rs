@@ -1,6 +1,9 @@
 use rayon::prelude::*;
 
-use crate::{KnnError, Lists, distance::stored};
+use crate::{
+    KnnError, Lists, Queries,
+    distance::{squared, stored},
+};
 
 /// The search results for some queries: `[query, member, k]` neighbours and their distances.
 ///
@@ -91,8 +94,20 @@ impl NeighborLists {
         (&self.neighbors[start..start + self.k], &self.distances[start..start + self.k])
     }
 
+    /// Replaces the distances in these results of the queries `order` by those that tables store.
+    pub(crate) fn measure(&mut self, queries: &Queries<'_>, order: &[u32]) {
+        let searched = queries.sources();
+        if let Some(states) = searched.measured {
+            let sources = searched.transitions.sources();
+            self.measure_again(|place, source| {
+                let row = queries.row(order[place] as usize);
+                squared(states.row(row), states.row(sources[source as usize] as usize))
+            });
+        }
+    }
+
     /// Replaces the squared distances that were used for the search, and sorts each list by the new ones, ties by row.
-    pub(crate) fn measure_again(&mut self, squared: impl Fn(usize, u32) -> f64 + Sync) {
+    fn measure_again(&mut self, squared: impl Fn(usize, u32) -> f64 + Sync) {
         let stride = self.stride();
         let k = self.k.max(1);
         let queries =

@@ -3,8 +3,8 @@ use std::ops::Range;
 use calib_core::{RowIndex, States, TransitionIndex, Transitions};
 
 use crate::{
-    Blocks, Exclusion, KnnError, NeighborLists, bits::Bits, candidate_mask::CandidateMask,
-    candidates::Candidates, classes::Classes, distance::squared,
+    Blocks, Exclusion, KnnError, bits::Bits, candidate_mask::CandidateMask, candidates::Candidates,
+    classes::Classes,
 };
 
 /// The searched set: the source state of every transition.
@@ -49,7 +49,7 @@ impl<'a> Sources<'a> {
 
     /// Returns the same sources in `count` classes, given the class of every transition: its action, for example. One search then
     /// finds the `k` nearest sources of every class, in every member. The list of a class and a member has number
-    /// `class * members + member` in [`NeighborLists`].
+    /// `class * members + member` in [`NeighborLists`](crate::NeighborLists).
     ///
     /// # Panics
     /// If there is not a class below `count` for each transition.
@@ -216,15 +216,9 @@ impl<'a> Queries<'a> {
         self.states
     }
 
-    /// Replaces the distances in `found`, the results of the queries `order`, by those that tables store.
-    pub(crate) fn measure(&self, order: &[u32], found: &mut NeighborLists) {
-        if let Some(states) = self.sources.measured {
-            let sources = self.sources.transitions.sources();
-            found.measure_again(|place, source| {
-                let row = self.row(order[place] as usize);
-                squared(states.row(row), states.row(sources[source as usize] as usize))
-            });
-        }
+    /// Returns the searched set.
+    pub(crate) fn sources(&self) -> &Sources<'a> {
+        &self.sources
     }
 
     /// Whether candidates are left out. Then lists that were found before are searched again.

@@ -107,7 +107,7 @@ impl MemberSearch<'_> {
             let mut found = NeighborLists::new(part.len(), queries.members(), k);
             self.planned.index.search(&queries, part, &mut found, &InterruptOnly(self.monitor))?;
             if distances == Distances::Stored {
-                queries.measure(part, &mut found);
+                found.measure(&queries, part);
             }
             for (place, &query) in part.iter().enumerate() {
                 let (neighbors, distances) = found.list(place, self.member);
