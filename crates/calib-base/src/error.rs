@@ -104,7 +104,7 @@ impl StepError {
             Self::Other(error) => error.as_ref(),
             _ => return false,
         };
-        std::iter::successors(Some(error), |error| error.source())
+        std::iter::successors(Some(error), |&error| error.source())
             .any(|error| error.is::<io::Error>() || error.is::<FileError>())
     }
 
