@@ -283,8 +283,10 @@ fn ask(address: SocketAddr, request: &str, host: &str) -> (String, String) {
     let mut stream = TcpStream::connect(address).expect("connected");
     let text = format!("{request} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
     stream.write_all(text.as_bytes()).expect("sent");
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).expect("answered");
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).expect("answered");
+    // A long body comes in chunks, which may end within a letter.
+    let answer = String::from_utf8_lossy(&answer);
     let (head, body) = answer.split_once("\r\n\r\n").expect("headers");
     (head.to_owned(), body.to_owned())
 }
