@@ -420,7 +420,7 @@ mod tests {
 
     #[test]
     fn an_agent_for_all_needs_a_deployment_that_gets_one() {
-        let advices = [
+        let recommendations = [
             Recommendation::Deploy,
             Recommendation::KeepDefault,
             Recommendation::UseSimplePredictor,
@@ -439,7 +439,9 @@ mod tests {
             recommendation,
             ..choice(deployment, "0.01", Some(0.2), grade)
         };
-        for [one, other] in advices.iter().flat_map(|&one| advices.map(|other| [one, other])) {
+        for [one, other] in
+            recommendations.iter().flat_map(|&one| recommendations.map(|other| [one, other]))
+        {
             for [april, july] in grades.iter().flat_map(|&one| grades.map(|other| [one, other])) {
                 let choices = vec![drawn("april", one, april), drawn("july", other, july)];
                 let gets_one = choices.iter().any(Choice::has_agent);
