@@ -152,7 +152,7 @@ def test_a_setting_beyond_the_recorded_range_is_recorded_as_its_end(tmp_path: Pa
     model = calib_rl.build_model(tank(), tmp_path, actions=["valve0"], reward="reward", levels=3, timeout=40)
     environment = {"action_space": "box", "live": True}
     for value, end in [(7.0, 1.0), (-3.0, 0.0)]:
-        action = np.array([value], np.float32)
+        action: Any = np.array([value], np.float32)
         tuned = run(lambda env, limit=None, action=action: Always(env, action, limit), {"limit": [7]}, model, environment=environment)
         assert tuned.runs[0]["conduct"]["set"] == [{"column": "valve0", "values": [end] * 25}]
 
