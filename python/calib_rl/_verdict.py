@@ -341,7 +341,7 @@ class ControlVerdict:
 
     def __init__(self, path: Path, summary: dict[str, Any], advice: list[str]) -> None:
         self.path = path
-        self.report = path / "report.html"
+        self.report: Path = path / "report.html"
         self.summary = summary
         self.advice = advice
 
