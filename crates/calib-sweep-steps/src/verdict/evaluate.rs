@@ -9,10 +9,10 @@ use calib_base::{
     bail,
     log::{context::RunContext, partition},
     outcome::{NoPlan, Outcome, StepResult},
-    output::{number, span},
+    output::span,
     stale::StoredArtefact,
 };
-use calib_core::{Monitor, Seed};
+use calib_core::{Monitor, Seed, numbers_apart};
 use calib_data::ShownClock;
 use calib_model::StartKind;
 use calib_model_steps::{
@@ -188,11 +188,10 @@ fn changed_level(verdict: &SensorVerdict, recorded: &RecordedFigure) -> Option<S
     }
     let unit =
         if verdict.elsewhere().is_some() { ", or the unit or the zero of the sensor" } else { "" };
+    let [before, now] = numbers_apart([learned.median, held_out.median]);
     Some(format!(
-        "half of the values lie above {} in the training range and above {} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
-         train on a time that is like the present (data.train)",
-        number(learned.median),
-        number(held_out.median)
+        "half of the values lie above {before} in the training range and above {now} in the held-out period, so the plant has changed{unit}, and what was learned before may not hold; \
+         train on a time that is like the present (data.train)"
     ))
 }
 
