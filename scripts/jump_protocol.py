@@ -47,7 +47,7 @@ from pathlib import Path
 
 import measures_protocol
 import protocols
-from measures_protocol import CHANNELS, HELD_OUT_DAYS, PERIOD_SECS, RATES, SENSORS, TRAINING_DAYS, capped_means, spearman
+from measures_protocol import PERIOD_SECS, RATES, SENSORS, TRAINING_DAYS, capped_means, spearman
 from protocols import day, head, interval, mean, quotient, row, smallest, typical_regret
 
 # Jump probabilities per step, by name.
@@ -81,24 +81,7 @@ curve_points = 0
 STUDY = """seed = {seed}
 output = "results"
 
-[simulate]
-start = {start}
-days = {days}
-channels = {channels}
-period_secs = {period_secs}
-drift = {drift}
-noise = {noise}
-storms_per_day = {storms}
-seed = {seed}
-
-[data]
-path = "plant"
-train = {{ start = {start}, end = {end} }}
-held_out = {{ start = {end} }}
-
-[preprocess]
-fill_limit = 30
-
+{plant}
 [rollout]
 steps = {rollout_steps}
 rollouts = 3
@@ -282,17 +265,12 @@ class Plant(measures_protocol.Plant):
         return of_runs(runs, truth) | {"jumps": round(float(jumped.mean()), 5)}
 
     def agent(self) -> str:
-        return AGENT.format(
-            agent="\n".join(f"{key} = {json.dumps(value)}" for key, value in self.task.items()),
-            sensors=json.dumps(SENSORS), steps=self.steps, runs=RUNS,
-        )
+        return AGENT.format(agent=self.task_text(), sensors=json.dumps(SENSORS), steps=self.steps, runs=RUNS)
 
     def write_study(self) -> Path:
         path = self.folder / "study.toml"
-        end = self.start + timedelta(days=TRAINING_DAYS)
         path.write_text(STUDY.format(
-            seed=1400 + self.number, start=day(self.start), end=day(end), days=TRAINING_DAYS + HELD_OUT_DAYS, channels=CHANNELS,
-            period_secs=PERIOD_SECS, rollout_steps=ROLLOUT_STEPS, dtw_steps=DTW_STEPS, agent=self.agent(), **self.plant,
+            seed=1400 + self.number, plant=self.plant_text(), rollout_steps=ROLLOUT_STEPS, dtw_steps=DTW_STEPS, agent=self.agent(),
         ))
         return path
 

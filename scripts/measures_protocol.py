@@ -113,11 +113,8 @@ NO_POWER = 1e-12
 # Stands for the mixing time of rollouts that need more than a million steps.
 NO_MIXING = 2**21
 
-STUDY = """seed = {seed}
-output = "results"
-compare = {models}
-
-[simulate]
+# The log and the held-out data of a plant, also for jump_protocol.py.
+PLANT = """[simulate]
 start = {start}
 days = {days}
 channels = {channels}
@@ -134,7 +131,13 @@ held_out = {{ start = {end} }}
 
 [preprocess]
 fill_limit = 30
+"""
 
+STUDY = """seed = {seed}
+output = "results"
+compare = {models}
+
+{plant}
 [models.k-1.model]
 neighbors = 1
 
@@ -273,15 +276,22 @@ class Plant:
         return outcome
 
     def write(self, name: str, models: list[str], rollout: str, network_rollouts: int) -> Path:
-        end = self.start + timedelta(days=TRAINING_DAYS)
         path = self.folder / f"{name}.toml"
         path.write_text(STUDY.format(
-            seed=1400 + self.number, models=json.dumps(models), sensors=json.dumps(SENSORS), channels=CHANNELS,
-            period_secs=PERIOD_SECS, days=TRAINING_DAYS + HELD_OUT_DAYS, start=day(self.start), end=day(end), steps=self.steps,
-            agent="\n".join(f"{key} = {json.dumps(value)}" for key, value in self.task.items()), rollout=rollout,
-            network_rollouts=network_rollouts, temperature_36=temperature(36), temperature_360=temperature(360), **self.plant,
+            seed=1400 + self.number, models=json.dumps(models), plant=self.plant_text(), sensors=json.dumps(SENSORS),
+            steps=self.steps, agent=self.task_text(), rollout=rollout, network_rollouts=network_rollouts,
+            temperature_36=temperature(36), temperature_360=temperature(360),
         ))
         return path
+
+    def plant_text(self) -> str:
+        return PLANT.format(
+            seed=1400 + self.number, start=day(self.start), end=day(self.start + timedelta(days=TRAINING_DAYS)),
+            days=TRAINING_DAYS + HELD_OUT_DAYS, channels=CHANNELS, period_secs=PERIOD_SECS, **self.plant,
+        )
+
+    def task_text(self) -> str:
+        return "\n".join(f"{key} = {json.dumps(value)}" for key, value in self.task.items())
 
     def write_order(self) -> None:
         """Writes the representation of the bootstraps: a random place on a square grid for each time of the training range."""

@@ -19,10 +19,11 @@ import json
 import math
 import os
 import pathlib
-import statistics
 import subprocess
 import sys
 import tempfile
+
+import protocols
 
 # Name, files below CALIB_DATA, and the options that `calib init` asks a user to add.
 LOGS = [
@@ -43,8 +44,6 @@ PUBLIC = [
 ]
 NO_WORSE = 1.02
 PARTS = ["after_first_quarter", "final_quarter", "whole_run"]
-# 97.5 % points of Student's t, by degrees of freedom from 1 on.
-STUDENT = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131]
 
 
 def best_simple(verdict):
@@ -62,12 +61,8 @@ def against_best(predictor, best, sensor, part, scores):
     logs = [math.log(window[predictor] / window[best]) for window in errors.values() if window[predictor] and window[best]]
     if not logs or predictor == best:
         return 1.0, (1.0, 1.0)
-    mean = statistics.fmean(logs)
-    if len(logs) == 1:
-        return math.exp(mean), None
-    quantile = STUDENT[len(logs) - 2] if len(logs) - 2 < len(STUDENT) else 1.96
-    half = quantile * statistics.stdev(logs) / math.sqrt(len(logs))
-    return math.exp(mean), (math.exp(mean - half), math.exp(mean + half))
+    value, low, high = map(math.exp, protocols.interval(logs))
+    return value, (low, high) if len(logs) > 1 else None
 
 
 def ratio_text(ratio, interval):
