@@ -3,18 +3,11 @@
 #
 #   bash scripts/rllib.sh      needs the wheel of scripts/python_wheel.sh in CALIB_TOOLS (target/tools otherwise). Fetches ray there.
 set -euo pipefail
-root=$(cd "$(dirname "$0")/.." && pwd)
-tools=$(realpath "${CALIB_TOOLS:-$root/target/tools}")
-wheel=$(echo "$tools"/dist/calib_rl-*.whl)
-test -f "$wheel" || { echo "rllib.sh: there is no wheel in $tools/dist; run scripts/python_wheel.sh" >&2; exit 2; }
-python=$tools/ray/bin/python
-[ -x "$python" ] || python3 -m venv "$tools/ray"
+. "$(dirname "$0")/python_env.sh" ray
 # The last two are what PyTorch needs and RLlib does not bring.
 "$python" -m pip install --quiet 'ray[rllib]==2.40.0' sympy jinja2
 "$python" -m pip install --quiet --force-reinstall --no-deps "$wheel"
 
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
 . "$root/scripts/pytorch.sh"
 export PYTHONPATH=$PYTHONPATH:$root/.libtorch:$root/python/examples RAY_USAGE_STATS_ENABLED=0
 

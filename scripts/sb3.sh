@@ -4,12 +4,7 @@
 #
 #   bash scripts/sb3.sh      needs the wheel of scripts/python_wheel.sh in CALIB_TOOLS (target/tools otherwise). Fetches packages there.
 set -euo pipefail
-root=$(cd "$(dirname "$0")/.." && pwd)
-tools=$(realpath "${CALIB_TOOLS:-$root/target/tools}")
-wheel=$(echo "$tools"/dist/calib_rl-*.whl)
-test -f "$wheel" || { echo "sb3.sh: there is no wheel in $tools/dist; run scripts/python_wheel.sh" >&2; exit 2; }
-python=$tools/sb3/bin/python
-[ -x "$python" ] || python3 -m venv "$tools/sb3"
+. "$(dirname "$0")/python_env.sh" sb3
 mapfile -t pinned < <(grep -E '^(gymnasium|numpy|pandas|polars|pytest|scikit-learn)==' "$root/python/tests/requirements.txt")
 # Without what packages name themselves: PyTorch, and in d3rlpy Gymnasium 1.0.0.
 "$python" -m pip install --quiet --no-deps "${pinned[@]}" -r "$root/python/tests/requirements-sb3.txt"
@@ -22,8 +17,6 @@ if ! [ -d "$oldest" ]; then
     mv "$oldest.part" "$oldest"
 fi
 
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
 . "$root/scripts/pytorch.sh"
 # Among the installed packages: calib takes code that is elsewhere for the user's own.
 packages=$("$python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
