@@ -4,8 +4,8 @@ use std::{io::Write as _, path::PathBuf};
 
 use calib_files::write_atomically;
 use calib_report::{
-    AgentConduct, Axis, Cell, Chart, Colour, Dash, Decision, Marker, Overview, OverviewFigure,
-    Point, Rule, Scale, Series, Side, Table,
+    AgentConduct, Axis, Cell, Chart, Dash, Decision, Overview, OverviewFigure, Point, Rule, Scale,
+    Series, Table,
 };
 use calib_stats::jackknife;
 use pyo3::prelude::*;
@@ -15,7 +15,6 @@ use crate::errors;
 
 /// The number of settings whose returns are drawn. The table has all settings.
 const DRAWN: usize = 12;
-const MARKERS: [Marker; 3] = [Marker::Circle, Marker::Square, Marker::Triangle];
 
 /// The content of the page.
 #[derive(Deserialize)]
@@ -146,15 +145,7 @@ impl TunedPage {
                 let interval = jackknife(mean, &members).map(|ends| (ends.low, ends.high));
                 Point { x: place as f64, y: mean, interval }
             });
-            series.push(Series {
-                label: name.clone(),
-                side: Side::Left,
-                colour: Colour::Curve(kind),
-                dash: Dash::Solid,
-                width: 1.6,
-                marker: Some(MARKERS[kind % MARKERS.len()]),
-                points: points.collect(),
-            });
+            series.push(Series::numbered(kind, name, points.collect()));
         }
         let ends = series.iter().flat_map(|series| &series.points).flat_map(|point| {
             let (low, high) = point.interval.unwrap_or((point.y, point.y));

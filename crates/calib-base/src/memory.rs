@@ -51,6 +51,11 @@ impl FromStr for MemorySize {
     }
 }
 
+/// Whether so many bytes are [`available`], or the system does not report it.
+pub fn fits(needed: u64) -> bool {
+    available().is_none_or(|available| needed <= available)
+}
+
 /// Returns the bytes that this process may still take: the memory that the system has available, or less where a
 /// control group (a container, a batch job) allows less. `None` where the system does not report it.
 pub fn available() -> Option<u64> {

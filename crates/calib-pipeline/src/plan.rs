@@ -130,12 +130,9 @@ impl Plan {
     /// Adds the expected cost of sweeps.
     pub(crate) fn expect(&mut self, all: &[PartPlan]) {
         for PartPlan { model, deployment, expected } in all {
-            let sweep = self.steps.iter_mut().find(|planned| {
-                planned.step == StepKind::Sweep
-                    && planned.model == *model
-                    && planned.deployment == *deployment
-            });
-            if let Some(planned) = sweep {
+            if let Some(planned) =
+                self.planned(StepKind::Sweep, model.as_deref(), deployment.as_deref())
+            {
                 planned.expected = Some(expected.clone());
             }
         }
@@ -144,15 +141,24 @@ impl Plan {
     /// Adds the expected costs of steps.
     pub(crate) fn add_costs(&mut self, all: &[ExpectedStep]) {
         for ExpectedStep { step, model, deployment, cost } in all {
-            let planned = self.steps.iter_mut().find(|planned| {
-                planned.step == *step
-                    && planned.model == *model
-                    && planned.deployment == *deployment
-            });
-            if let Some(planned) = planned {
+            if let Some(planned) = self.planned(*step, model.as_deref(), deployment.as_deref()) {
                 planned.cost = Some(*cost);
             }
         }
+    }
+
+    /// Returns the planned step of a model and a deployment.
+    fn planned(
+        &mut self,
+        step: StepKind,
+        model: Option<&str>,
+        deployment: Option<&str>,
+    ) -> Option<&mut PlannedStep> {
+        self.steps.iter_mut().find(|planned| {
+            planned.step == step
+                && planned.model.as_deref() == model
+                && planned.deployment.as_deref() == deployment
+        })
     }
 
     /// Returns a line on the cost of all steps that are to do, if that of any is known. It names the other steps.

@@ -106,9 +106,5 @@ impl Span {
 /// Rounds `value` to three more decimals than the leading digit of `spacing` has.
 pub(crate) fn decimals(value: f64, spacing: f64) -> f64 {
     let places = (3.0 - spacing.log10().floor()).clamp(0.0, 17.0) as usize;
-    read(&format!("{value:.places$}"))
-}
-
-fn read(text: &str) -> f64 {
-    text.parse().unwrap_or_else(|_| unreachable!("a formatted number"))
+    format!("{value:.places$}").parse().unwrap_or_else(|_| unreachable!("a formatted number"))
 }

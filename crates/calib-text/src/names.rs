@@ -15,7 +15,7 @@ pub(crate) fn is_name(cell: &str) -> bool {
 }
 
 /// Whether a cell says that its value is missing or wrong. Spreadsheets write `#DIV/0!`.
-pub(crate) fn is_no_value(cell: &str) -> bool {
+fn is_no_value(cell: &str) -> bool {
     let cell = cell.trim().to_lowercase();
     NO_VALUE.contains(&cell.as_str()) || cell.starts_with('#') && cell.ends_with(['!', '?'])
 }

@@ -73,6 +73,12 @@ impl RunContext {
         self.stand_in
     }
 
+    /// Reports and records the expected cost of a step for this part of a study, in a dry run.
+    pub fn tell_cost(&self, step: StepKind, part: &Job, cost: StepCost) {
+        self.say(&cost.line());
+        self.expect(step, part, cost);
+    }
+
     /// Records the expected cost of a step for this part of a study, in a dry run.
     pub fn expect(&self, step: StepKind, part: &Job, cost: StepCost) {
         let model = part.model().map(str::to_owned);

@@ -42,9 +42,7 @@ pub(super) fn expect(
     let sample = Sample { states, every: context.stands_in().unwrap_or(1), columns };
     let monitor = context.silent().progress();
     let Some(secs) = sample.processor_secs(config, &monitor)? else { return Ok(()) };
-    let cost = plan.cost(secs);
-    context.say(&cost.line());
-    context.expect(StepKind::BuildModel, job, cost);
+    context.tell_cost(StepKind::BuildModel, job, plan.cost(secs));
     Ok(())
 }
 

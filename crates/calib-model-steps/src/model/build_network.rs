@@ -58,8 +58,7 @@ pub(crate) fn run(
             && !model_files::is_kept(job, &dataset)
             && let Some(cost) = train_model::cost(study, &dataset, &context.silent().progress())?
         {
-            context.say(&cost.line());
-            context.expect(StepKind::BuildModel, job, cost);
+            context.tell_cost(StepKind::BuildModel, job, cost);
         }
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(None));

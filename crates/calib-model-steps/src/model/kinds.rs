@@ -77,6 +77,6 @@ pub fn open(
 /// `directory`.
 pub fn search_place(model: &dyn CalibrationModel, directory: &Path) -> ScratchPlace {
     let needed = model.search_bytes(rayon::current_num_threads());
-    let fits = needed == 0 || memory::available().is_none_or(|available| needed <= available);
+    let fits = needed == 0 || memory::fits(needed);
     if fits { ScratchPlace::Memory } else { ScratchPlace::Disk(directory.to_owned()) }
 }

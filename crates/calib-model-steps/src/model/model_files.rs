@@ -357,14 +357,15 @@ pub fn check_data(job: &Job, manifest: &ModelManifest, dataset: &Dataset) -> Res
 
 /// Whether the model of a job is there and need not be made again, by its manifest.
 pub(super) fn is_kept(job: &Job, dataset: &Dataset) -> bool {
+    if job.policy().redoes() {
+        return false;
+    }
     let directory = job.layout().model();
-    let found = artefact::read::<ModelManifest>(&directory);
-    !job.policy().redoes()
-        && found.is_some_and(|found| {
-            found.data == dataset.fingerprint
-                && found.has_files(&directory)
-                && job.study().differences(StepKind::BuildModel, &found.study).is_empty()
-        })
+    artefact::read::<ModelManifest>(&directory).is_some_and(|found| {
+        found.data == dataset.fingerprint
+            && found.has_files(&directory)
+            && job.study().differences(StepKind::BuildModel, &found.study).is_empty()
+    })
 }
 
 /// Reads the profile of the data that the model was built from.

@@ -223,7 +223,7 @@ pub(super) fn cost(
     monitor: &dyn Monitor,
 ) -> Result<Option<StepCost>, StepError> {
     let memory = training_bytes(study, dataset);
-    if memory::available().is_some_and(|available| memory > available) {
+    if !memory::fits(memory) {
         return Ok(None);
     }
     let states = dataset.train.states();
@@ -254,7 +254,7 @@ pub(crate) fn untrained(
     columns: usize,
 ) -> Result<Option<Box<dyn Dynamics>>, StepError> {
     let needed = network_bytes(study, columns);
-    if memory::available().is_some_and(|available| needed > available) {
+    if !memory::fits(needed) {
         return Ok(None);
     }
     let config = &study.dynamics;

@@ -91,7 +91,7 @@ pub(super) fn expect(
     }
     let material = Material::of(dataset);
     let needed = needed_bytes(study, material);
-    if memory::available().is_some_and(|available| needed > available) {
+    if !memory::fits(needed) {
         return Ok(());
     }
     let left = if redoes {
@@ -101,8 +101,7 @@ pub(super) fn expect(
     };
     let progress = context.silent().progress();
     let cost = RepresentationCost::measure(study, material, &left, &progress)?.of_step();
-    context.say(&cost.line());
-    context.expect(StepKind::Represent, job, cost);
+    context.tell_cost(StepKind::Represent, job, cost);
     Ok(())
 }
 

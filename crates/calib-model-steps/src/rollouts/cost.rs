@@ -122,7 +122,7 @@ pub(super) fn expect(
     let stepping =
         processor_secs(&monitor, |monitor| model.roll_out(0, &starts[0], &rolling, monitor))?;
     let Some(stepping) = stepping else { return Ok(()) };
-    tell(job, extent.cost(stepping)?, context);
+    context.tell_cost(StepKind::Rollout, job, extent.cost(stepping)?);
     Ok(())
 }
 
@@ -154,13 +154,8 @@ pub(super) fn expect_before_model(
         }
     };
     let Some(stepping) = stepping else { return Ok(()) };
-    tell(job, extent.cost(stepping)?, context);
+    context.tell_cost(StepKind::Rollout, job, extent.cost(stepping)?);
     Ok(())
-}
-
-fn tell(job: &Job, cost: StepCost, context: &RunContext) {
-    context.say(&cost.line());
-    context.expect(StepKind::Rollout, job, cost);
 }
 
 /// Returns the processor seconds in which as many rollouts of a network as step together make so many steps. `None` if

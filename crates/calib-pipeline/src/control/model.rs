@@ -143,7 +143,7 @@ impl ControlModel {
     /// # Errors
     /// Returns an error if a network diverged, or the monitor interrupts.
     pub fn networks(&self, monitor: &dyn Monitor) -> Result<NetworkModel, ControlError> {
-        let seed = Seed::new(self.names.seed).child("control");
+        let seed = seed(self.names.seed);
         let files = files_of_networks(&self.directory, &self.key);
         NetworkModel::for_model(&self.model, seed, files.as_ref(), monitor)
     }
@@ -173,9 +173,9 @@ fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
     })
 }
 
-/// Returns the seed of all random numbers for agents in the model of a study.
-pub(super) fn seed(study: &Study) -> Seed {
-    Seed::new(study.seed).child("control")
+/// Returns the seed of all random numbers for agents in the model of a study with this seed.
+pub(super) fn seed(study: u64) -> Seed {
+    Seed::new(study).child("control")
 }
 
 /// Returns a warning if the networks could not be stored.

@@ -155,7 +155,7 @@ fn untrained(
     let needed = work.members(ActionModelKind::Network);
     let Some(model) = kept else { return Ok(needed.len()) };
     let Some(files) = model::network_files(job, config, log)? else { return Ok(needed.len()) };
-    Ok(NetworkModel::count_untrained(model, needed, model::seed(job.study()), &files))
+    Ok(NetworkModel::count_untrained(model, needed, model::seed(job.study().seed), &files))
 }
 
 impl ControlTime {

@@ -126,7 +126,7 @@ fn run_share(
     units: &RunFiles,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    let seed = model::seed(job.study());
+    let seed = model::seed(job.study().seed);
     let model = model::open_or_build(job, config, log, printer)?;
     let networks = model::network_files(job, config, log)?;
     let networks = networks.as_ref();
@@ -249,7 +249,7 @@ fn judged(
 ) -> Result<JudgedSettings, StepError> {
     let study = job.study();
     let progress = printer.progress();
-    let seed = model::seed(study);
+    let seed = model::seed(study.seed);
     let model = model::open_or_build(job, config, &log, printer)?;
     let networks = model::network_files(job, config, &log)?;
     let networks = networks.as_ref();

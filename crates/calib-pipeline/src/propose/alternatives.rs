@@ -8,6 +8,7 @@ use calib_base::{
     output::{duration_of_secs, rounded, span},
 };
 use calib_propose::{Horizon, ProposedAgent, Scope, Sensors, spacing_by_log, spacings};
+use calib_report::{joined, listed};
 use calib_stats::Estimate;
 use calib_study::shell_words;
 use schemars::JsonSchema;
@@ -174,10 +175,10 @@ impl Alternatives<'_> {
         };
         let sensors = self.other_sensors();
         if !sensors.is_empty() {
-            let names = sensors.iter().map(|&channel| sketch.channels[channel].name.as_str());
+            let names = sensors.iter().map(|&channel| sketch.channels[channel].name.clone());
             let noun = if sensors.len() == 1 { "sensor" } else { "sensors" };
             all.push(Alternative {
-                change: format!("the {noun} {}", listed(&names.collect::<Vec<_>>(), "and")),
+                change: format!("the {noun} {}", listed(&names.collect::<Vec<_>>())),
                 there: "At the same horizon".to_owned(),
                 sensors: Some(sensors),
                 ..same.clone()
@@ -312,7 +313,7 @@ impl OtherTrials {
         let late = if self.is_cut_short { "; then the time for trials was over" } else { "" };
         format!(
             "no agent is shown to do better with {} either{late} (tried for {took})",
-            listed(&self.without, "or")
+            joined(&self.without, "or")
         )
     }
 }
@@ -361,16 +362,6 @@ fn largest_lead(predicted: &[TrialPrediction]) -> Option<(usize, Lead)> {
     leads
         .filter_map(|(place, sensor)| Some((place, sensor.lead?)))
         .min_by(|one, other| one.1.ratio.total_cmp(&other.1.ratio))
-}
-
-/// Joins names, the last of them with a word.
-fn listed<T: AsRef<str>>(names: &[T], word: &str) -> String {
-    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
-    match names.as_slice() {
-        [] => String::new(),
-        [name] => (*name).to_owned(),
-        [first @ .., last] => format!("{} {word} {last}", first.join(", ")),
-    }
 }
 
 /// Returns the command line that proposes a study with these options, in place of the one that is being written.

@@ -6,8 +6,7 @@ use calib_agent::Part;
 use calib_base::StepError;
 use calib_model_steps::rollouts::figures;
 use calib_report::{
-    Axis, Cell, Chart, Colour, Dash, Marker, OverviewFigure, Point, Scale, ScaleKind, Series, Side,
-    Table,
+    Axis, Cell, Chart, Colour, Dash, OverviewFigure, Point, Scale, ScaleKind, Series, Side, Table,
 };
 use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
@@ -17,9 +16,6 @@ use super::{JudgedStudies, show, tables::short};
 const FLOOR: f64 = 1e-3;
 /// Largest drawn regret.
 const CEILING: f64 = 10.0;
-
-const MARKERS: [Marker; 5] =
-    [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
 
 pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
     for (name, figure) in all(judged) {
@@ -273,13 +269,5 @@ fn broken(points: Vec<Point>) -> Vec<Point> {
 }
 
 fn of_points(label: &str, number: usize, points: Vec<Point>) -> Series {
-    Series {
-        label: label.to_owned(),
-        side: Side::Left,
-        colour: Colour::Curve(number),
-        dash: Dash::Solid,
-        width: 1.6,
-        marker: Some(MARKERS[number % MARKERS.len()]),
-        points,
-    }
+    Series { dash: Dash::Solid, ..Series::numbered(number, label, points) }
 }

@@ -13,7 +13,7 @@ mod verdict;
 pub use calib_sweep::{ChoiceBaseline, Grade};
 pub use caveats::caveats;
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
-pub use sentence::listed;
+pub use sentence::{joined, listed};
 pub use simple::{SimpleRow, Simpler};
 pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};

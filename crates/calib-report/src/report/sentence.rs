@@ -10,8 +10,8 @@ use crate::{Setting, figures::NRMSE};
 mod words;
 
 pub(super) use words::assigned;
-pub use words::listed;
 use words::{fields, ordinal};
+pub use words::{joined, listed};
 
 /// Choices with a smaller share of the resamples than this count as uncertain.
 const STABLE: f64 = 0.8;

@@ -242,9 +242,7 @@ fn expect_cost(
         train(job.study(), parts, missing, None, monitor)
     })?;
     let Some(processor_secs) = secs else { return Ok(()) };
-    let cost = StepCost { processor_secs, ..cost };
-    context.say(&cost.line());
-    context.expect(StepKind::Pretrain, job, cost);
+    context.tell_cost(StepKind::Pretrain, job, StepCost { processor_secs, ..cost });
     Ok(())
 }
 

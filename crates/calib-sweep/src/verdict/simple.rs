@@ -67,10 +67,7 @@ impl SimpleComparison {
 
     /// Whether the chosen agent is shown to have at least two per cent less error. Without an interval nothing is shown.
     pub fn is_beaten(&self) -> bool {
-        self.ratio.is_some_and(|ratio| {
-            ratio.value * NO_WORSE <= 1.0
-                && ratio.interval.is_some_and(|interval| interval.high < 1.0)
-        })
+        self.ratio.is_some_and(is_shown_lower)
     }
 
     /// Whether the chosen agent is known to have at most two per cent more error.
@@ -254,7 +251,7 @@ pub(super) fn decisive<'a>(
     if !does_as_well(mean, instead) {
         return Some(instead);
     }
-    if shown.is_empty() && !mean.ratio.is_some_and(is_shown_lower) {
+    if shown.is_empty() && !mean.is_beaten() {
         return Some(mean);
     }
     match rival(&shown).or_else(|| clearly_better(&all)) {

@@ -33,10 +33,15 @@ pub(super) fn ordinal(rank: usize) -> String {
 
 /// Joins items: "a", "a and b", "a, b and c".
 pub fn listed(items: &[String]) -> String {
+    joined(items, "and")
+}
+
+/// Joins items, the last of them with a word: "a, b or c".
+pub fn joined(items: &[String], word: &str) -> String {
     match items {
         [] => String::new(),
         [one] => one.clone(),
-        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+        [first @ .., last] => format!("{} {word} {last}", first.join(", ")),
     }
 }
 
