@@ -3,12 +3,11 @@
     python3 -m venv .venv-golden && .venv-golden/bin/pip install gymnasium==1.4.0 numpy
     .venv-golden/bin/python scripts/golden/control.py
 
-Of every step: the state before (double precision), the action, what is observed after (single precision, as Gymnasium
+Of each step that is kept: the state before (double precision), the action, what is observed after (single precision, as Gymnasium
 gives it), the reward, whether it is terminal, and the state after. Gymnasium has no Puddle World; its numbers are written here from
 Sutton (1996) without noise: distances to the two segments by projection, not as the crate does them.
 """
 
-import json
 import math
 import random
 from pathlib import Path
@@ -16,7 +15,11 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
+import layout
+
 OUT = Path(__file__).parents[2] / "crates/calib-control/tests/golden/tasks.json"
+# Of the joints of Acrobot, and of Pendulum.
+SPEED_LIMITS = (4 * math.pi, 9 * math.pi, 8.0)
 
 
 def rolled(name, actions, steps, spread):
@@ -76,11 +79,17 @@ def puddle(steps):
     return rows
 
 
+def kept(steps):
+    """Returns every tenth step, the first four that end an episode, and those after which a speed is at its limit."""
+    terminal = [number for number, step in enumerate(steps) if step["terminal"]][:4]
+    fast = [number for number, step in enumerate(steps) if any(abs(x) in SPEED_LIMITS for x in step["next"])]
+    return [step for number, step in enumerate(steps) if number % 10 == 0 or number in terminal + fast]
+
+
 tasks = {
     "acrobot": rolled("Acrobot-v1", [0, 1, 2], 200, [math.pi, math.pi, 8.0, 16.0]),
     "cart_pole": rolled("CartPole-v1", [0, 1], 200, [2.0, 2.0, 0.2, 2.0]),
     "pendulum": rolled("Pendulum-v1", [[-2.0], [-0.7], [0.0], [1.3], [2.0]], 200, [6.0, 7.0]),
     "puddle_world": puddle(200),
 }
-OUT.parent.mkdir(parents=True, exist_ok=True)
-OUT.write_text(json.dumps(tasks, indent=None, separators=(",", ":")) + "\n")
+layout.write(OUT, {name: kept(steps) for name, steps in tasks.items()})

@@ -1,14 +1,15 @@
-"""What the PyTorch scripts of this folder share: numbers that single precision holds exactly, networks, JSON.
+"""What the PyTorch scripts of this folder share: numbers that single precision holds exactly, and networks.
 
 A network's parameters are one flat list, layer after layer: weights [inputs, outputs] row after row (the
 transpose of PyTorch's Linear.weight), then biases. That is how calib-nn keeps them.
 """
 
-import json
 import pathlib
 
 import numpy as np
 import torch
+
+import layout
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PRECISIONS = {"double": torch.float64, "single": torch.float32}
@@ -60,20 +61,4 @@ def deviation(double, single):
 
 
 def write(path, golden):
-    """Writes one line per key of the outermost two levels, so that changes are readable."""
-    text = json.dumps(golden)
-    lines = []
-    for key, value in golden.items():
-        if isinstance(value, list) and value and isinstance(value[0], dict):
-            inner = ",\n".join(
-                "    {" + ",\n     ".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in case.items()) + "}" for case in value
-            )
-            lines.append(f"  {json.dumps(key)}: [\n{inner}\n  ]")
-        else:
-            lines.append(f"  {json.dumps(key)}: {json.dumps(value)}")
-    laid_out = "{\n" + ",\n".join(lines) + "\n}\n"
-    assert json.loads(laid_out) == json.loads(text)
-    path = ROOT / path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(laid_out)
-    print(f"{path.relative_to(ROOT)}: {len(laid_out) / 1000:.0f} kB")
+    layout.write(ROOT / path, golden)

@@ -1,6 +1,6 @@
-"""Reference values for crates/calib-agent: 200 TD(0) updates, from PyTorch in double precision.
+"""Reference values for crates/calib-agent: 60 TD(0) updates, from PyTorch in double precision.
 
-    python3 -m venv .venv-golden && .venv-golden/bin/pip install torch==2.11.0 numpy==2.3.5
+    python3 -m venv .venv-golden && .venv-golden/bin/pip install torch==2.15.0 numpy==2.4.6
     .venv-golden/bin/python scripts/golden/td0.py
 
 The loss is the mean of delta^2 / 2 with delta = o' + gamma v(s') - v(s) and its target held fixed; o' is column
@@ -16,8 +16,8 @@ import torch
 
 import pytorch
 
-UPDATES, BATCH, STEPS, GAMMA, CUMULANT = 200, 16, 240, 0.9, 2
-SIZES = {"mlp": [7, 16, 16, 1], "linear": [7, 1]}
+UPDATES, BATCH, STEPS, GAMMA, CUMULANT = 60, 16, 60, 0.9, 2
+SIZES = {"mlp": [7, 10, 10, 1], "linear": [7, 1]}
 CASES = [
     {"value_function": "mlp", "optimiser": "adam", "learning_rate": 3e-3},
     {"value_function": "mlp", "optimiser": "adam", "learning_rate": 3e-3, "weight_decay": 0.1},

@@ -51,7 +51,7 @@ fn distances_agree_with_the_reference_package() {
     let golden: Value = serde_json::from_str(&text).expect("JSON");
     let place = Place::new();
     let mut checked = 0;
-    for case in golden["cases"].as_array().expect("a list").iter().take(4) {
+    for case in golden["cases"].as_array().expect("a list") {
         for name in ["query", "reference"] {
             let values = numbers(&case[name]);
             let path = place.path().join(format!("{name}.npy"));

@@ -13,7 +13,7 @@ use crate::{
     values::{Batch, Learned, Values},
 };
 
-/// Values are about 5. PyTorch's own single precision deviates by up to 3.4e-6 from the double precision in
+/// Values are about 3. PyTorch's own single precision deviates by up to 3.2e-6 from the double precision in
 /// the file.
 const TOLERANCE: f64 = 2e-5;
 
@@ -83,10 +83,10 @@ fn assert_close(what: &str, got: &[f32], expected: &[f64], tolerance: f64, agent
 }
 
 #[test]
-fn two_hundred_updates_are_those_of_pytorch() {
+fn sixty_updates_are_those_of_pytorch() {
     let golden: Golden =
         serde_json::from_str(include_str!("../tests/golden/td0.json")).expect("reads");
-    assert_eq!(golden.batches.len(), 200);
+    assert_eq!((golden.batches.len(), golden.cases.len()), (60, 10));
     for Case { agent, predictions, parameters } in &golden.cases {
         assert_eq!(golden.sizes["mlp"][1..3], [agent.hidden_units; 2]);
         assert_eq!(agent.batch_size, golden.batches[0].len());

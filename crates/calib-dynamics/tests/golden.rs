@@ -4,7 +4,7 @@ use calib_dynamics::{Dynamics as _, FeedForward, LANES};
 use calib_nn::{Adam, AdamRule, Mlp, Workspace};
 use serde::Deserialize;
 
-/// PyTorch's own single precision is within 2e-8 for predictions and gradients, 1.1e-7 after Adam.
+/// PyTorch's own single precision is within 3e-8 for predictions and gradients, 1.1e-7 after Adam.
 const TOLERANCE: f64 = 5e-7;
 
 #[derive(Deserialize)]
