@@ -3,8 +3,8 @@
 use calib_core::{Monitor, Rng, Seed};
 
 use crate::{
-    ActingAgents, AgentRun, ControlError, Ensemble, Environment, Outcome, RunLength,
-    sweep::run_seed,
+    ActingAgents, AgentRun, At, ControlError, Ensemble, Environment, ModelEnvironment, Outcome,
+    RunLength, sweep::run_seed,
 };
 
 /// The last steps of an agent's run, in order.
@@ -16,6 +16,8 @@ pub struct Trajectory {
     pub columns: usize,
     /// States in which actions were taken, `[steps, columns]`.
     pub states: Vec<f32>,
+    /// The recorded places of these states; empty if the model makes states that were not recorded.
+    pub places: Vec<At>,
     /// The action of each step.
     pub actions: Vec<usize>,
     /// The reward of each step.
@@ -45,31 +47,33 @@ pub fn trajectory<M: Ensemble, A: ActingAgents + ?Sized>(
         is_first: true,
         environment: &mut walk,
         states: Vec::new(),
+        places: Vec::new(),
         actions: Vec::new(),
         rewards: Vec::new(),
         begins: Vec::new(),
     };
     let seed = run_seed(seed, 0, 0);
     let run = agents.run(candidate, &mut recorded, span, seed, monitor)?;
-    let Recorded { states, actions, rewards, begins, environment, .. } = recorded;
-    Ok(Trajectory { run, columns: environment.columns(), states, actions, rewards, begins })
+    let Recorded { states, places, actions, rewards, begins, environment, .. } = recorded;
+    Ok(Trajectory { run, columns: environment.columns(), states, places, actions, rewards, begins })
 }
 
 /// An environment that records its steps.
-struct Recorded<'e> {
-    environment: &'e mut dyn Environment,
+struct Recorded<'e, E> {
+    environment: &'e mut E,
     /// Number of steps before the first one that is kept.
     left_out: usize,
     /// The present state, and whether an episode begins with it.
     state: Vec<f32>,
     is_first: bool,
     states: Vec<f32>,
+    places: Vec<At>,
     actions: Vec<usize>,
     rewards: Vec<f64>,
     begins: Vec<bool>,
 }
 
-impl Environment for Recorded<'_> {
+impl<E: ModelEnvironment> Environment for Recorded<'_, E> {
     fn actions(&self) -> usize {
         self.environment.actions()
     }
@@ -85,9 +89,11 @@ impl Environment for Recorded<'_> {
     }
 
     fn step(&mut self, action: usize, rng: &mut Rng, state: &mut [f32]) -> Outcome {
+        let place = self.environment.place();
         let outcome = self.environment.step(action, rng, state);
         if self.left_out == 0 {
             self.states.extend_from_slice(&self.state);
+            self.places.extend(place);
             self.actions.push(action);
             self.rewards.push(outcome.reward);
             self.begins.push(self.is_first);

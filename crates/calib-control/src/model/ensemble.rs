@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Coverage;
+use super::{At, Coverage};
 use crate::{Drift, Environment};
 
 /// A kind of model of a log that agents act in.
@@ -73,5 +73,10 @@ pub trait ModelEnvironment: Environment {
     /// steps are not jumps.
     fn drift(&self) -> Drift {
         Drift::default()
+    }
+
+    /// Returns the recorded place of the present state; `None` if the model makes states that were not recorded.
+    fn place(&self) -> Option<At> {
+        None
     }
 }

@@ -82,6 +82,10 @@ impl ModelEnvironment for Walk<'_> {
         }
         drift
     }
+
+    fn place(&self) -> Option<At> {
+        Some(self.at)
+    }
 }
 
 impl Environment for Walk<'_> {

@@ -155,4 +155,7 @@ fn a_trajectory_is_the_end_of_the_first_run() {
     let end = end.expect("run");
     assert_eq!(end.actions, whole.actions[300..]);
     assert_eq!(end.states, whole.states[300 * whole.columns..]);
+    let recorded: Vec<f32> =
+        end.places.iter().flat_map(|&place| model.observed(place)).copied().collect();
+    assert_eq!(end.states, recorded, "every state is that of its place");
 }

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use calib_control::{ControlConfig, SetPoint, Trajectory};
+use calib_control::{ActionModel, At, ControlConfig, SetPoint, StartRows, Trajectory};
 use calib_report::{AgentConduct, ColumnConduct, SetPointValues, SetValues};
 
 use super::{
     described::{ActionLogSummary, ColumnMap},
-    log::Names,
+    log::{Names, start_rows},
 };
 
 /// Number of steps that are stored one by one.
@@ -15,15 +15,32 @@ const TOLD: usize = 200;
 /// Number of state columns that are stored.
 const COLUMNS: usize = 4;
 
-/// Describes a trajectory of an agent of the study.
+/// Returns the rows of the log of decisions in which the states of a trajectory were recorded.
+pub(super) fn recorded_rows(
+    trajectory: &Trajectory,
+    model: &ActionModel,
+    start: StartRows,
+) -> Vec<usize> {
+    let starts = start_rows(model.log(), start);
+    let places = trajectory.places.iter();
+    let rows = places.map(|&place| match place {
+        At::Start(number) => starts[number as usize] as usize,
+        At::After(transition) => model.led_to(transition).get(),
+    });
+    rows.collect()
+}
+
+/// Describes a trajectory of an agent of the study. Its states were recorded in these `rows`.
 pub(super) fn conduct(
     trajectory: &Trajectory,
+    rows: &[usize],
     names: &Names,
     log: &ActionLogSummary,
     config: &ControlConfig,
 ) -> AgentConduct {
     let steps = trajectory.actions.len();
-    let last = LastSteps { trajectory, names, config, told: steps.saturating_sub(TOLD)..steps };
+    let told = steps.saturating_sub(TOLD)..steps;
+    let last = LastSteps { trajectory, rows, names, config, told };
     let terms = config.reward.terms();
     let (first, others): (Vec<usize>, Vec<usize>) = (0..log.map.len())
         .partition(|&place| terms.iter().any(|term| term.column == log.map[place].column));
@@ -63,6 +80,8 @@ pub(super) fn conduct(
 /// The last steps of a trajectory.
 struct LastSteps<'a> {
     trajectory: &'a Trajectory,
+    /// The row of the log in which each state was recorded.
+    rows: &'a [usize],
     names: &'a Names,
     config: &'a ControlConfig,
     /// The steps that are stored one by one.
@@ -82,8 +101,8 @@ impl LastSteps<'_> {
         actions.map(|&action| self.names.levels[action][place]).collect()
     }
 
-    /// Returns the values of a set-point in the last steps. `None` if it is a column that is neither set by the agent
-    /// nor part of the state, and varies in the log.
+    /// Returns the values of a set-point in the last steps. `None` if it is a column of the log that is missing in one
+    /// of them.
     fn set_point(&self, set_point: &SetPoint) -> Option<SetPointValues> {
         let column = match set_point {
             SetPoint::Number(number) => {
@@ -96,10 +115,20 @@ impl LastSteps<'_> {
             self.all_values(place)[self.told.clone()].to_vec()
         } else if let Some(place) = position(&self.config.actions, column) {
             self.set(place)
+        } else if let Some(constant) = self.names.constants.get(column) {
+            vec![*constant; self.told.len()]
         } else {
-            vec![*self.names.constants.get(column)?; self.told.len()]
+            self.recorded(column)?
         };
         Some(SetPointValues { column: Some(column.clone()), values })
+    }
+
+    /// Returns the set-points that were recorded beside the last states.
+    fn recorded(&self, column: &str) -> Option<Vec<f64>> {
+        let recorded = self.names.set_points.get(column)?;
+        let rows = self.rows.get(self.told.clone())?;
+        let values = rows.iter().map(|&row| Some(recorded[row]).filter(|value| value.is_finite()));
+        values.collect()
     }
 }
 
@@ -156,12 +185,16 @@ mod tests {
             levels: vec![vec![0.0], vec![1.0]],
             ranges: vec![[0.0, 1.0]],
             constants: BTreeMap::from([("fixed".to_owned(), 7.0)]),
+            set_points: BTreeMap::new(),
         }
     }
 
     fn summary(columns: &[String]) -> ActionLogSummary {
+        let actions = names(["shut", "open"]).into_iter();
         ActionLogSummary {
-            actions: Vec::new(),
+            actions: actions
+                .map(|name| ActionTold { name, transitions: 0, covered: 0.0, states: Vec::new() })
+                .collect(),
             settings: Vec::new(),
             columns: columns.to_vec(),
             transitions: 0,
@@ -216,16 +249,13 @@ mod tests {
             run: AgentRun::default(),
             columns: columns.len(),
             states: vec![0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0],
+            places: Vec::new(),
             actions: vec![1, 0],
             rewards: vec![-1.0, -2.0],
             begins: vec![false, true],
         };
-        let mut log = summary(&columns);
-        let actions = names(["shut", "open"]).into_iter();
-        log.actions = actions
-            .map(|name| ActionTold { name, transitions: 0, covered: 0.0, states: Vec::new() })
-            .collect();
-        let told = conduct(&trajectory, &named(&columns), &log, &config);
+        let log = summary(&columns);
+        let told = conduct(&trajectory, &[], &named(&columns), &log, &config);
         let set_points = told.columns.iter().map(|own| {
             let set_point = own.set_point.as_ref().expect("every column has one");
             let name = set_point.column.as_deref().unwrap_or("a number");
@@ -245,8 +275,40 @@ mod tests {
         assert_eq!(told.set[0].values, [1.0, 0.0]);
         assert_eq!(told.begins, [1]);
         // A recorded reward is about no column of the state.
-        let recorded = conduct(&trajectory, &named(&columns), &log, &ControlConfig::default());
+        let recorded = conduct(&trajectory, &[], &named(&columns), &log, &ControlConfig::default());
         assert!(recorded.columns.iter().all(|own| !own.in_reward && own.set_point.is_none()));
         assert_eq!(recorded.columns.len(), COLUMNS);
+    }
+
+    #[test]
+    fn a_set_point_beside_the_state_is_that_of_the_rows_of_the_states() {
+        let columns = names(["level"]);
+        let config: ControlConfig = toml::from_str(
+            r#"
+            actions = ["valve"]
+            reward = [{ column = "level", set_point = "target" }]
+            "#,
+        )
+        .expect("valid");
+        let trajectory = Trajectory {
+            run: AgentRun::default(),
+            columns: 1,
+            states: vec![0.0, 0.5],
+            places: vec![At::Start(0), At::After(1)],
+            actions: vec![0, 0],
+            rewards: vec![0.0, 0.0],
+            begins: vec![true, false],
+        };
+        let log = summary(&columns);
+        let drawn = |target: [f64; 3]| {
+            let mut names = named(&columns);
+            names.set_points.insert("target".to_owned(), target.to_vec());
+            conduct(&trajectory, &[0, 2], &names, &log, &config).columns[0].set_point.clone()
+        };
+        let values = vec![12.0, 14.0];
+        let expected = SetPointValues { column: Some("target".to_owned()), values };
+        assert_eq!(drawn([12.0, 13.0, 14.0]), Some(expected.clone()));
+        assert_eq!(drawn([12.0, f64::NAN, 14.0]), Some(expected));
+        assert_eq!(drawn([12.0, 13.0, f64::NAN]), None, "no line has a gap");
     }
 }

@@ -8,7 +8,7 @@ use calib_base::{
 };
 use calib_control::{
     ActionModel, ColumnFindings, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
-    Ending, Levels, OutlyingActions, RewardRow, Settings, StartRows, Starts,
+    Ending, Levels, OutlyingActions, RewardRow, SetPoint, Settings, StartRows, Starts,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
@@ -63,6 +63,8 @@ pub(crate) struct Names {
     pub(super) ranges: Vec<[f64; 2]>,
     /// Columns of `[control]` that have one value in the whole log, with this value. They are not part of the state.
     pub(super) constants: BTreeMap<String, f64>,
+    /// Set-points of the reward that are neither state columns nor actions, `[rows]`; NaN where they are missing.
+    pub(super) set_points: BTreeMap<String, Vec<f64>>,
 }
 
 impl Names {
@@ -103,6 +105,7 @@ pub(crate) fn read(
     tell_columns(config, resample, frames, &found, printer);
     let outlying = without_outlying(config, frames, &mut recorded.values);
     let constants = constants(&names, &recorded.values);
+    let mut set_points = set_points(config, &names, &recorded.values);
     for told in &outlying {
         printer.warn(told);
     }
@@ -134,6 +137,10 @@ pub(crate) fn read(
     let actions =
         (0..levels.values.len()).map(|level| levels.name(level, &config.actions)).collect();
     let columns = dataset.normaliser.columns();
+    set_points.retain(|name, _| columns.iter().all(|column| column.name != *name));
+    for values in set_points.values_mut() {
+        *values = rows.rows.iter().map(|&row| values[row]).collect();
+    }
     let names = Names {
         actions,
         settings: settings_told(config, &rows.acted)?,
@@ -142,6 +149,7 @@ pub(crate) fn read(
         levels: levels.values,
         ranges: rows.acted.iter().map(|values| range(values)).collect(),
         constants,
+        set_points,
     };
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
     let left_out = left_out(&dataset.profile, resample, frames, &found.gaps);
@@ -253,6 +261,26 @@ fn constants(names: &[String], recorded: &[Vec<f64>]) -> BTreeMap<String, f64> {
     ranges
         .filter(|(_, [low, high])| low == high)
         .map(|(name, [low, _])| (name.clone(), low))
+        .collect()
+}
+
+/// Returns the recorded set-points of the reward that are columns, without those that an agent sets.
+fn set_points(
+    config: &ControlConfig,
+    names: &[String],
+    recorded: &[Vec<f64>],
+) -> BTreeMap<String, Vec<f64>> {
+    let terms = config.reward.terms();
+    let set_points = terms.iter().filter_map(|term| match &term.set_point {
+        Some(SetPoint::Column(column)) => Some(column),
+        Some(SetPoint::Number(_)) | None => None,
+    });
+    set_points
+        .filter(|column| !config.actions.contains(column))
+        .filter_map(|column| {
+            let place = names.iter().position(|name| name == column)?;
+            Some((column.clone(), recorded[place].clone()))
+        })
         .collect()
 }
 
@@ -401,6 +429,26 @@ pub(super) fn starts(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn set_points_are_columns_that_no_agent_sets() {
+        let config: ControlConfig = toml::from_str(
+            r#"
+            actions = ["valve"]
+            reward = [
+                { column = "level", set_point = "target" },
+                { column = "flow", set_point = "valve" },
+                { column = "heat", set_point = 5.0 },
+            ]
+            "#,
+        )
+        .expect("valid");
+        let names = config.columns();
+        let recorded: Vec<Vec<f64>> = (0..names.len()).map(|place| vec![place as f64]).collect();
+        let place = names.iter().position(|name| name == "target").expect("a column");
+        let expected = BTreeMap::from([("target".to_owned(), vec![place as f64])]);
+        assert_eq!(set_points(&config, &names, &recorded), expected);
+    }
 
     #[test]
     fn values_that_stand_out_are_told_apart() {

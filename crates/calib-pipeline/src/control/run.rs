@@ -23,7 +23,7 @@ use calib_study::{Job, Share, StepKind};
 use super::{
     agents::{ComparedAgents, ProgramAgents},
     beside_returns::beyond_returns,
-    conduct::conduct,
+    conduct::{conduct, recorded_rows},
     described::described,
     files::{self, ControlEvaluation},
     log::{self, ActionLog},
@@ -284,7 +284,8 @@ fn judged(
     // The last quarter of a run, in which the agent has learned what it will.
     let kept = config.steps.div_ceil(4).min(MOST_TOLD_STEPS);
     let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
-    let conduct = (!last.run.diverged).then(|| conduct(&last, &names, &described, config));
+    let rows = recorded_rows(&last, &model, config.start);
+    let conduct = (!last.run.diverged).then(|| conduct(&last, &rows, &names, &described, config));
     if let Some(program) = program
         && let Err(reason) = program.finish()
     {
