@@ -119,6 +119,9 @@ fn from_csv(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError> {
             let columns = listed(names);
             format!("{} has no column `{name}`; its columns are: {columns}", path.display())
         })?
+    } else if columns.len() == 1 {
+        // The column's own error names the line of a cell that is not a number.
+        0
     } else {
         let names = columns.iter().map(|column| (column.name.as_str(), column.is_numeric()));
         only_numeric(path, &names.collect::<Vec<_>>())?

@@ -198,6 +198,12 @@ fn mistakes_are_explained() {
     place.write("gap.csv", "flow,level\n1,2\n,3\n");
     let gap = message(&["gap.csv:flow", "r.csv"]);
     assert!(gap.contains("sample 1") && gap.contains("fill or drop missing samples"), "{gap}");
+    for word in ["bad", "n/a"] {
+        place.write("word.csv", &format!("flow\n{word}\n1\n2\n"));
+        let told = message(&["word.csv", "r.csv"]);
+        assert!(told.contains("column `flow`"), "{told}");
+        assert!(told.contains(&format!("`{word}` in line 2")), "{word} is no unit: {told}");
+    }
     place.write("comma.csv", "flow\n0,5\n1,5\n");
     let commas = message(&["comma.csv:flow", "r.csv"]);
     assert!(commas.contains("comma.csv") && commas.contains("became two cells"), "{commas}");
