@@ -298,6 +298,38 @@ class Verdict:
                     rows["chosen"].append(candidate == verdict["chosen"])
         return frame_of(rows)
 
+    def parts(self) -> Any:
+        """Read the choice and the advice by each part of the runs, as if errors over that part counted (``sweep.scored``).
+
+        Returns:
+            A frame with the columns `sensor`, `part`, `label`, `recommendation`, `predictor`, `ratio`, `low` and `high`. `label` is
+            the setting that this part chooses. `ratio` is its error over this part divided by that of a simple `predictor`, with a
+            95 % interval over windows. Numbers are missing where they are not known.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> list(verdict.parts()["part"])
+            ['whole_run', 'after_first_quarter', 'final_quarter']
+        """
+        names = ("sensor", "part", "label", "recommendation", "predictor", "ratio", "low", "high")
+        rows: dict[str, list[Any]] = {name: [] for name in names}
+        labels = self.summary.get("candidates", [])
+        for verdict in self.summary.get("verdicts", []):
+            for choice in verdict.get("parts", []):
+                simple = choice.get("simple") or {}
+                ratio = simple.get("ratio") or {}
+                interval = ratio.get("interval") or {}
+                rows["sensor"].append(verdict["sensor"])
+                rows["part"].append(choice["part"])
+                rows["label"].append(labels[choice["chosen"]])
+                rows["recommendation"].append(choice["recommendation"])
+                rows["predictor"].append(simple.get("predictor"))
+                rows["ratio"].append(ratio.get("value"))
+                rows["low"].append(interval.get("low"))
+                rows["high"].append(interval.get("high"))
+        return frame_of(rows)
+
     def __str__(self) -> str:
         lines = [line if position == 0 else f"    {line}" for advice in self.advice for position, line in enumerate(advice)]
         return "\n".join([*lines, *(f"note: {note}" for note in self.caveats)])

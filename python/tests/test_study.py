@@ -31,6 +31,10 @@ def test_a_study_ends_with_a_verdict(verdict: calib_rl.Verdict) -> None:
     scores = verdict.scores()
     assert set(scores["environment"]) == {*(f"member:{m}" for m in range(5)), "online", "log-replay"}
     assert all(skill is None or skill < 1 for skill in scores["skill"])
+    parts = verdict.parts()
+    assert list(parts["part"]) == ["whole_run", "after_first_quarter", "final_quarter"]
+    assert parts["recommendation"][0] == verdict.recommendations["PIT300"], "errors over whole runs decide"
+    assert all(ratio is None or ratio > 0 for ratio in parts["ratio"])
 
 
 def test_a_verdict_holds_what_the_step_returned(study: calib_rl.Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

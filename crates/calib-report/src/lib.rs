@@ -35,7 +35,7 @@ pub use figures::{
 pub use overview::{Decision, Overview, OverviewFigure, Support};
 pub use report::{
     Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile, Grade,
-    HeldOutResult, JumpStatistics, PartRow, Reason, Report, Reproduction, Separation, SimpleRow,
-    Simpler, Sources, Table, TopK, Verdict, caveats, joined, listed,
+    HeldOutResult, JumpStatistics, PartRow, Reason, Recommendation, Report, Reproduction,
+    Separation, SimpleRow, Simpler, Sources, Table, TopK, Verdict, caveats, joined, listed,
 };
 pub use setting::Setting;

@@ -7,7 +7,7 @@ use super::Section;
 use super::tables::table;
 use super::text::prose;
 use crate::report::{are_of_several_models, caveats, summary};
-use calib_stats::Bounded;
+use calib_stats::{Bounded, Estimate};
 
 use crate::{Cell, ChoiceBaseline, Reason, Report, Setting, Table, Verdict};
 
@@ -226,46 +226,72 @@ fn comparison(report: &Report) -> Table {
     }
 }
 
-/// Returns the choices by other parts of the runs; `None` if nothing is known of them.
+/// Returns choice and advice by each part of the runs, one row per sensor and part. `None` if only one part is known.
 fn parts(report: &Report) -> Option<Table> {
-    let names: Vec<&str> = report.verdicts.first()?.parts.iter().map(|part| part.part).collect();
-    if names.len() < 2 {
+    if report.verdicts.iter().all(|verdict| verdict.parts.len() < 2) {
         return None;
     }
-    let heads = names.iter().flat_map(|name| [format!("By {name}"), format!("Error, {name}")]);
-    let columns = ["Sensor", "Model", "Error in the first tenth"].map(ToOwned::to_owned);
-    let own = report.verdicts.iter().filter(|verdict| verdict.parts.len() == names.len());
+    let columns = [
+        "Sensor",
+        "Model",
+        "Part of each run",
+        "Setting by it",
+        "Advice by it",
+        "Compared with",
+        "Setting's error, divided by that",
+        "From",
+        "To",
+        "Error of the verdict's choice",
+        "Error in the first tenth",
+    ];
     let table = Table {
         title: "By part of the run".to_owned(),
-        caption: "What calib would choose if errors counted over another part of each run, and the error of this choice over that part of the held-out runs. Error in the first tenth: the share of its squared error that the choice makes while it starts up. An even share is a tenth."
+        caption: "What calib would choose and advise if errors over this part of each run counted (`sweep.scored`). The error of this setting is divided by that of a simple predictor over the same part: the predictor to use instead, or else the one that the log prefers. The quotient is a geometric mean over windows, with its 95 % interval. Below 1 the agent is better. Error of the verdict's choice: over this part of the held-out runs. Error in the first tenth: the share of its squared error that the verdict's choice makes while it starts up. An even share is a tenth."
             .to_owned(),
-        columns: columns.into_iter().chain(heads).collect(),
-        rows: own.map(row_of_parts).collect(),
+        columns: columns.map(ToOwned::to_owned).to_vec(),
+        rows: report.verdicts.iter().flat_map(rows_of_parts).collect(),
         best: None,
     };
-    Some(if report.has_models() { table } else { table.without_empty_columns() })
+    Some(table.without_empty_columns())
 }
 
-/// Returns a row: the choice by each part of the run, and its error there.
-fn row_of_parts(verdict: &Verdict) -> Vec<Cell> {
-    let start_up = percent_cell(verdict.start_up_share);
-    let head = [Cell::Text(verdict.sensor.clone()), model(verdict), start_up];
-    let of_parts = verdict
-        .parts
-        .iter()
-        .flat_map(|part| [Cell::Text(part.chosen.to_string()), part.error.into()]);
-    head.into_iter().chain(of_parts).collect()
+/// Returns one row for each part of the runs. The share of the start-up is about whole runs, so the first row has it.
+fn rows_of_parts(verdict: &Verdict) -> Vec<Vec<Cell>> {
+    let shares = [verdict.start_up_share].into_iter().chain(std::iter::repeat(None));
+    let rows = verdict.parts.iter().zip(shares).map(|(part, share)| {
+        let [low, high] = interval_cells(part.ratio);
+        vec![
+            Cell::Text(verdict.sensor.clone()),
+            model(verdict),
+            Cell::Text(part.part.to_owned()),
+            Cell::Setting(part.chosen.clone()),
+            Cell::Text(part.advice()),
+            part.compared
+                .map_or(Cell::Missing, |predictor| Cell::Text(predictor.label().to_owned())),
+            part.ratio.map(|ratio| ratio.value).into(),
+            low,
+            high,
+            part.error.into(),
+            percent_cell(share),
+        ]
+    });
+    rows.collect()
+}
+
+/// Returns the ends of the interval of a ratio.
+fn interval_cells(ratio: Option<Estimate>) -> [Cell; 2] {
+    let interval = ratio.and_then(|ratio| ratio.interval);
+    interval.map_or([Cell::Missing, Cell::Missing], |interval| {
+        [interval.low, interval.high].map(Cell::Number)
+    })
 }
 
 /// Returns the errors of the simple predictors, and those of the chosen agents divided by them.
 fn beside_simple(report: &Report) -> Table {
     let rows = report.verdicts.iter().flat_map(|verdict| {
         verdict.simple.iter().map(move |simple| {
-            let ratio = simple.ratio.map_or(Cell::Missing, |ratio| Cell::Number(ratio.value));
-            let interval = simple.ratio.and_then(|ratio| ratio.interval);
-            let ends = interval.map_or([Cell::Missing, Cell::Missing], |interval| {
-                [interval.low, interval.high].map(Cell::Number)
-            });
+            let ratio: Cell = simple.ratio.map(|ratio| ratio.value).into();
+            let ends = interval_cells(simple.ratio);
             let names = [Cell::Text(verdict.sensor.clone()), model(verdict)];
             let predictor = Cell::Text(simple.predictor.label().to_owned());
             let errors = [predictor, Cell::Number(simple.error), ratio];

@@ -58,7 +58,8 @@ impl Verdict {
             "on held-out data all settings have the same error, so nothing there shows which is better. This happens if the scored steps end before the first update: use a larger sweep.steps, or a smaller agent.batch_size"
                 .to_owned()
         });
-        alike.into_iter().chain(self.misordered()).chain(self.notes.iter().cloned()).collect()
+        let of_verdict = self.misordered().into_iter().chain(self.parts_disagree());
+        alike.into_iter().chain(of_verdict).chain(self.notes.iter().cloned()).collect()
     }
 
     /// Returns a caveat if held-out data ranks the settings of a deployable choice in another order than the evidence did.

@@ -2,6 +2,7 @@
 
 mod caveats;
 mod data;
+mod parts;
 mod plain;
 mod reliance;
 mod sentence;
@@ -10,7 +11,7 @@ mod summary;
 mod table;
 mod verdict;
 
-pub use calib_sweep::{ChoiceBaseline, Grade};
+pub use calib_sweep::{ChoiceBaseline, Grade, Recommendation};
 pub use caveats::caveats;
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
 pub use sentence::{joined, listed};

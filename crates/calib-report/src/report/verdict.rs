@@ -3,7 +3,7 @@
 use calib_agent::SimplePredictor;
 use calib_stats::{Bounded, Estimate};
 
-use super::{ChoiceBaseline, Grade, SimpleRow, Simpler};
+use super::{ChoiceBaseline, Grade, Recommendation, SimpleRow, Simpler};
 use crate::Setting;
 
 /// The setting that a calibration model chose for one sensor, and its support.
@@ -59,7 +59,7 @@ pub struct Verdict {
     pub frozen: Option<SimplePredictor>,
     /// Whether that is the choice itself, which learns nothing then: what it gains on the default is no gain by learning.
     pub learns_nothing: bool,
-    /// What would be chosen by each part of the runs.
+    /// Choice and advice by each part of the runs.
     pub parts: Vec<PartRow>,
     /// Share of the choice's squared error on held-out data that falls into the first tenth of its runs.
     pub start_up_share: Option<f64>,
@@ -67,7 +67,7 @@ pub struct Verdict {
     pub notes: Vec<String>,
 }
 
-/// The choice by the errors over one part of each run.
+/// The choice and the advice by the errors over one part of each run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartRow {
     /// The part in words: "whole run".
@@ -76,6 +76,14 @@ pub struct PartRow {
     pub chosen: Setting,
     /// Mean score of the verdict's choice over this part of the held-out runs.
     pub error: Option<f64>,
+    /// What to do if errors over this part count.
+    pub recommendation: Recommendation,
+    /// The simple predictor to use, if the recommendation is one.
+    pub simple: Option<SimplePredictor>,
+    /// The simple predictor that the chosen setting is compared with over this part; `None` if unknown.
+    pub compared: Option<SimplePredictor>,
+    /// Error of the chosen setting over this part divided by that of this predictor: geometric mean over windows.
+    pub ratio: Option<Estimate>,
 }
 
 /// Whether errors differ between the settings of the grid.

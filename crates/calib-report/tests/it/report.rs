@@ -1,9 +1,11 @@
 //! Tests of the whole page: complete, well formed, safe, and reproducible.
 
+use calib_agent::SimplePredictor;
 use calib_report::{
-    ChoiceBaseline, LearningCurves, Reason, RecordedFigure, Report, RolloutFigure, RolloutGrid,
-    Sensitivity,
+    ChoiceBaseline, LearningCurves, PartRow, Reason, Recommendation, RecordedFigure, Report,
+    RolloutFigure, RolloutGrid, Sensitivity, Setting,
 };
+use calib_stats::{Estimate, Interval};
 
 use crate::fixture::{self, HOSTILE, report};
 
@@ -179,6 +181,37 @@ fn the_page_opens_with_the_verdict() {
     Good: at most 5 % from the best setting
     Use learning_rate = 1e-4 for PIT300.
     ");
+}
+
+#[test]
+fn every_part_of_a_run_has_its_advice() {
+    let mut report = report();
+    assert!(!report.html().unwrap().contains("id=\"parts\""), "no part is known");
+    let row = |part, recommendation, value| PartRow {
+        part,
+        chosen: Setting::from(1e-4),
+        error: Some(0.4),
+        recommendation,
+        simple: Some(SimplePredictor::Persistence),
+        compared: Some(SimplePredictor::Persistence),
+        ratio: Some(Estimate { value, interval: Some(Interval { low: value / 2.0, high: 2.5 }) }),
+    };
+    report.verdicts[0].parts = vec![
+        row("whole run", Recommendation::Deploy, 0.5),
+        row("final quarter", Recommendation::UseSimplePredictor, 2.0),
+    ];
+    let html = flowing(&report);
+    let table = &html[place(&html, "id=\"parts\"")..];
+    let table = &table[..table.find("</table>").unwrap()];
+    let last = &table[table.rfind("<tr>").unwrap()..];
+    for text in ["final quarter", "use persistence", ">2<", ">1<", ">2.5<"] {
+        assert!(last.contains(text), "{text}: {last}");
+    }
+    assert!(table.contains("deploy the choice"), "{table}");
+    assert!(
+        html.contains("an agent over the whole run, and persistence over the final quarter"),
+        "the box of caveats"
+    );
 }
 
 fn place(html: &str, needle: &str) -> usize {

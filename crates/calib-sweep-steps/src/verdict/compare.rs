@@ -241,7 +241,7 @@ fn summaries(
         });
         deployments[place].models.insert(name, part.judged.summary);
     }
-    Summaries { format: 3, tool: TOOL, title, models, deployments, what_to_deploy, comparisons }
+    Summaries { format: 4, tool: TOOL, title, models, deployments, what_to_deploy, comparisons }
 }
 
 /// Assembles the report: verdicts by sensor, all rank curves over the same Online errors, distances side by

@@ -72,7 +72,7 @@ impl Summary {
         candidates: &[Candidate],
     ) -> Self {
         Self {
-            format: 2,
+            format: 3,
             tool: TOOL,
             title,
             predicts: None,

@@ -8,8 +8,8 @@ use calib_report::{
 use calib_stats::Summary;
 use calib_study::Study;
 use calib_sweep::{
-    Candidate, ChoiceBaseline, EnvironmentScores, ErrorScale, Rule, Sampling, SensorVerdict,
-    SimpleComparison, Truth,
+    Candidate, ChoiceBaseline, EnvironmentScores, ErrorScale, PartChoice, Recommendation, Rule,
+    Sampling, SensorVerdict, SimpleComparison, Truth,
 };
 use serde_json::Value;
 
@@ -88,15 +88,7 @@ pub(crate) fn verdict_row(
         alternatives: alternatives(verdict, candidates),
         simple: verdict.simple.iter().filter_map(|simple| simple_row(simple, unit)).collect(),
         agent_on_log: agent_on_log(verdict),
-        parts: verdict
-            .parts
-            .iter()
-            .map(|choice| PartRow {
-                part: run_part(choice.part),
-                chosen: setting(&candidates[choice.chosen]),
-                error: choice.online_error_of_verdict,
-            })
-            .collect(),
+        parts: verdict.parts.iter().map(|choice| part_row(choice, verdict, sweep)).collect(),
         start_up_share: verdict.start_up_share,
         simpler: verdict.simpler().map(|simple| beside(simple, verdict, sweep)),
         matched: verdict
@@ -146,6 +138,23 @@ fn alternatives(verdict: &SensorVerdict, candidates: &[Candidate]) -> Vec<Altern
             regret: other.regret,
         })
         .collect()
+}
+
+/// Returns choice and advice by one part of the runs.
+fn part_row(choice: &PartChoice, verdict: &SensorVerdict, sweep: &SweepFacts) -> PartRow {
+    let candidates = &sweep.candidates;
+    let compared = choice.simple.as_ref().map(|simple| simple.predictor);
+    let frozen = choice.learning_off.and_then(|off| start_of(&candidates[off], verdict, sweep));
+    let is_simple = choice.recommendation == Recommendation::UseSimplePredictor;
+    PartRow {
+        part: run_part(choice.part),
+        chosen: setting(&candidates[choice.chosen]),
+        error: choice.online_error_of_verdict,
+        recommendation: choice.recommendation,
+        simple: frozen.or(compared).filter(|_| is_simple),
+        compared,
+        ratio: choice.simple.as_ref().and_then(|simple| simple.ratio),
+    }
 }
 
 /// Returns the heading for a part of a run.

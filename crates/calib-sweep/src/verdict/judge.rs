@@ -28,72 +28,102 @@ pub fn verdict(
     results: &[UnitResult],
     judging: &Judging<'_>,
 ) -> Result<SensorVerdict, SweepError> {
-    let own: Vec<&UnitResult> =
-        results.iter().filter(|result| result.unit.sensor == sensor).collect();
-    let all = MeasuredErrors::new(&own, candidates, judging)?;
-    let compared = all.compared().map(Errors::means).collect::<Result<Vec<_>, _>>()?;
-    let dropped = dropped(&own, candidates.len(), &compared);
-    let default = candidates.iter().position(|candidate| candidate.is_default);
-    let chooser = Chooser { dropped: &dropped, default, values: candidates.len() };
-    let runs = NestedRuns::new(&all)?;
-    let whole = runs.whole();
-    let evidence = whole.evidence();
-    let chosen = chooser.choose(judging.rule, evidence)?;
-    let selection = evidence.members.map(|_| chooser.selection(evidence)).transpose()?;
-    let windows = runs.online.as_ref().map_or_else(Vec::new, |errors| errors.whole().means());
-    let losses = Losses::new(&windows)?;
-    let rules = runs.rules().map(|rule| -> Result<RuleChoice, SweepError> {
-        let chosen = chooser.choose(rule, evidence)?;
-        Ok(RuleChoice { rule, chosen, regret: losses.regret(chosen) })
-    });
-    let ranking = chooser.scores(judging.rule, evidence)?;
-    let standing = ChoiceStanding::of(judging.rule, chosen, &ranking, selection.as_ref());
-    let truth =
-        TruthInputs { sensor, all: &all, candidates, judging, losses: &losses, dropped: &dropped };
-    let truth = all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
-    // Dropped settings cannot be resampled. Shares among the others alone would look too firm.
-    let stability = match dropped[..] {
-        [] => shares(&redrawn(&runs, &chooser, judging, sensor)?),
-        _ => Vec::new(),
-    };
-    let simple = simple::compared(judging, sensor, &candidates[chosen], &all)?;
-    let learning_off = learning_off(candidates, chosen, truth.as_ref());
-    let parts = parts::choices(&own, candidates, judging, &chooser, chosen)?;
-    let start_up_share = parts::start_up_share(&own, chosen);
-    let mut warnings = warnings::all(
-        &own,
-        candidates,
-        (selection.as_ref(), judging, chosen, standing),
-        (&ranking, &dropped),
-        truth.as_ref(),
-    );
-    let grade = Grade::of(standing, truth.as_ref(), &simple, judging.stands_still, learning_off);
+    let own = results.iter().filter(|result| result.unit.sensor == sensor).collect();
+    let results = SensorResults { sensor, candidates, own };
+    let mut verdict = results.judged(&results.measured(judging)?, judging)?;
+    let chosen = verdict.chosen;
+    let parts = parts::choices(&results, judging, chosen)?;
+    let start_up_share = parts::start_up_share(&results.own, chosen);
     // Without an agent to deploy, it does not matter which part of a run counts.
-    if matches!(grade, Grade::Good | Grade::Fair | Grade::Unchecked) && learning_off.is_none() {
+    if matches!(verdict.grade, Grade::Good | Grade::Fair | Grade::Unchecked)
+        && verdict.learning_off.is_none()
+    {
         let of_parts = warnings::of_parts(candidates, &parts, start_up_share, judging.part, chosen);
-        warnings.extend(of_parts);
+        verdict.warnings.extend(of_parts);
     }
-    Ok(SensorVerdict {
-        sensor: sensor.to_owned(),
-        part: judging.part,
-        rule: judging.rule,
-        chosen,
-        grade,
-        scores: ranking,
-        stability_nearby: share_nearby(&stability, candidates, chosen),
-        stability,
-        rules: rules.collect::<Result<_, _>>()?,
-        learning_off,
-        parts,
-        start_up_share,
-        warnings,
-        members: all.members.iter().map(Errors::scores).collect::<Result<_, _>>()?,
-        log_replay: all.log.as_ref().map(Errors::scores).transpose()?,
-        selection,
-        dropped,
-        truth,
-        simple,
-    })
+    Ok(SensorVerdict { parts, start_up_share, ..verdict })
+}
+
+/// The results of one sensor.
+pub(super) struct SensorResults<'a> {
+    sensor: &'a str,
+    candidates: &'a [Candidate],
+    own: Vec<&'a UnitResult>,
+}
+
+impl SensorResults<'_> {
+    /// Returns the errors over the judged part of each run.
+    ///
+    /// # Errors
+    /// Returns an error if a run has no step to score in this part.
+    pub(super) fn measured(&self, judging: &Judging<'_>) -> Result<MeasuredErrors, SweepError> {
+        MeasuredErrors::new(&self.own, self.candidates, judging)
+    }
+
+    /// Returns the verdict by these errors alone. It has no choices by other parts of the runs.
+    pub(super) fn judged(
+        &self,
+        all: &MeasuredErrors,
+        judging: &Judging<'_>,
+    ) -> Result<SensorVerdict, SweepError> {
+        let Self { sensor, candidates, ref own } = *self;
+        let compared = all.compared().map(Errors::means).collect::<Result<Vec<_>, _>>()?;
+        let dropped = dropped(own, candidates.len(), &compared);
+        let default = candidates.iter().position(|candidate| candidate.is_default);
+        let chooser = Chooser { dropped: &dropped, default, values: candidates.len() };
+        let runs = NestedRuns::new(all)?;
+        let whole = runs.whole();
+        let evidence = whole.evidence();
+        let chosen = chooser.choose(judging.rule, evidence)?;
+        let selection = evidence.members.map(|_| chooser.selection(evidence)).transpose()?;
+        let windows = runs.online.as_ref().map_or_else(Vec::new, |errors| errors.whole().means());
+        let losses = Losses::new(&windows)?;
+        let rules = runs.rules().map(|rule| -> Result<RuleChoice, SweepError> {
+            let chosen = chooser.choose(rule, evidence)?;
+            Ok(RuleChoice { rule, chosen, regret: losses.regret(chosen) })
+        });
+        let ranking = chooser.scores(judging.rule, evidence)?;
+        let standing = ChoiceStanding::of(judging.rule, chosen, &ranking, selection.as_ref());
+        let truth =
+            TruthInputs { sensor, all, candidates, judging, losses: &losses, dropped: &dropped };
+        let truth =
+            all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
+        // Dropped settings cannot be resampled. Shares among the others alone would look too firm.
+        let stability = match dropped[..] {
+            [] => shares(&redrawn(&runs, &chooser, judging, sensor)?),
+            _ => Vec::new(),
+        };
+        let simple = simple::compared(judging, sensor, &candidates[chosen], all)?;
+        let learning_off = learning_off(candidates, chosen, truth.as_ref());
+        let warnings = warnings::all(
+            own,
+            candidates,
+            (selection.as_ref(), judging, chosen, standing),
+            (&ranking, &dropped),
+            truth.as_ref(),
+        );
+        Ok(SensorVerdict {
+            sensor: sensor.to_owned(),
+            part: judging.part,
+            rule: judging.rule,
+            chosen,
+            grade: Grade::of(standing, truth.as_ref(), &simple, judging.stands_still, learning_off),
+            scores: ranking,
+            stability_nearby: share_nearby(&stability, candidates, chosen),
+            stability,
+            rules: rules.collect::<Result<_, _>>()?,
+            learning_off,
+            parts: Vec::new(),
+            start_up_share: None,
+            warnings,
+            members: all.members.iter().map(Errors::scores).collect::<Result<_, _>>()?,
+            log_replay: all.log.as_ref().map(Errors::scores).transpose()?,
+            selection,
+            dropped,
+            truth,
+            simple,
+        })
+    }
 }
 
 /// An agent that learns after the log is deployed only if its error is at most this share of the error of one that does

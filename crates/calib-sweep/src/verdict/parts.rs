@@ -2,15 +2,12 @@ use calib_agent::Part;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Judging,
-    measured::{MeasuredErrors, NestedRuns},
-    rule::Chooser,
-};
-use crate::{Candidate, EnvironmentId, SweepError, UnitResult};
+use super::{Judging, Recommendation, SimpleComparison, errors::Errors, judge::SensorResults};
+use crate::{EnvironmentId, SweepError, UnitResult};
 
-/// The choice of the rule by the errors over another part of each run.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// The choice and the recommendation by the errors over one part of each run. They are those that `sweep.scored` would
+/// give for this part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PartChoice {
     /// The part of each run.
     pub part: Part,
@@ -20,31 +17,43 @@ pub struct PartChoice {
     pub online_error: Option<f64>,
     /// Mean NRMSE over the part of the setting that the verdict chose; none without held-out data.
     pub online_error_of_verdict: Option<f64>,
+    /// The recommendation if errors over this part count.
+    pub recommendation: Recommendation,
+    /// The simple predictor to use instead of this setting, or else the one that the log prefers, compared over this part; none if simple
+    /// predictors are not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simple: Option<SimpleComparison>,
+    /// Index of a setting that starts from a simple predictor and does not learn after the log, as in the verdict; none if `simple` is to be
+    /// used instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub learning_off: Option<usize>,
 }
 
-/// Returns the choice by each part of a run that has steps to score in every environment.
+/// Returns the choice by each part of a run that has steps to score in every environment. The verdict chose the setting
+/// `chosen`.
 pub(super) fn choices(
-    results: &[&UnitResult],
-    candidates: &[Candidate],
+    results: &SensorResults<'_>,
     judging: &Judging<'_>,
-    chooser: &Chooser<'_>,
     chosen: usize,
 ) -> Result<Vec<PartChoice>, SweepError> {
     let mut choices = Vec::new();
     for part in Part::ALL {
-        let judging = Judging { part, ..*judging };
-        let Ok(measured) = MeasuredErrors::new(results, candidates, &judging) else { continue };
-        let runs = NestedRuns::new(&measured)?;
-        let own = chooser.choose(judging.rule, runs.whole().evidence())?;
-        let online = measured.online.as_ref().map(super::errors::Errors::means).transpose()?;
+        // Resamples show how firm the choice of the verdict is, and are not asked of parts.
+        let judging = Judging { part, resamples: 0, ..*judging };
+        let Ok(measured) = results.measured(&judging) else { continue };
+        let own = results.judged(&measured, &judging)?;
+        let online = measured.online.as_ref().map(Errors::means).transpose()?;
         let error = |candidate: usize| {
             online.as_ref().map(|means| means[candidate]).filter(|error| error.is_finite())
         };
         choices.push(PartChoice {
             part,
-            chosen: own,
-            online_error: error(own),
+            chosen: own.chosen,
+            online_error: error(own.chosen),
             online_error_of_verdict: error(chosen),
+            recommendation: own.recommendation(),
+            simple: own.simpler().or_else(|| own.preferred_simple()).cloned(),
+            learning_off: own.learning_off.filter(|_| own.simpler().is_none()),
         });
     }
     Ok(choices)

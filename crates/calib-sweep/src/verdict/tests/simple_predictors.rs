@@ -69,6 +69,52 @@ fn no_agent_is_deployed_that_a_simple_predictor_beats() {
     assert!(!verdict.simpler().expect("persistence").is_better());
 }
 
+#[test]
+fn each_part_of_a_run_has_a_recommendation_of_its_own() {
+    // Setting 0 has 0.2 over whole runs. In the final quarter it has 0.3, where persistence has 0.1.
+    let windows = [100, 500, 900, 1_300];
+    let predictors = [(SimplePredictor::Mean, 1.0, 1.0), (SimplePredictor::Persistence, 0.5, 0.1)];
+    let mut results = Vec::new();
+    let mut simple = Vec::new();
+    for environment in [EnvironmentId::LogReplay, EnvironmentId::Online] {
+        for (number, row) in (0..).zip(windows) {
+            let mut result = run(environment, number, row, [0.2, 0.4, 0.3]);
+            for own in &mut result.rows {
+                let whole = own.scores.whole_run.expect("scored");
+                own.scores.final_quarter = Some(PartScore { rmse: 0.1 + whole.rmse, ..whole });
+            }
+            results.push(result);
+            for (predictor, whole, last) in predictors {
+                let mut own = score(predictor, environment, row, whole);
+                let whole = own.scores.whole_run.expect("scored");
+                own.scores.final_quarter = Some(PartScore { rmse: last, ..whole });
+                simple.push(own);
+            }
+        }
+    }
+    let judging = Judging { simple: &simple, ..judging(Rule::LogReplay) };
+    let judged = verdict("A", &candidates(), &results, &judging).expect("judged");
+    assert_eq!(judged.recommendation(), Recommendation::Deploy);
+    let parts: Vec<(Part, Recommendation)> =
+        judged.parts.iter().map(|own| (own.part, own.recommendation)).collect();
+    let expected = [
+        (Part::WholeRun, Recommendation::Deploy),
+        (Part::FinalQuarter, Recommendation::UseSimplePredictor),
+    ];
+    assert_eq!(parts, expected, "runs have no scores without their first quarter");
+    for (own, ratio) in judged.parts.iter().zip([0.4, 3.0]) {
+        let compared = own.simple.as_ref().expect("known");
+        assert_eq!(compared.predictor, SimplePredictor::Persistence);
+        near(compared.ratio.expect("known").value, ratio);
+    }
+    // The same as if that part were scored.
+    let scored = Judging { part: Part::FinalQuarter, ..judging };
+    let scored = verdict("A", &candidates(), &results, &scored).expect("judged");
+    assert_eq!(scored.recommendation(), Recommendation::UseSimplePredictor);
+    assert_eq!(scored.simpler(), judged.parts[1].simple.as_ref());
+    assert_eq!(scored.parts[0].recommendation, Recommendation::Deploy);
+}
+
 /// Returns a simple predictor with these errors on the log and on held-out data. `ratio` is the agent's error relative
 /// to it, with its interval.
 fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) -> SimpleComparison {
