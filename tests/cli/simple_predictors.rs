@@ -72,6 +72,22 @@ fn every_choice_says_what_to_do() {
 }
 
 #[test]
+fn a_verdict_says_where_its_agent_starts_if_it_names_another_predictor() {
+    let place = place("best");
+    let summary = summary(&place);
+    let best = place.read_json("study-results/sweep/simple.json")["best"].clone();
+    let choices = summary["choices"].as_array().expect("a list");
+    for (choice, plain) in choices.iter().zip(summary["plain"].as_array().expect("a list")) {
+        let start = &best[choice["sensor"].as_str().expect("a name")];
+        assert!(start.is_string(), "{best}");
+        if choice["grade"] == "simpler" {
+            let is_told = plain.as_str().is_some_and(|text| text.contains("The agent starts from"));
+            assert_eq!(is_told, choice["simple_predictor"]["predictor"] != *start, "{plain}");
+        }
+    }
+}
+
+#[test]
 fn without_held_out_data_no_agent_is_named_that_a_simple_predictor_beats_on_the_log() {
     let place = Place::with_study();
     place.edit_study("train_fraction = 0.7", "train_fraction = 1.0");

@@ -45,6 +45,8 @@ pub struct Simpler {
     pub runaway_windows: usize,
     /// Whether the agent starts from a simple predictor.
     pub has_baseline: bool,
+    /// The predictor that the agent starts from, if cross-validation chose it and it is another one.
+    pub starts_from: Option<SimplePredictor>,
 }
 
 impl Simpler {
@@ -109,12 +111,23 @@ impl Simpler {
     pub(super) fn matched_sentence(&self) -> Option<String> {
         let ratio = self.ratio.filter(|ratio| ratio.value.is_finite() && ratio.value != 0.0)?;
         Some(format!(
-            "It has {} error than {}, the simple predictor that the log prefers{}.{}",
+            "It has {} error than {}, the simple predictor that the log prefers{}.{}{}",
             changed(ratio.value),
             self.predictor.label(),
             chance_of_change(ratio),
-            self.typical()
+            self.typical(),
+            self.other_start()
         ))
+    }
+
+    /// Returns the sentence that the agent starts from another predictor; empty if it does not.
+    fn other_start(&self) -> String {
+        self.starts_from.map_or_else(String::new, |start| {
+            format!(
+                " The agent starts from {} instead, which cross-validation in the training range prefers.",
+                start.label()
+            )
+        })
     }
 
     /// Returns the meaning of the comparison, and what to try. `why_of_log` is there if the windows are those of the log.
@@ -122,7 +135,7 @@ impl Simpler {
         let name = self.predictor.label();
         let interval = self.inverse().map_or_else(String::new, chance_of_change);
         let difference = self.difference().unwrap_or_else(|| "less".to_owned());
-        let typical = self.typical();
+        let [typical, start] = [self.typical(), self.other_start()];
         let chance = if self.is_shown() { "" } else { ", which could be chance" };
         let hint = if self.may_be_worse() && why_of_log.is_some() {
             " Held-out data would decide: hold some out (data.held_out, or data.train_fraction)."
@@ -143,7 +156,7 @@ impl Simpler {
             None => ("held-out data", String::new()),
         };
         format!(
-            "On {place} {name} has {difference} error than the chosen agent{chance}{interval}.{typical}{why}{hint}"
+            "On {place} {name} has {difference} error than the chosen agent{chance}{interval}.{typical}{start}{why}{hint}"
         )
     }
 }

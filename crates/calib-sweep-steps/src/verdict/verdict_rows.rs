@@ -168,8 +168,9 @@ const fn run_part(part: Part) -> &'static str {
 
 /// Compares a simple predictor with the chosen agent.
 fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts) -> Simpler {
+    let chosen = &sweep.candidates[verdict.chosen];
     let unit = sweep.simple.units.get(&verdict.sensor);
-    let scale = ErrorScale::find(&sweep.scales, &verdict.sensor, &sweep.candidates[verdict.chosen]);
+    let scale = ErrorScale::find(&sweep.scales, &verdict.sensor, chosen);
     let truth = verdict.truth.as_ref().filter(|_| simple.log_windows.is_none());
     let agent = truth.map(|truth| truth.choice.online_error * scale);
     Simpler {
@@ -180,7 +181,10 @@ fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts
             .zip(simple.online_rmse.zip(agent))
             .map(|(unit, (predictor, agent))| [predictor, agent].map(|error| error * unit)),
         runaway_windows: simple.runaway_windows,
-        has_baseline: sweep.candidates[verdict.chosen].agent.baseline.is_some(),
+        has_baseline: chosen.agent.baseline.is_some(),
+        starts_from: sweep.simple.best.get(&verdict.sensor).copied().filter(|best| {
+            chosen.agent.baseline == Some(SimplePredictor::Best) && *best != simple.predictor
+        }),
     }
 }
 

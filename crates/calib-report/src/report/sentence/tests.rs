@@ -404,6 +404,7 @@ fn beaten(is_better: bool) -> Verdict {
             typical_errors: Some(if is_better { [1.3, 2.6] } else { [2.63, 2.6] }),
             runaway_windows: 0,
             has_baseline: false,
+            starts_from: None,
         }),
         ..verdict()
     }
@@ -460,6 +461,19 @@ fn an_agent_that_is_not_shown_to_be_better_is_not_recommended() {
 }
 
 #[test]
+fn a_start_from_another_predictor_is_told() {
+    let start = "The agent starts from a line on the sensor instead, which cross-validation in the training range prefers.";
+    let mut verdict = beaten(false);
+    assert!(!verdict.plain().contains("starts from"), "{}", verdict.plain());
+    let simpler = verdict.simpler.as_mut().unwrap();
+    (simpler.has_baseline, simpler.starts_from) = (true, Some(SimplePredictor::Line));
+    assert!(verdict.plain().ends_with(start), "{}", verdict.plain());
+    let matched = verdict.simpler.take();
+    let deployed = Verdict { matched, grade: Grade::Good, ..verdict };
+    assert!(deployed.plain().contains(start), "{}", deployed.plain());
+}
+
+#[test]
 fn an_agent_that_is_deployed_stands_beside_the_simple_predictor_that_the_log_prefers() {
     let matched = Some(Simpler {
         predictor: SimplePredictor::Ridge,
@@ -468,6 +482,7 @@ fn an_agent_that_is_deployed_stands_beside_the_simple_predictor_that_the_log_pre
         typical_errors: None,
         runaway_windows: 0,
         has_baseline: true,
+        starts_from: None,
     });
     let told = Verdict { matched, ..verdict() }.plain();
     insta::assert_snapshot!(told, @"It has 10 % less error than ridge regression, the simple predictor that the log prefers (95 %: 4 % to 15 % less). On held-out data its predictions are 2.5 % worse than those of the best setting of each window. Keeping the default, 1e-3, would have cost 28 %.");
@@ -510,6 +525,7 @@ fn a_gain_is_told_beside_the_best_simple_predictor_too() {
         typical_errors: None,
         runaway_windows: 0,
         has_baseline: false,
+        starts_from: None,
     });
     let mut verdict = Verdict { matched, ..verdict() };
     verdict.online.as_mut().unwrap().chosen_error = 0.6;
