@@ -55,6 +55,13 @@ fn a_study_is_proposed_and_runs_to_a_verdict() {
     }
     assert!(study.contains("gamma = 0.9 "), "ten states of two minutes: {study}");
     place.calib(&init).fails_with(2, &["--force"]);
+    // The lines of the grid that stand in comments are valid too.
+    let varied = ["lambda", "halve_after", "replay"].iter().fold(study.clone(), |text, key| {
+        text.replace(&format!("# {key} = ["), &format!("{key} = ["))
+    });
+    assert_ne!(varied, study);
+    place.write("varied.toml", &varied);
+    place.calib(&["run", "varied.toml", "--dry-run"]).succeeds();
     let ran = place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
     assert!(ran.contains("LIT100"), "{ran}");
     let page = place.read("study-results/report.html");

@@ -1,7 +1,9 @@
 use std::ops::Range;
 
 use crate::{
-    Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Sensors, Size, horizon,
+    Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Sensors, Size,
+    axes::other_axes,
+    horizon,
     lines::{Lines, list, number},
     sensors::{explained, stays},
     size::LEAST_STEPS,
@@ -315,6 +317,7 @@ impl Draft<'_> {
         text.key("log_replay_runs", &size.log_replay_runs.to_string(), "windows of the log");
         text.section("sweep.grid");
         text.key("learning_rate", &list(&size.learning_rates()), "");
+        other_axes(size, text);
         text.section("evaluate");
         text.key(
             "rule",

@@ -27,6 +27,7 @@
 
 mod agent;
 mod angles;
+mod axes;
 mod cleaning;
 mod control;
 mod control_draft;
