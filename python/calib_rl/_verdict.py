@@ -403,6 +403,21 @@ class ControlVerdict:
         chosen: dict[str, Any] = self.summary["choice"]
         return chosen
 
+    @property
+    def held_out(self) -> list[dict[str, Any]]:
+        """The held-out periods in the order of time; empty if the study holds nothing out.
+
+        Each has its ``deployment``, if it has a name, the number of recorded ``decisions``, the share that is ``uncovered`` by the training
+        range, and what was recorded: ``behaviour`` per episode and ``mean_reward`` per step.
+
+        Examples:
+            >>> from calib_rl._study import _example_acting_study
+            >>> _example_acting_study().control(progress=False).held_out
+            []
+        """
+        periods: list[dict[str, Any]] = self.summary.get("held_out", [])
+        return periods
+
     def runs(self) -> Any:
         """Read the runs behind the verdict.
 

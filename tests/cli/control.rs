@@ -333,6 +333,77 @@ fn a_choice_that_the_log_supports_ends_with_0() {
     }
 }
 
+/// The deployment `alike` is the end of the corridor's log. In `beyond` the positions lie far from all others.
+#[test]
+fn deployments_are_compared_with_the_training_range() {
+    let place = corridor();
+    let mut log = place.read("log.csv");
+    for row in 0..200 {
+        let [hour, minute] = [row / 60, row % 60];
+        let [position, action] = [50 + row % 5, row % 2];
+        writeln!(log, "2024-03-04 {hour:02}:{minute:02}:00,{position},{action},-1,0")
+            .expect("text");
+    }
+    place.write("log.csv", &log);
+    place.edit_study("train_fraction = 1.0", "train = { end = 2024-03-03 }");
+    let args = ["control", "study.toml", "--json"];
+    let nothing = place.calib(&args).json(&[0, 1]);
+    assert!(nothing.get("held_out").is_none(), "{nothing}");
+    let study = place.read("study.toml");
+    let deployments = "[deployments.beyond]\nstart = 2024-03-04\n[deployments.alike]\nstart = 2024-03-03\nend = 2024-03-04\n";
+    place.write("study.toml", &format!("{study}{deployments}"));
+    let status = place.calib(&["status", "study.toml"]).succeeds();
+    assert!(status.contains("deployments.alike.end = nothing, now"), "{status}");
+    // The agents are those of before. Only the periods are judged.
+    let ran = place.calib(&args);
+    let json = ran.json(&[1]);
+    assert!(ran.stderr().contains("no agent is trained again"), "{}", ran.stderr());
+    let [alike, beyond] = [0_usize, 1].map(|period| &json["held_out"][period]);
+    assert_eq!((&alike["deployment"], &beyond["deployment"]), (&"alike".into(), &"beyond".into()));
+    assert_eq!((&alike["uncovered"], &beyond["uncovered"]), (&0.0.into(), &1.0.into()));
+    assert_eq!((&beyond["decisions"], &beyond["mean_reward"]), (&199.into(), &(-1.0).into()));
+    let mean = beyond["behaviour"]["mean"].as_f64().expect("a number");
+    assert!((mean + 10.0).abs() < 1e-9, "ten steps are an episode: {mean}");
+    let mean = alike["behaviour"]["mean"].as_f64().expect("a number");
+    assert!((-10.0..0.0).contains(&mean), "{mean}");
+    let doubts = json["verdict"]["doubts"].as_array().expect("a list");
+    let mut others = doubts.clone();
+    others.retain(|doubt| doubt["reason"] != "held_out_uncovered");
+    let of_period =
+        serde_json::json!({ "reason": "held_out_uncovered", "deployment": "beyond", "share": 1.0 });
+    assert!(doubts.contains(&of_period) && others.len() + 1 == doubts.len(), "{doubts:?}");
+    assert_eq!(nothing["verdict"]["doubts"], serde_json::json!(others));
+    let told = place.calib(&["control", "study.toml"]).ends(&[1]);
+    for part in [
+        "100 % of the decisions of the deployment beyond were made in states that",
+        " training range ",
+        " deployment alike ",
+    ] {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    let results = "study-results/control";
+    let report = place.read("study-results/control/report.html");
+    assert!(report.contains("Held-out periods") && report.contains("deployment alike"));
+    let again = place.content(results);
+    assert!(place.calib(&["status", "study.toml"]).succeeds().contains("every step is done"));
+    place.calib(&["control", "study.toml", "--force"]).ends(&[1]);
+    assert!(place.content(results) == again, "the same bytes as if all was made at once");
+    // A period may be without a name, and must be in the log.
+    let held_out = "train = { end = 2024-03-03 }\nheld_out = { start = 2024-03-04 }";
+    place.write("study.toml", &study.replace("train = { end = 2024-03-03 }", held_out));
+    let json = place.calib(&args).json(&[1]);
+    assert_eq!(json["held_out"].as_array().map(Vec::len), Some(1));
+    assert!(json["held_out"][0].get("deployment").is_none(), "{}", json["held_out"]);
+    assert_eq!(json["held_out"][0]["uncovered"], 1.0);
+    let late = study.replace("train = {", "held_out = { start = 2025-01-01 }\ntrain = {");
+    place.write("study.toml", &late);
+    let told = place.calib(&args).fails(2);
+    assert!(told.contains("held_out"), "{told}");
+    place.write("study.toml", &study);
+    let json = place.calib(&args).json(&[0, 1]);
+    assert_eq!(json["verdict"]["doubts"], nothing["verdict"]["doubts"]);
+}
+
 /// The exit code does not depend on the headline: "keep the default" is possible with both.
 #[test]
 fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {

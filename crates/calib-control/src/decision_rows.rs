@@ -5,7 +5,7 @@ use std::ops::Range;
 use calib_core::{Segments, States};
 
 use crate::{
-    ControlConfig, ControlError, Ending, RewardColumns, RewardRow,
+    Columns, ControlConfig, ControlError, Decisions, Ending, RewardColumns, RewardRow,
     log::{episodes, rows_without_reward},
     step_rows::StepRows,
 };
@@ -237,6 +237,20 @@ impl DecisionRows {
         let values = self.rows.iter().flat_map(|&row| states.row(row)).copied().collect();
         Ok(States::new(values, self.rows.len(), states.columns())?)
     }
+
+    /// Returns these decisions as a log with a single action. Which action it was matters neither to states nor to returns, and a
+    /// held-out period may have actions that the log of a model lacks. `states` are those of all rows of the log.
+    ///
+    /// # Errors
+    /// If no action leads from one row to another.
+    pub fn with_one_action(&self, states: &States) -> Result<Decisions, ControlError> {
+        let rows = 0..self.segments.rows();
+        let actions: Vec<Option<u16>> = rows
+            .map(|row| self.acted.iter().all(|column| !column[row].is_nan()).then_some(0))
+            .collect();
+        let columns = Columns { actions: &actions, rewards: &self.rewards, endings: &self.endings };
+        Decisions::new(self.states(states)?, &self.segments, columns, 1)
+    }
 }
 
 /// Returns the decision of each row, if the log shows it `lag` rows later.
@@ -435,6 +449,19 @@ mod tests {
         let lagged = DecisionRows::new(&config, recorded, &segments).expect("rows");
         assert_eq!(lagged.rewards[1..], [1.0, 2.0]);
         assert_eq!(lagged.probabilities.expect("logged")[..2], [0.1, 0.2]);
+    }
+
+    #[test]
+    fn decisions_with_other_actions_have_their_states_and_returns() {
+        let terminal = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+        let log = rows("", [5.0, NONE, 7.0, 8.0, 9.0, 5.5, 6.0], terminal, &[7]).expect("rows");
+        let states = States::new((0..7).map(|row| row as f32).collect(), 7, 1).expect("finite");
+        let decisions = log.with_one_action(&states).expect("decisions");
+        assert_eq!(decisions.source_states().expect("finite").as_slice(), [0.0, 2.0, 4.0, 5.0]);
+        assert_eq!(decisions.rewards(), [1.0, 3.0, 5.0, 6.0]);
+        assert_eq!((decisions.levels(), decisions.terminals()), (1, 1));
+        let nothing = rows("", [NONE; 7], terminal, &[7]).expect("rows");
+        assert!(nothing.with_one_action(&states).is_err(), "nothing was decided");
     }
 
     #[test]

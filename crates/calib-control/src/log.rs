@@ -159,6 +159,16 @@ impl Decisions {
         })
     }
 
+    /// Returns the observations in which an action was taken, `[transitions, columns]`.
+    ///
+    /// # Errors
+    /// Never: values of valid states form valid states.
+    pub fn source_states(&self) -> Result<States, ControlError> {
+        let sources = self.transitions.sources().iter();
+        let values = sources.flat_map(|&row| self.states.row(row as usize)).copied().collect();
+        Ok(States::new(values, self.len(), self.states.columns())?)
+    }
+
     /// Returns the observations, `[rows, columns]`.
     pub fn states(&self) -> &States {
         &self.states

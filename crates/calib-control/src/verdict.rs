@@ -60,6 +60,14 @@ pub enum Doubt {
         /// Uncovered share of its steps.
         share: f64,
     },
+    /// Too many decisions of a held-out period were made in states that the log does not cover.
+    HeldOutUncovered {
+        /// Name of the deployment; none for a period without a name.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        deployment: Option<String>,
+        /// Share of its decisions whose state no recorded decision covers, whatever the actions.
+        share: f64,
+    },
     /// The log has too few terminals to learn what they depend on.
     FewTerminals {
         /// Number of terminals in the log.

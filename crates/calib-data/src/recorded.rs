@@ -44,6 +44,31 @@ impl Surveyed {
         names: &[String],
         monitor: &dyn Monitor,
     ) -> Result<RecordedColumns, DataError> {
+        self.recorded_in(&self.survey.train.samples.starts, names, monitor)
+    }
+
+    /// Returns the values of these channels in the held-out rows, as [`recorded`](Self::recorded) does for training
+    /// rows. Without a held-out range there are no rows.
+    ///
+    /// # Errors
+    /// As [`recorded`](Self::recorded).
+    pub fn recorded_held_out(
+        &self,
+        names: &[String],
+        monitor: &dyn Monitor,
+    ) -> Result<RecordedColumns, DataError> {
+        let held_out = self.survey.held_out.as_ref();
+        let rows = held_out.map_or(&[][..], |part| &part.samples.starts[..]);
+        self.recorded_in(rows, names, monitor)
+    }
+
+    /// Returns the values of these channels in `rows` of the log.
+    fn recorded_in(
+        &self,
+        rows: &[u32],
+        names: &[String],
+        monitor: &dyn Monitor,
+    ) -> Result<RecordedColumns, DataError> {
         if self.preprocess.subsample != 1 {
             let got = self.preprocess.subsample.to_string();
             let expected = "1 where actions are read: an action belongs to its own row";
@@ -69,7 +94,6 @@ impl Surveyed {
             }
             channels.push(channel);
         }
-        let starts = &self.survey.train.samples.starts;
         let mut recorded =
             RecordedColumns { values: Vec::with_capacity(names.len()), texts: Vec::new() };
         let mut batch = Batch::default();
@@ -83,13 +107,13 @@ impl Surveyed {
                         let type_name = format!("text, such as {example:?}");
                         return Err(DataError::NoNumbers { name: name.clone(), type_name });
                     }
-                    let rows = channel.not_numbers.words.values().sum();
-                    recorded.texts.push(TextFound { column: name.clone(), example, rows });
+                    let count = channel.not_numbers.words.values().sum();
+                    recorded.texts.push(TextFound { column: name.clone(), example, rows: count });
                 }
                 contradicting.push((number, channel.contradictions.clone()));
                 recorded
                     .values
-                    .push(starts.iter().map(|&row| channel.values[row as usize]).collect());
+                    .push(rows.iter().map(|&row| channel.values[row as usize]).collect());
             }
         }
         log.refuse_contradictions(&contradicting, monitor)?;

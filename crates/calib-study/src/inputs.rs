@@ -219,10 +219,10 @@ impl Inputs {
         self.add("seed", &study.seed);
     }
 
-    /// Adds the keys that affect a verdict about acting agents. It has its own models and no held-out period.
+    /// Adds the keys that affect a verdict about acting agents. It has its own models.
     fn acted(&mut self, study: &Study) {
         self.prepared(study);
-        self.remove(&["data.held_out"]);
+        self.add("deployments", &study.deployments);
         if study.data.train.is_some() {
             self.remove(&["data.train_fraction"]);
         }

@@ -2,6 +2,7 @@
 
 mod build;
 mod ensemble;
+mod held_out;
 mod increments;
 mod network;
 mod radius;

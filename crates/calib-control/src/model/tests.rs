@@ -35,6 +35,27 @@ fn a_log_of_fewer_transitions_than_members_names_the_key() {
     assert!(told.ends_with("lower control.model.members"), "{told}");
 }
 
+#[test]
+fn states_beyond_the_recorded_range_are_not_covered() {
+    for log_of_model in [log(400, 1, 3), continuous(400, 1).0] {
+        let model = model(log_of_model, ActionModelConfig::default());
+        let uncovered =
+            |states: &States| model.uncovered_share(states, &Silent).expect("as many columns");
+        let alike = log(200, 2, 3);
+        let share = uncovered(alike.states());
+        assert!(share < 0.1, "{share}");
+        let moved: Vec<f32> = alike.states().as_slice().iter().map(|value| value + 2.0).collect();
+        let moved = States::new(moved, 200, 2).expect("finite");
+        assert_eq!(uncovered(&moved), 1.0);
+        let values = [moved.as_slice(), alike.states().as_slice()].concat();
+        let both = States::new(values, 400, 2).expect("finite");
+        let of_both = uncovered(&both);
+        assert!((of_both - (1.0 + share) / 2.0).abs() < 1e-9, "{of_both} {share}");
+        let other_columns = States::new(vec![0.5; 4], 4, 1).expect("finite");
+        assert!(model.uncovered_share(&other_columns, &Silent).is_err());
+    }
+}
+
 /// Computes a squared distance by the definition.
 fn squared(model: &ActionModel, from: &[f32], transition: u32) -> f64 {
     let row = model.log().transitions().sources()[transition as usize] as usize;

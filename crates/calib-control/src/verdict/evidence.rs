@@ -45,6 +45,17 @@ pub(super) fn displaced(drift: &Drift) -> Option<Doubt> {
     is_far.then_some(Doubt::Displaced { column, mean, error })
 }
 
+impl Support {
+    /// Returns the doubt about a held-out period of whose decisions a share `uncovered` was made in states that the log does not cover.
+    /// A choice may be made for it if no more of them are than may be of the chosen setting's own steps.
+    pub fn doubt_about_held_out(&self, deployment: Option<&str>, uncovered: f64) -> Option<Doubt> {
+        (uncovered > self.most_uncovered).then(|| Doubt::HeldOutUncovered {
+            deployment: deployment.map(str::to_owned),
+            share: uncovered,
+        })
+    }
+}
+
 impl Evidence<'_> {
     pub(super) fn doubts(&self, log: &Decisions, support: Support) -> Vec<Doubt> {
         let Self { selection, coverage, .. } = self;

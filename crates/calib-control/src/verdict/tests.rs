@@ -171,6 +171,14 @@ fn a_choice_without_support_says_why() {
 }
 
 #[test]
+fn a_held_out_period_that_left_the_log_is_doubted() {
+    let support = Support { most_uncovered: 0.3, ..Support::default() };
+    assert_eq!(support.doubt_about_held_out(Some("july"), 0.3), None);
+    let expected = Doubt::HeldOutUncovered { deployment: Some("july".to_owned()), share: 0.31 };
+    assert_eq!(support.doubt_about_held_out(Some("july"), 0.31), Some(expected));
+}
+
+#[test]
 fn a_choice_that_may_be_no_better_than_the_default_is_doubted() {
     let noise = [[-10.0, -9.0, -12.0], [-9.0, -9.5, -12.0], [-9.5, -9.0, -12.0]];
     let verdict = judged(&noise, Support::default());

@@ -254,6 +254,11 @@ impl DataConfig {
         Self { path: path.into(), ..Self::default() }
     }
 
+    /// Whether a part of the log is held out. A very short log has no such part all the same.
+    pub fn holds_out(&self) -> bool {
+        self.held_out.is_some() || (self.train.is_none() && self.train_fraction < 1.0)
+    }
+
     /// Makes relative paths relative to `base`, the folder of the study file.
     pub fn resolve(&mut self, base: &Path) {
         self.path.resolve(base);

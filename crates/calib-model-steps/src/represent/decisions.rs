@@ -1,13 +1,13 @@
 //! The representation of a log of decisions, which `calib control` trains itself.
 
 use calib_base::{
-    StepError,
+    Context as _, StepError,
     artefact::{self, Below, DirectoryLock, Facts as _},
     memory,
     output::Printer,
 };
 use calib_core::{Monitor, States};
-use calib_represent::Split;
+use calib_represent::{Split, encode};
 use calib_study::{Job, StepKind, Study};
 
 use super::{
@@ -57,6 +57,27 @@ pub fn open_or_train(
         trained(job, None, material, split, directory, printer)
     })?;
     Ok(read(directory, &manifest, &command)?.psi)
+}
+
+/// Returns ψ of other `states` with the same columns, by the representation of `material`. It is read, or trained.
+///
+/// # Errors
+/// As [`open_or_train`], or if ψ of a state is not finite.
+pub fn encode_others(
+    job: &Job,
+    material: Material<'_>,
+    states: &States,
+    printer: &Printer,
+) -> Result<States, StepError> {
+    let directory = &job.layout().control_representation();
+    let command = job.command(StepKind::Control);
+    if RepresentationManifest::find(directory, &key(job, material)?).is_none() {
+        open_or_train(job, material, printer)?;
+    }
+    let manifest: RepresentationManifest = artefact::require(directory, &command)?;
+    let encoder = read(directory, &manifest, &command)?.encoder;
+    let encoder = encoder.with_context(|| format!("{} has no encoder", directory.display()))?;
+    encode(&encoder, states).context("states of a held-out period")
 }
 
 /// Trains the whole grid without writing anything, and chooses one candidate.

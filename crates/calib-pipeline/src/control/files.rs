@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use calib_base::{
-    StepError,
+    Context as _, StepError,
     artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
     bail, ensure,
     log::{plant_of_study::data_of, sources::Sources},
     output::Printer,
     stale::StoredArtefact,
 };
-use calib_control::{Distance, FittedQValue, Importance, ReturnVerdict, Run};
+use calib_control::{Distance, Doubt, FittedQValue, Importance, ReturnVerdict, Run, Support};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_report::{AgentConduct, Decision};
@@ -22,6 +22,7 @@ use super::{
     advice::{Advice, Reason, STUDY},
     agents::{ActingAgent, ComparedAgents, ProgramIdentity, SettingFailure},
     described::ActionLogSummary,
+    held_out::{HeldOutLog, HeldOutPeriod},
     run::no_section,
     show::name,
 };
@@ -45,7 +46,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 14;
+    const FORMAT: u32 = 15;
 
     fn format(&self) -> u32 {
         self.format
@@ -58,6 +59,11 @@ pub struct ControlEvaluation {
     /// Summary of the log.
     #[serde(flatten)]
     pub(super) log: ActionLogSummary,
+    /// Mean reward of a recorded step.
+    pub(super) mean_reward: f64,
+    /// The held-out periods, in the order of time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) held_out: Vec<HeldOutPeriod>,
     /// Return that an episode ends with where the log does not cover a step.
     pub(super) worst_return: f64,
     /// The agents that were compared, one for each setting.
@@ -157,6 +163,22 @@ impl ControlEvaluation {
             columns: &self.log.columns,
             vocabulary: self.candidates.first().map_or(STUDY, ActingAgent::vocabulary),
         })
+    }
+
+    /// Whether the verdict is on these held-out periods.
+    pub(super) fn is_on(&self, held_out: &[HeldOutLog]) -> bool {
+        self.held_out.len() == held_out.len()
+            && self.held_out.iter().zip(held_out).all(|(period, log)| period.is_of(log))
+    }
+
+    /// Returns the same verdict on these held-out periods, with the doubts about them.
+    pub(super) fn with_held_out(mut self, held_out: Vec<HeldOutPeriod>, support: Support) -> Self {
+        let doubts = &mut self.verdict.doubts;
+        doubts.retain(|doubt| !matches!(doubt, Doubt::HeldOutUncovered { .. }));
+        doubts.extend(held_out.iter().filter_map(|period| {
+            support.doubt_about_held_out(period.deployment.as_deref(), period.uncovered)
+        }));
+        Self { held_out, ..self }
     }
 
     /// Whether a program failed with some settings, so that the next command tries them again.
@@ -368,6 +390,26 @@ pub(super) fn write(
         files: artefact::fingerprints(directory, [RUNS, VERDICT])?,
     };
     claim.complete(&manifest)
+}
+
+/// Replaces a verdict by the same one on other held-out periods. The runs stay.
+pub(super) fn replace(
+    directory: &Path,
+    study: &Study,
+    evaluation: &ControlEvaluation,
+    show: impl FnOnce() -> Result<Vec<String>, StepError>,
+) -> Result<(), StepError> {
+    let claim = DirectoryLock::new(directory, Below::Ours)?;
+    let manifest: ControlManifest = artefact::read(directory)
+        .with_context(|| format!("{} has no verdict to replace", directory.display()))?;
+    write_sealed_json(&directory.join(VERDICT), evaluation)?;
+    let shown = show()?;
+    claim.complete(&ControlManifest {
+        shown: artefact::fingerprints(directory, shown.iter().map(String::as_str))?,
+        study: study.clone(),
+        files: artefact::fingerprints(directory, [RUNS, VERDICT])?,
+        ..manifest
+    })
 }
 
 /// Returns a table with one row per run and all estimates of each setting, so that other selection rules can be tried

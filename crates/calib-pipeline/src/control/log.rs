@@ -82,9 +82,7 @@ pub(crate) fn read(
     printer: &Printer,
 ) -> Result<ActionLog, StepError> {
     let study = job.study();
-    let mut data = DataConfig { held_out: None, ..data_of(job)? };
-    // The entries are names, and must not be read as patterns.
-    data.exclude.extend(config.beside_the_state().iter().map(|name| entry_of(name, |_| false)));
+    let data = DataConfig { held_out: None, ..data_of_states(job, config)? };
     ensure!(
         !matches!(data.resample, Some(Resample::Mean | Resample::Linear)),
         "data.resample makes actions of what was set before and after, which nobody took; set data.resample = \"last\""
@@ -154,6 +152,14 @@ pub(crate) fn read(
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
     let left_out = left_out(&dataset.profile, resample, frames, &found.gaps);
     Ok(ActionLog { decisions, names, fingerprint, times, period, outlying, left_out })
+}
+
+/// Returns the log files of a study without the columns that are no part of the state.
+pub(super) fn data_of_states(job: &Job, config: &ControlConfig) -> Result<DataConfig, StepError> {
+    let mut data = data_of(job)?;
+    // The entries are names, and must not be read as patterns.
+    data.exclude.extend(config.beside_the_state().iter().map(|name| entry_of(name, |_| false)));
+    Ok(data)
 }
 
 /// Returns the time from one decision to the next, if no terminal comes before.
@@ -304,7 +310,7 @@ fn named(config: &ControlConfig, error: DataError) -> StepError {
 }
 
 /// Refuses states that do not fit into memory.
-fn require_memory(surveyed: &Surveyed) -> Result<(), NoRoom> {
+pub(super) fn require_memory(surveyed: &Surveyed) -> Result<(), NoRoom> {
     memory::require(
         surveyed.state_bytes().saturating_add(surveyed.working_bytes()),
         &format!(
@@ -338,7 +344,11 @@ fn fingerprint(
 }
 
 /// Combines a fingerprint with further numbers.
-fn with_numbers(log: &Fingerprint, what: &[u8], numbers: impl Iterator<Item = f64>) -> Fingerprint {
+pub(super) fn with_numbers(
+    log: &Fingerprint,
+    what: &[u8],
+    numbers: impl Iterator<Item = f64>,
+) -> Fingerprint {
     let mut all = Fingerprinter::default();
     all.add(what).add(log.to_string().as_bytes());
     for number in numbers {

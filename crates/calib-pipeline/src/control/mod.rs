@@ -10,6 +10,7 @@ mod counting;
 mod described;
 mod figures;
 mod files;
+mod held_out;
 mod inspect;
 mod log;
 mod log_warnings;

@@ -26,6 +26,7 @@ use super::{
     conduct::{conduct, recorded_rows},
     described::described,
     files::{self, ControlEvaluation},
+    held_out::{self, HeldOutLog},
     log::{self, ActionLog},
     model, page,
     plan::{self, ControlPlan},
@@ -47,18 +48,17 @@ pub(crate) fn run(
     let log = log::read(job, config, printer)?;
     log.tell_left_out(printer);
     rare::check_actions(&log, config, printer)?;
+    let held_out = held_out::read(job, config, printer)?;
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
     let kept = if job.policy().redoes() { None } else { files::kept(&directory, &key) };
     let origin = RunOrigin { key: key.clone(), log: log.fingerprint.clone() };
-    if let Some((evaluation, is_shown)) = kept {
+    if let Some((mut evaluation, is_shown)) = kept {
         if !job.policy().is_dry() {
-            if evaluation.log.distance == Distance::Laplacian {
-                decisions::mend(job, log.material(), printer)?;
-            }
-            model::mend(job, config, &log, printer)?;
-            if !is_shown {
-                page::write(&directory, job, &evaluation)?;
+            mend(job, config, &log, &evaluation, is_shown, printer)?;
+            if job.policy().share.is_none() && !evaluation.is_on(&held_out) {
+                evaluation =
+                    held_out::judged_again(job, config, &log, evaluation, &held_out, printer)?;
             }
             files::note_study(&directory, study, &sources, printer)?;
             if job.policy().share.is_none() {
@@ -100,7 +100,7 @@ pub(crate) fn run(
         units.remove()?;
     }
     let JudgedSettings { log, evaluation, runs } =
-        judged(job, config, log, &agents, &units, printer)?;
+        judged(job, config, log, &held_out, &agents, &units, printer)?;
     files::write(&directory, study, key, &log, &evaluation, &runs, || {
         page::write(&directory, job, &evaluation)
     })?;
@@ -113,6 +113,25 @@ pub(crate) fn run(
     printer.say(&format!("written to {} in {took}", directory.display()));
     printer.say(&format!("the report is {}", page::path(&directory).display()));
     Ok(StepResult::Made(evaluation))
+}
+
+/// Makes damaged files of a finished verdict again.
+fn mend(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    evaluation: &ControlEvaluation,
+    is_shown: bool,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    if evaluation.log.distance == Distance::Laplacian {
+        decisions::mend(job, log.material(), printer)?;
+    }
+    model::mend(job, config, log, printer)?;
+    if !is_shown {
+        page::write(&job.layout().control(), job, evaluation)?;
+    }
+    Ok(())
 }
 
 /// Makes the runs of a share, which a later command without a share judges. That command tries failed settings again,
@@ -243,6 +262,7 @@ fn judged(
     job: &Job,
     config: &ControlConfig,
     log: ActionLog,
+    held_out: &[HeldOutLog],
     agents: &ComparedAgents,
     units: &RunFiles,
     printer: &Printer,
@@ -253,6 +273,7 @@ fn judged(
     let model = model::open_or_build(job, config, &log, printer)?;
     let networks = model::network_files(job, config, &log)?;
     let networks = networks.as_ref();
+    let held_out = held_out::judged(job, config, &log, &model, held_out, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
     let own = agents.own();
@@ -298,6 +319,8 @@ fn judged(
         off_policy_values(decisions, &observed, own, config.steps, config.timeout, &progress)?;
     let evaluation = ControlEvaluation {
         log: described,
+        mean_reward: decisions.mean_reward(),
+        held_out: Vec::new(),
         worst_return: model.worst_return(),
         fields: agents.fields(config),
         learning: learning(&runs, agents.count()),
@@ -309,11 +332,12 @@ fn judged(
         failures,
         candidates: agents.stored(),
     };
+    let evaluation = evaluation.with_held_out(held_out, support(config));
     Ok(JudgedSettings { log: fingerprint, evaluation, runs })
 }
 
 /// Returns the requirements on the log for a supported choice.
-fn support(config: &ControlConfig) -> Support {
+pub(super) fn support(config: &ControlConfig) -> Support {
     Support {
         most_uncovered: config.most_uncovered,
         fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),

@@ -42,6 +42,9 @@ impl Told for ControlEvaluation {
             printer.result(&format!("{indent}{line}"))?;
         }
         printer.lines(&candidates(self))?;
+        if !self.held_out.is_empty() {
+            printer.lines(&held_out(self))?;
+        }
         if explains {
             printer.lines(&actions(&self.log))?;
         } else {
@@ -101,6 +104,32 @@ fn settings(log: &ActionLogSummary) -> String {
         })
         .collect();
     table(&["set", "least", "5 %", "median", "95 %", "largest"], &rows)
+}
+
+/// Headings of the table of held-out periods.
+pub(super) const HELD_OUT: [&str; 5] =
+    ["period", "decisions", "not covered", "recorded return", "reward of a step"];
+
+/// Returns a table of the held-out periods, with the training range first.
+fn held_out(evaluation: &ControlEvaluation) -> String {
+    let recorded = &evaluation.verdict.behaviour;
+    let mut rows = vec![vec![
+        "training range".to_owned(),
+        count(evaluation.log.transitions),
+        String::new(),
+        number(recorded.mean),
+        number(evaluation.mean_reward),
+    ]];
+    rows.extend(evaluation.held_out.iter().map(|period| {
+        vec![
+            period.name(),
+            count(period.decisions),
+            percent(period.uncovered),
+            number(period.behaviour.mean),
+            number(period.mean_reward),
+        ]
+    }));
+    table(&HELD_OUT, &rows)
 }
 
 /// Number of columns in the table of states.

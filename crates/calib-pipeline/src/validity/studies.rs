@@ -198,8 +198,6 @@ pub(super) fn check(studies: &[ListedStudy]) -> Result<(), StepError> {
         let path = listed.path();
         let plant = &listed.plant;
         let data = &study.data;
-        let holds_nothing_out =
-            data.held_out.is_none() && (data.train.is_some() || data.train_fraction >= 1.0);
         ensure!(
             study.has_model(),
             "{} has no model (model.kind = \"none\"), and validity compares the choices of models, with that of log replay beside them; set \
@@ -207,7 +205,7 @@ pub(super) fn check(studies: &[ListedStudy]) -> Result<(), StepError> {
             path.display()
         );
         ensure!(
-            !holds_nothing_out || listed.deployments.iter().any(Option::is_some),
+            data.holds_out() || listed.deployments.iter().any(Option::is_some),
             "{} holds no data out, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
             path.display()
         );

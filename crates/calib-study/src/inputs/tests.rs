@@ -79,6 +79,13 @@ fn a_verdict_about_agents_that_act_follows_from_what_they_learn_in() {
     assert_eq!(other("steps = 100\n"), "control.steps = 15000, now 100");
     assert_eq!(other("[evaluate]\nresamples = 7\n"), "evaluate.resamples = 2000, now 7");
     assert_eq!(other("[representation]\ndimension = 3\n[agent]\ngamma = 0.5\n"), "");
+    let train = "[data]\ntrain = { end = 2022-01-01 }\n";
+    let held_out = format!("{train}held_out = {{ start = 2022-01-01 }}\n{acting}");
+    let told = changed(&format!("{train}{acting}"), &held_out);
+    assert_eq!(told, "data.held_out.start = nothing, now \"2022-01-01\"");
+    let deployed = format!("{train}{acting}[deployments.may]\nstart = 2022-05-01\n");
+    let told = changed(&format!("{train}{acting}"), &deployed);
+    assert_eq!(told, "deployments.may.start = nothing, now \"2022-05-01\"");
     let near = format!("{acting}[control.model]\ndistance = \"laplacian\"\n");
     let dimension = changed(&near, &format!("{near}[representation]\ndimension = 3\n"));
     assert!(dimension.starts_with("representation.dimension = "), "{dimension}");

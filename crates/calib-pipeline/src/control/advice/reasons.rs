@@ -6,6 +6,7 @@ use calib_base::output::{counted, number, percent};
 use calib_control::{Doubt, FEWEST_BLOCKS};
 
 use super::{Advice, Vocabulary};
+use crate::control::held_out::told;
 
 const ONE_MEMBER: &str = "one ensemble member gives no interval: nothing shows that the choice is better than the default, random actions, a constant action or what was recorded";
 
@@ -46,6 +47,12 @@ impl Advice<'_> {
             Doubt::Displaced { column, mean, error } => {
                 return self.displaced(*column, *mean, *error);
             }
+            Doubt::HeldOutUncovered { deployment, share } => {
+                return held_out_uncovered(deployment.as_deref(), *share, most_uncovered);
+            }
+            Doubt::FewTerminals { terminals } => {
+                return few_terminals(*terminals, fewest_terminals);
+            }
             Doubt::RareTerminals { in_model, in_log } => {
                 return rare_terminals(*in_model, *in_log);
             }
@@ -74,14 +81,6 @@ impl Advice<'_> {
                     percent(*share)
                 ),
                 format!("record more varied actions, or allow more with {most_uncovered}"),
-            ),
-            Doubt::FewTerminals { terminals } => (
-                format!(
-                    "only {} {} in a terminal, and choices depend on what leads there",
-                    counted(*terminals, "episode"),
-                    if *terminals == 1 { "ends" } else { "end" }
-                ),
-                format!("record more, or allow fewer with {fewest_terminals}"),
             ),
             Doubt::NotToldApart => (
                 "the models together show no clear difference between the settings".to_owned(),
@@ -128,6 +127,30 @@ impl Advice<'_> {
     }
 }
 
+/// Returns the doubt that the log has few terminals. `key` allows fewer.
+fn few_terminals(terminals: usize, key: &str) -> Reason {
+    Reason {
+        what: format!(
+            "only {} {} in a terminal, and choices depend on what leads there",
+            counted(terminals, "episode"),
+            if terminals == 1 { "ends" } else { "end" }
+        ),
+        remedy: format!("record more, or allow fewer with {key}"),
+    }
+}
+
+/// Returns the doubt that a held-out period has left the training range. `key` allows more of its decisions to.
+fn held_out_uncovered(deployment: Option<&str>, share: f64, key: &str) -> Reason {
+    Reason {
+        what: format!(
+            "{} of the decisions of the {} were made in states that the training range does not cover: no model knows what actions do there",
+            percent(share),
+            told(deployment)
+        ),
+        remedy: format!("let data.train have such states, or allow more with {key}"),
+    }
+}
+
 /// Returns the doubt that the choice reaches a terminal much less often than the log.
 fn rare_terminals(in_model: f64, in_log: f64) -> Reason {
     Reason {
@@ -151,7 +174,7 @@ fn strength(doubt: &Doubt) -> usize {
         Doubt::WorseThanConstant { .. } => 9,
         Doubt::NotBetterThanRandomActions { .. } => 8,
         Doubt::ActionNeverTaken { .. } => 7,
-        Doubt::Uncovered { .. } => 6,
+        Doubt::Uncovered { .. } | Doubt::HeldOutUncovered { .. } => 6,
         Doubt::NotToldApart => 5,
         Doubt::NotBetterThanDefault => 4,
         Doubt::Displaced { .. } => 3,

@@ -310,6 +310,24 @@ fn the_first_screen_has_the_number_and_the_strongest_reasons() {
 }
 
 #[test]
+fn a_period_that_the_log_does_not_cover_is_named() {
+    let verdict = verdict(&json!([
+        { "reason": "held_out_uncovered", "deployment": "july", "share": 0.75 },
+        { "reason": "held_out_uncovered", "share": 0.8 },
+        { "reason": "few_terminals", "terminals": 1 },
+    ]));
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let advice = advice_on(&verdict, &settings);
+    assert_eq!(advice.decision().headline, "Deploy nothing on this evidence.");
+    let told: Vec<String> = advice.reasons().iter().map(Reason::whole).collect();
+    let july = "75 % of the decisions of the deployment july were made in states";
+    assert!(told[0].starts_with(july), "{told:?}");
+    assert!(told[0].ends_with("or allow more with control.most_uncovered"), "{told:?}");
+    assert!(told[1].starts_with("80 % of the decisions of the held-out period were"), "{told:?}");
+    assert!(told[2].starts_with("only 1 episode ends in a terminal"), "{told:?}");
+}
+
+#[test]
 fn one_member_supports_nothing() {
     let verdict = verdict(&json!([{ "reason": "one_member" }]));
     let settings = ["a=1", "a=2"].map(str::to_owned);
