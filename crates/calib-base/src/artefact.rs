@@ -41,7 +41,8 @@ pub trait Manifest: Serialize + DeserializeOwned {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Artefact<T> {
     format: u32,
-    tool: String,
+    /// The version of calib that wrote it.
+    pub tool: String,
     /// The facts that the step records about its output.
     #[serde(flatten)]
     pub facts: T,

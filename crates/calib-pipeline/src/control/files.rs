@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
+    artefact::{self, Artefact, Below, DirectoryLock, Facts, Files, TOOL},
     bail, ensure,
     log::{plant_of_study::data_of, sources::Sources},
     output::Printer,
@@ -31,25 +31,26 @@ pub(super) use calib_base::artefact::CONTROL_VERDICT as VERDICT;
 pub(super) const RUNS: &str = "runs.parquet";
 
 /// `manifest.json` of the verdict.
+type ControlManifest = Artefact<ControlFacts>;
+
+/// The inputs of the verdict, and the files that show it.
 #[derive(Serialize, Deserialize)]
-pub(super) struct ControlManifest {
-    format: u32,
-    tool: String,
+struct ControlFacts {
     /// Fingerprint of the inputs.
     key: String,
     study: Study,
     /// Fingerprint of the log.
     log: Fingerprint,
-    files: Files,
     /// The report and its figures, which follow from the other files.
     shown: Files,
 }
 
-impl Manifest for ControlManifest {
+impl Facts for ControlFacts {
     const FORMAT: u32 = 15;
+    const STEP: StepKind = StepKind::Control;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
     }
 }
 
@@ -245,7 +246,7 @@ pub(super) fn key(
         .filter(|control| control.model.distance == Distance::Laplacian)
         .map(|_| study.representation.candidates());
     let model = (&study.control, represented);
-    let own = (ControlManifest::FORMAT, TOOL, log, model, study.seed, resamples);
+    let own = (ControlFacts::FORMAT, TOOL, log, model, study.seed, resamples);
     // The study describes calib's own agents completely.
     match program {
         None => artefact::key(&own),
@@ -256,10 +257,7 @@ pub(super) fn key(
 /// Returns the stored verdict, if it has the same inputs and is intact. The flag says whether the report files are
 /// intact.
 pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bool)> {
-    let manifest: ControlManifest = artefact::read(directory)?;
-    if manifest.key != key || !artefact::are_whole(directory, &manifest.files) {
-        return None;
-    }
+    let manifest = ControlManifest::find(directory, key)?;
     let evaluation: ControlEvaluation = read_sealed_json(&directory.join(VERDICT)).ok()?;
     if evaluation.lacks_settings() {
         return None;
@@ -276,13 +274,13 @@ pub(super) fn note_study(
     printer: &Printer,
 ) -> Result<(), StepError> {
     note_sources(directory, sources, printer)?;
-    let Some(manifest) = artefact::read::<ControlManifest>(directory) else { return Ok(()) };
+    let Some(mut manifest) = artefact::read::<ControlManifest>(directory) else { return Ok(()) };
     if study.differences(StepKind::Control, &manifest.study).is_empty() {
         return Ok(());
     }
-    let noted = ControlManifest { study: study.clone(), ..manifest };
+    manifest.study = study.clone();
     let written =
-        DirectoryLock::new(directory, Below::Ours).and_then(|claim| claim.complete(&noted));
+        DirectoryLock::new(directory, Below::Ours).and_then(|claim| claim.complete(&manifest));
     artefact::or_read_only(written, directory, printer)
 }
 
@@ -323,12 +321,10 @@ impl VerdictStanding {
     pub(crate) fn of(job: &Job) -> Result<Self, StepError> {
         let Some(config) = &job.study().control else { return Ok(Self::Missing) };
         let directory = &job.layout().control();
-        let Some(manifest) = artefact::read::<ControlManifest>(directory) else {
+        let manifest = artefact::read::<ControlManifest>(directory);
+        let Some(manifest) = manifest.filter(|manifest| manifest.is_whole(directory)) else {
             return Ok(Self::Missing);
         };
-        if !artefact::are_whole(directory, &manifest.files) {
-            return Ok(Self::Missing);
-        }
         let made = StoredArtefact { step: StepKind::Control, study: &manifest.study, directory };
         if let Some(reason) = made.stale_reason(job) {
             return Ok(Self::Stale(reason));
@@ -375,21 +371,13 @@ pub(super) fn write(
     runs: &[Run],
     show: impl FnOnce() -> Result<Vec<String>, StepError>,
 ) -> Result<(), StepError> {
-    let claim = DirectoryLock::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = DirectoryLock::begun(directory)?;
     artefact::write_table(table(runs, evaluation), &directory.join(RUNS))?;
     write_sealed_json(&directory.join(VERDICT), evaluation)?;
     let shown = show()?;
-    let manifest = ControlManifest {
-        shown: artefact::fingerprints(directory, shown.iter().map(String::as_str))?,
-        format: ControlManifest::FORMAT,
-        tool: TOOL.to_owned(),
-        key,
-        study: study.clone(),
-        log: log.clone(),
-        files: artefact::fingerprints(directory, [RUNS, VERDICT])?,
-    };
-    claim.complete(&manifest)
+    let shown = artefact::fingerprints(directory, shown.iter().map(String::as_str))?;
+    let facts = ControlFacts { key, study: study.clone(), log: log.clone(), shown };
+    claim.finish(facts, [RUNS, VERDICT]).map(drop)
 }
 
 /// Replaces a verdict by the same one on other held-out periods. The runs stay.
@@ -404,12 +392,9 @@ pub(super) fn replace(
         .with_context(|| format!("{} has no verdict to replace", directory.display()))?;
     write_sealed_json(&directory.join(VERDICT), evaluation)?;
     let shown = show()?;
-    claim.complete(&ControlManifest {
-        shown: artefact::fingerprints(directory, shown.iter().map(String::as_str))?,
-        study: study.clone(),
-        files: artefact::fingerprints(directory, [RUNS, VERDICT])?,
-        ..manifest
-    })
+    let shown = artefact::fingerprints(directory, shown.iter().map(String::as_str))?;
+    let facts = ControlFacts { shown, study: study.clone(), ..manifest.facts };
+    claim.finish(facts, [RUNS, VERDICT]).map(drop)
 }
 
 /// Returns a table with one row per run and all estimates of each setting, so that other selection rules can be tried

@@ -9,7 +9,7 @@ use std::{
 
 use calib_base::{
     StepError,
-    artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
+    artefact::{self, Artefact, Below, DirectoryLock, Facts, TOOL},
     ensure,
     output::Printer,
 };
@@ -72,10 +72,11 @@ pub struct ControlNames {
 }
 
 /// `manifest.json` of a model with actions.
+type ControlModelManifest = Artefact<ControlModelFacts>;
+
+/// The inputs of a model with actions, and what its files mean.
 #[derive(Serialize, Deserialize)]
-struct ControlModelManifest {
-    format: u32,
-    tool: String,
+struct ControlModelFacts {
     /// Fingerprint of the inputs.
     key: String,
     study: Study,
@@ -83,14 +84,14 @@ struct ControlModelManifest {
     log: Fingerprint,
     record: ActionModelRecord,
     names: ControlNames,
-    files: Files,
 }
 
-impl Manifest for ControlModelManifest {
+impl Facts for ControlModelFacts {
     const FORMAT: u32 = 1;
+    const STEP: StepKind = StepKind::Control;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
     }
 }
 
@@ -152,7 +153,8 @@ impl ControlModel {
 fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
     let manifest: ControlModelManifest = artefact::require(directory, command)?;
     artefact::check_files(directory, &manifest.files, command)?;
-    let model = open_action_model(directory, &manifest.record)?;
+    let ControlModelFacts { key, study, record, names, .. } = manifest.facts;
+    let model = open_action_model(directory, &record)?;
     let times = map_npy::<i64>(&directory.join(TIMES))?;
     let rows = map_npy::<u32>(&directory.join(START_ROWS))?;
     ensure!(
@@ -162,14 +164,14 @@ fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
     );
     Ok(ControlModel {
         model: Arc::new(model),
-        names: manifest.names,
+        names,
         times: times.as_slice().to_vec(),
         start_rows: rows.as_slice().to_vec(),
-        coverage: manifest.record.config.coverage,
-        every: manifest.study.control.map_or(1, |config| config.every),
+        coverage: record.config.coverage,
+        every: study.control.map_or(1, |config| config.every),
         // The process may go to another folder before it needs networks.
         directory: std::path::absolute(directory).unwrap_or_else(|_| directory.to_owned()),
-        key: manifest.key,
+        key,
     })
 }
 
@@ -211,7 +213,7 @@ fn key(job: &Job, config: &ControlConfig, log: &ActionLog) -> Result<String, Ste
     };
     // The rule for uncovered steps does not affect the tables.
     let model = calib_control::ActionModelConfig { pessimism: Pessimism::Nearest, ..config.model };
-    let format = ControlModelManifest::FORMAT;
+    let format = ControlModelFacts::FORMAT;
     let names = control_names(job.study(), config, log);
     artefact::key(&(format, TOOL, &log.fingerprint, model, config.start, represented, names))
 }
@@ -351,11 +353,7 @@ fn kept(
     rules: Rules,
     log: &ActionLog,
 ) -> Result<Option<ActionModel>, StepError> {
-    let manifest: Option<ControlModelManifest> = artefact::read(directory);
-    let Some(manifest) = manifest.filter(|manifest| manifest.key == key) else { return Ok(None) };
-    if !artefact::are_whole(directory, &manifest.files) {
-        return Ok(None);
-    }
+    let Some(manifest) = ControlModelManifest::find(directory, key) else { return Ok(None) };
     let model = open_action_model(directory, &manifest.record)?;
     Ok(Some(model.with_log(log.decisions.clone()).with_rules(rules)))
 }
@@ -376,17 +374,14 @@ fn write(
     let starts: Vec<u32> = log::start_rows(model.log(), config.start);
     write_npy(&directory.join(START_ROWS), &starts, starts.len(), 1)?;
     names.extend([TIMES, START_ROWS].map(str::to_owned));
-    let manifest = ControlModelManifest {
-        format: ControlModelManifest::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = ControlModelFacts {
         key: key.to_owned(),
         study: job.study().clone(),
         log: log.fingerprint.clone(),
         record,
         names: control_names(job.study(), config, log),
-        files: artefact::fingerprints(directory, names.iter().map(String::as_str))?,
     };
-    claim.complete(&manifest)
+    claim.finish(facts, names.iter().map(String::as_str)).map(drop)
 }
 
 fn control_names(study: &Study, config: &ControlConfig, log: &ActionLog) -> ControlNames {
