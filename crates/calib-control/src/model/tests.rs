@@ -50,7 +50,7 @@ fn states_beyond_the_recorded_range_are_not_covered() {
         let values = [moved.as_slice(), alike.states().as_slice()].concat();
         let both = States::new(values, 400, 2).expect("finite");
         let of_both = uncovered(&both);
-        assert!((of_both - (1.0 + share) / 2.0).abs() < 1e-9, "{of_both} {share}");
+        assert!((of_both - f64::midpoint(1.0, share)).abs() < 1e-9, "{of_both} {share}");
         let other_columns = States::new(vec![0.5; 4], 4, 1).expect("finite");
         assert!(model.uncovered_share(&other_columns, &Silent).is_err());
     }
