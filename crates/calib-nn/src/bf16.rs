@@ -12,9 +12,11 @@ mod kernel;
 mod layout;
 mod network;
 mod number;
+mod panel;
 mod processor;
 mod product;
 mod steps;
+mod task;
 mod workspace;
 #[cfg(target_arch = "x86_64")]
 mod x86;

@@ -156,16 +156,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
         reason: "the comparison holds the types of its summary",
     },
     KnownCircle {
-        package: "calib-nn",
-        files: &["bf16/kernel.rs", "bf16/layout.rs", "bf16/processor.rs", "bf16/x86.rs"],
-        reason: "the layout, the kernel and the processor are one algorithm in several files",
-    },
-    KnownCircle {
-        package: "calib-nn",
-        files: &["mlp.rs", "narrow.rs", "narrow/backward.rs", "narrow/forward.rs", "workspace.rs"],
-        reason: "a network has a workspace of its own shape, also of narrow numbers",
-    },
-    KnownCircle {
         package: "calib-pipeline",
         files: &["control/advice.rs", "control/advice/beside.rs", "control/advice/reasons.rs"],
         reason: "the advice holds the words that its reasons use",

@@ -3,8 +3,8 @@
 use pulp::{Scalar, Simd};
 
 use super::{
-    layout::{HALF, PANEL},
     number::{firsts, join, seconds},
+    panel::{HALF, PANEL},
 };
 
 /// Maximum number of rows in a tile.

@@ -13,15 +13,11 @@ use pulp::Simd;
 use super::{
     kernel::Kernel,
     number::without_small,
-    processor::{Processor, Task},
+    panel::{HALF, PANEL},
+    processor::Processor,
+    task::Task,
 };
 use crate::aligned::{Aligned, filled};
-
-/// Number of columns of a panel: two AVX-512 vectors.
-pub(super) const PANEL: usize = 32;
-
-/// Number of pairs in a whole block of features.
-pub(super) const HALF: usize = PANEL / 2;
 
 /// Returns the number of pairs of `count` features.
 pub(super) fn feature_pairs(count: usize) -> usize {

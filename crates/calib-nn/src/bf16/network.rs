@@ -3,8 +3,9 @@ use std::ops::Range;
 use pulp::Scalar;
 
 use super::{
-    layout::{Fill, HALF, PANEL, Pairing, Panels, Rows},
+    layout::{Fill, Pairing, Panels, Rows},
     number::{bias, join, without_small},
+    panel::{HALF, PANEL},
     processor::Processor,
     product::{Dot, LeftOperand, Product},
     steps::{Activations, Errors, Gradient, Operands},

@@ -2,18 +2,12 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::kernel::{Fused, Kernel, Widened};
 #[cfg(target_arch = "x86_64")]
 use super::x86::Hardware;
-
-/// A computation that is compiled for each processor.
-pub(super) trait Task {
-    type Output;
-
-    /// Runs the computation. Implementations must be inlined always; only then are they compiled for
-    /// the processor.
-    fn run<K: Kernel>(self, kernel: K) -> Self::Output;
-}
+use super::{
+    kernel::{Fused, Widened},
+    task::Task,
+};
 
 /// The implementation that this machine uses.
 #[derive(Clone, Copy, Debug)]

@@ -2,8 +2,9 @@
 
 use super::{
     kernel::{Kernel, Left, ROWS, Tile},
-    layout::{HALF, PANEL, Panels, Rows},
-    processor::Task,
+    layout::{Panels, Rows},
+    panel::{HALF, PANEL},
+    task::Task,
 };
 
 /// The processing of a tile's sums.

@@ -4,8 +4,9 @@ use pulp::Simd;
 
 use super::{
     kernel::{Kernel, ROWS, Tile},
-    layout::{HALF, PANEL, Panels, Rows, half_of_block, halves, part},
+    layout::{Panels, Rows, half_of_block, halves, part},
     number::{firsts, rectified, seconds, without_small},
+    panel::{HALF, PANEL},
     product::Finish,
 };
 use crate::sink::Sink;

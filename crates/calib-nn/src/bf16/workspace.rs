@@ -1,5 +1,6 @@
 use super::{
-    layout::{Fill, PANEL, Pairing, Panels, Rows},
+    layout::{Fill, Pairing, Panels, Rows},
+    panel::PANEL,
     processor::Processor,
 };
 use crate::Mlp;

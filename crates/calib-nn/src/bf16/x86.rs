@@ -13,8 +13,8 @@ use pulp::{cast, f32x16, u32x16, x86::V4};
 
 use super::{
     kernel::{Kernel, Left, Square, Tile, by_halves},
-    layout::{HALF, PANEL},
-    processor::Task,
+    panel::{HALF, PANEL},
+    task::Task,
 };
 use crate::{
     aligned::LINE,

@@ -1,6 +1,7 @@
 use calib_core::Rng;
 
 use super::*;
+use crate::Workspace;
 
 /// Computes the same network in f64 by definition: the loss Σ gᵣⱼ outputᵣⱼ for fixed g.
 fn reference_loss(network: &Mlp, parameters: &[f64], input: &[f32], gradient: &[f32]) -> f64 {
