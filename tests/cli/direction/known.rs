@@ -109,11 +109,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
     },
     KnownCircle {
         package: "calib-knn",
-        files: &["index/join/block.rs", "index/join/mod.rs"],
-        reason: "a join of blocks begins in the file that holds its types",
-    },
-    KnownCircle {
-        package: "calib-knn",
         files: &[
             "model.rs",
             "recurrence/anchor.rs",

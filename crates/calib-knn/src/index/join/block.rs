@@ -11,12 +11,12 @@ use calib_core::Monitor;
 use pulp::{Simd, WithSimd};
 
 use super::{
-    Join,
     class_masks::Mask,
     far::apart,
     kernel::{
         box_to_box, box_to_lanes, image_to_boxes, least, nearest_first, strip_distances, within,
     },
+    structure::Join,
     tree::{Below, SIDES, STRIP, STRIPS},
 };
 use crate::{
