@@ -117,11 +117,12 @@ impl Groups {
 
     /// Returns the same groups in the order of their classes, each in the order of time, and the end of each class.
     pub(crate) fn in_classes(&self, classes: Classes<'_>) -> (Self, Vec<usize>) {
-        let first = |group: u32| self.transitions(group as usize)[0];
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
-        order.par_sort_unstable_by_key(|&group| (classes.class(first(group)), first(group)));
+        order.par_sort_unstable_by_key(|&group| {
+            (self.class(group, classes), self.transitions(group as usize)[0])
+        });
         let ends = (0..classes.count())
-            .map(|class| order.partition_point(|&group| classes.class(first(group)) <= class))
+            .map(|class| order.partition_point(|&group| self.class(group, classes) <= class))
             .collect();
         (self.in_order(&order), ends)
     }
@@ -134,6 +135,13 @@ impl Groups {
     /// Returns the transitions that start from state `group`, ascending.
     pub(crate) fn transitions(&self, group: usize) -> &[u32] {
         &self.transitions[self.starts[group] as usize..self.starts[group + 1] as usize]
+    }
+
+    /// Returns the class of the transitions that start from state `group`.
+    #[inline]
+    pub(crate) fn class(&self, group: u32, classes: Classes<'_>) -> usize {
+        // Without classes, a search need not read the group.
+        if classes.are_given() { classes.class(self.transitions(group as usize)[0]) } else { 0 }
     }
 
     /// Returns a row of state `group`.

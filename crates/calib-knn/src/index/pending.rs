@@ -67,12 +67,7 @@ impl<'a> Pool<'a> {
     /// Returns the class of a group's sources.
     #[inline(always)]
     pub(super) fn class(&self, group: u32) -> usize {
-        let classes = self.sources.classes;
-        if classes.are_given() {
-            classes.class(self.groups.transitions(group as usize)[0])
-        } else {
-            0
-        }
+        self.groups.class(group, self.sources.classes)
     }
 }
 

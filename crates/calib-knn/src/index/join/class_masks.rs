@@ -45,9 +45,8 @@ pub(super) struct ClassMasks {
 impl ClassMasks {
     /// Finds the classes of the groups, which are in the order of the tree.
     pub(super) fn new(tree: &Tree, groups: &Groups, classes: Classes<'_>) -> Self {
-        let classes: Vec<u16> = (0..groups.len())
-            .map(|group| classes.class(groups.transitions(group)[0]) as u16)
-            .collect();
+        let classes: Vec<u16> =
+            (0..groups.len() as u32).map(|group| groups.class(group, classes) as u16).collect();
         let mut strips = vec![Mask::NONE; tree.leaves() * STRIPS];
         let mut nodes = vec![Mask::NONE; tree.nodes()];
         for leaf in 0..tree.leaves() {
