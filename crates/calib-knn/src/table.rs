@@ -13,7 +13,6 @@ use crate::{
     candidates::Candidates,
     index::{NeighborLists, Planned, Queries, Sources},
     parts::PART_QUERIES,
-    recurrence::Filling,
 };
 
 type Shared<T> = Arc<dyn AsRef<[T]> + Send + Sync>;
@@ -74,6 +73,9 @@ impl fmt::Debug for NeighborTable {
             .finish_non_exhaustive()
     }
 }
+
+/// A table under construction: neighbours and distances.
+pub(crate) type Filling = (Scratch<u32>, Scratch<f32>);
 
 /// The storage that a build uses.
 #[derive(Clone, Debug, Default)]

@@ -108,24 +108,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
         reason: "an error names what it is about, everything fails with it, and the log reads text by its configuration",
     },
     KnownCircle {
-        package: "calib-knn",
-        files: &[
-            "model.rs",
-            "recurrence/anchor.rs",
-            "recurrence/classes.rs",
-            "recurrence/effective.rs",
-            "recurrence/exits.rs",
-            "recurrence/lists.rs",
-            "recurrence/member.rs",
-            "recurrence/mod.rs",
-            "recurrence/reaching.rs",
-            "recurrence/tarjan.rs",
-            "store.rs",
-            "table.rs",
-        ],
-        reason: "a model is stored by the store and made without traps, which both hold parts of it",
-    },
-    KnownCircle {
         package: "calib-model-steps",
         files: &[
             "model/kinds.rs",

@@ -4,12 +4,16 @@ use calib_core::Monitor;
 use calib_files::ScratchPlace;
 
 use super::{
-    Halt,
     anchor::Anchor,
     graph::Graph,
+    halt::Halt,
     tarjan::{ShrinkingGraph, Verdict, settle},
 };
 use crate::{KnnError, bits::Bits};
+
+/// A closed class of fewer than one in `SHARE` of the candidates is a trap, and no more candidates than that may be lost (our choice). A
+/// rollout should be able to visit most of its member. A tenth of a log is a regime of the plant rather than a dead end.
+pub(super) const SHARE: usize = 10;
 
 /// Closed classes of a graph.
 #[derive(Debug)]

@@ -1,9 +1,9 @@
 use calib_core::RowIndex;
 
 use super::{
-    Halt,
     exits::{Exits, left_out_of},
     graph::Graph,
+    halt::Halt,
     lists::Lists,
     member_search::MemberSearch,
     tarjan::{ShrinkingGraph, Verdict},

@@ -6,8 +6,8 @@ use std::{
 use calib_core::RowIndex;
 
 use super::{
-    Halt,
     graph::Graph,
+    halt::Halt,
     member_search::{Distances, MemberSearch},
     tarjan::{ShrinkingGraph, Verdict},
 };

@@ -3,7 +3,7 @@ use std::collections::HashMap;
 use calib_core::RowIndex;
 
 use super::{
-    Halt,
+    halt::Halt,
     member_search::{Distances, MemberSearch},
 };
 use crate::{Exclusion, bits::Bits, groups::hash};

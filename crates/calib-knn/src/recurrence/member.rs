@@ -4,16 +4,18 @@ use calib_files::Scratch;
 use rayon::prelude::*;
 
 use super::{
-    ClosedClasses, Ends, Filling, Halt, MemberResult, Recurrence, SHARE, TableSearch,
     anchor::Anchor,
-    classes::{Classes, closed},
+    classes::{Classes, SHARE, closed},
     effective::{Effective, Rule},
     exits::{Exits, Leading, left_out_of},
     graph::Graph,
+    halt::Halt,
     member_search::{Distances, MemberSearch},
+    results::{ClosedClasses, Ends, MemberResult, Recurrence},
+    table_search::TableSearch,
     tarjan::settle,
 };
-use crate::{KnnError, LeftOut, PART_QUERIES, bits::Bits};
+use crate::{KnnError, LeftOut, PART_QUERIES, bits::Bits, table::Filling};
 
 /// A member hardly revisits its states if no probed component contains one in this many candidates (our choice).
 const LOOP: usize = 100;

@@ -2,8 +2,8 @@ use calib_core::Monitor;
 use calib_files::ScratchPlace;
 
 use super::{
-    Halt,
     graph::{Graph, Sweep},
+    halt::Halt,
     tarjan::{ShrinkingGraph, Verdict, settle},
 };
 use crate::{KnnError, bits::Bits};

@@ -1,7 +1,7 @@
 use calib_core::Monitor;
 use calib_files::{Scratch, ScratchPlace};
 
-use super::Halt;
+use super::halt::Halt;
 use crate::bits::Bits;
 
 /// Transitions between two checks for an interruption.
