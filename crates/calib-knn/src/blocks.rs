@@ -44,19 +44,15 @@ impl Blocks {
         if count < members {
             return Err(KnnError::TooFewTransitions { transitions: count, members });
         }
-        let bound = |block: usize| (block as u64 * count as u64 / members as u64) as u32;
-        let own: Vec<Range<u32>> = (0..members).map(|b| bound(b)..bound(b + 1)).collect();
-        let continues = |after: u32| {
-            after > 0
-                && (after as usize) < count
-                && transitions.next(TransitionIndex(after - 1))
-                    == transitions.source(TransitionIndex(after))
-        };
+        let bounds: Vec<u32> = (0..=members as u64)
+            .map(|block| (block * count as u64 / members as u64) as u32)
+            .collect();
+        let own: Vec<Range<u32>> = bounds.windows(2).map(|pair| pair[0]..pair[1]).collect();
         let dropped = own
             .iter()
             .map(|block| {
-                let start = block.start - u32::from(continues(block.start));
-                start..block.end + u32::from(continues(block.end))
+                let start = block.start - u32::from(continues(transitions, block.start));
+                start..block.end + u32::from(continues(transitions, block.end))
             })
             .collect();
         Ok(Self { transitions: count as u32, own, dropped })
@@ -146,9 +142,18 @@ impl Blocks {
     ) -> usize {
         let dropped = &self.dropped[member];
         let both = forbidden.start.max(dropped.start)..forbidden.end.min(dropped.end);
-        let count = |range: &Range<u32>| candidates.count(range);
-        count(&(0..self.transitions)) + count(&both) - count(dropped) - count(forbidden)
+        candidates.count(&(0..self.transitions)) + candidates.count(&both)
+            - candidates.count(dropped)
+            - candidates.count(forbidden)
     }
+}
+
+/// Whether the transition before `transition` leads to the row that it starts from.
+fn continues(transitions: &Transitions, transition: u32) -> bool {
+    transition > 0
+        && (transition as usize) < transitions.len()
+        && transitions.next(TransitionIndex(transition - 1))
+            == transitions.source(TransitionIndex(transition))
 }
 
 #[cfg(test)]

@@ -99,8 +99,7 @@ impl ClassList<'_> {
             let rest = self.extent.count as u32 - 1;
             let (before, others) = self.needed.split_at_mut(last.first_lacking as usize);
             let (lacking, after) = others.split_at_mut(last.lacking().len());
-            let enough = |needed: &[u32]| needed.iter().all(|&needed| rest >= needed);
-            if !(enough(before) && enough(after)) {
+            if before.iter().chain(&*after).any(|&needed| rest < needed) {
                 self.extent.radius = last.candidate.squared;
                 return;
             }

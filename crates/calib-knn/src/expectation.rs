@@ -59,6 +59,20 @@ mod tests {
     use super::*;
     use crate::ModelConfig;
 
+    /// Returns the expected next states of the queries in the first of two members.
+    fn expected(
+        model: &KnnModel,
+        recorded: &States,
+        queries: &States,
+        weights: Weights,
+    ) -> Result<Vec<f64>, KnnError> {
+        let place = ScratchPlace::Memory;
+        let all = model.expected_next(queries, recorded, weights, &place, &Silent)?;
+        let mut all: Vec<Vec<f64>> = all.collect();
+        assert_eq!(all.len(), 2, "one of each member");
+        Ok(all.swap_remove(0))
+    }
+
     #[test]
     fn it_is_the_mean_over_the_draws_of_the_nearest_sources() {
         // Twelve rows at 0, 1, 2, …; the recorded values are their squares.
@@ -73,22 +87,15 @@ mod tests {
             model.blocks().transitions_of(0).map(|t| model.transitions().source(t).get()).collect();
         assert_eq!(sources, [6, 7, 8, 9, 10]);
         let query = States::new(vec![8.25, 100.0], 2, 1).expect("finite");
-        let expected = |query, weights| {
-            let place = ScratchPlace::Memory;
-            let all = model.expected_next(query, &recorded, weights, &place, &Silent)?;
-            let mut all: Vec<Vec<f64>> = all.collect();
-            assert_eq!(all.len(), 2, "one of each member");
-            Ok::<_, KnnError>(all.swap_remove(0))
-        };
         // The distances are 0.25, 0.75 and 1.25 to rows 8, 9 and 7. Their next states are 81, 100 and 64.
-        let linear = expected(&query, Weights::Linear).expect("it runs");
+        let linear = expected(&model, &recorded, &query, Weights::Linear).expect("it runs");
         let p = [0.25, 0.75, 1.25].map(|d| (1.0 - d / 2.25) / 2.0);
         assert!((linear[0] - (p[0] * 81.0 + p[1] * 100.0 + p[2] * 64.0)).abs() < 1e-5);
-        let uniform = expected(&query, Weights::Uniform).expect("it runs");
+        let uniform = expected(&model, &recorded, &query, Weights::Uniform).expect("it runs");
         assert!((uniform[0] - 245.0 / 3.0).abs() < 1e-9);
         // Beyond the data the neighbours are the last rows, which are followed by 121, 100 and 81.
         assert!((uniform[1] - 302.0 / 3.0).abs() < 1e-9);
         let wide = States::new(vec![0.0, 1.0], 1, 2).expect("finite");
-        assert!(expected(&wide, Weights::Linear).is_err());
+        assert!(expected(&model, &recorded, &wide, Weights::Linear).is_err());
     }
 }

@@ -52,13 +52,15 @@ impl Groups {
         monitor.check()?;
         hashed.par_sort_unstable();
         let classes = sources.classes;
-        let equal = |a: u32, b: u32| state(a) == state(b) && classes.class(a) == classes.class(b);
         // The first member of a group identifies it. Equal hashes almost always mean equal states.
         let mut named: Vec<(u32, u32)> = Vec::with_capacity(hashed.len());
         for run in hashed.chunk_by(|a, b| a.0 == b.0) {
             let mut firsts: Vec<u32> = Vec::new();
             for &(_, transition) in run {
-                let first = firsts.iter().copied().find(|&first| equal(first, transition));
+                let first = firsts.iter().copied().find(|&first| {
+                    state(first) == state(transition)
+                        && classes.class(first) == classes.class(transition)
+                });
                 if first.is_none() {
                     firsts.push(transition);
                 }

@@ -182,6 +182,11 @@ mod tests {
     use super::*;
     use crate::{Blocks, bits::Bits};
 
+    /// Returns the transitions in a member's list.
+    fn found(lists: &MemberLists, member: usize) -> Vec<u32> {
+        lists.of(member).map(|(transition, _)| transition.0).collect()
+    }
+
     #[test]
     fn a_candidate_enters_the_members_that_contain_it() {
         let transitions = Transitions::new(Segments::from_lengths([2; 6]).expect("valid"));
@@ -191,11 +196,10 @@ mod tests {
         for (transition, squared) in [(0, 1.0), (3, 2.0), (5, 0.5), (2, 2.0), (1, 9.0), (4, 0.1)] {
             lists.offer(0, Candidate { squared, transition }, CandidateMask::new(&blocks, &[]));
         }
-        let transitions = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
-        assert_eq!(transitions(0), [4, 5]);
-        assert_eq!(transitions(1), [] as [u32; 0]);
+        assert_eq!(found(&lists, 0), [4, 5]);
+        assert_eq!(found(&lists, 1), [] as [u32; 0]);
         // Transitions 2 and 3 tie: the earlier row wins.
-        assert_eq!(transitions(2), [0, 2]);
+        assert_eq!(found(&lists, 2), [0, 2]);
         assert_eq!(lists.radius(), 2.0);
     }
 
@@ -210,7 +214,7 @@ mod tests {
             let candidate = Candidate { squared: 1.0, transition };
             lists.offer(0, candidate, CandidateMask::new(&blocks, &left_out));
         }
-        let transitions = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
-        assert_eq!([transitions(0), transitions(1), transitions(2)], [[2, 3], [0, 4], [0, 1]]);
+        let found = [0, 1, 2].map(|member| found(&lists, member));
+        assert_eq!(found, [[2, 3], [0, 4], [0, 1]]);
     }
 }

@@ -114,11 +114,12 @@ fn search(
     place: &ScratchPlace,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Vec<Vec<Neighbor>>>, KnnError> {
-    let length = |member| model.blocks().member_len(member);
-    if let Some(member) = members.clone().find(|&member| length(member) == 0) {
-        return Err(KnnError::EmptyMember { member });
+    let lengths: Vec<usize> =
+        members.clone().map(|member| model.blocks().member_len(member)).collect();
+    if let Some(place) = lengths.iter().position(|&length| length == 0) {
+        return Err(KnnError::EmptyMember { member: members.start + place });
     }
-    let k = k.min(members.clone().map(length).max().unwrap_or(0));
+    let k = k.min(lengths.into_iter().max().unwrap_or(0));
     if k == 0 {
         return Err(KnnError::NoNeighbors);
     }

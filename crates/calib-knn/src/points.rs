@@ -163,12 +163,15 @@ mod tests {
 
     /// Returns positions in the order of the squared distance in `f64`, ties by position.
     fn brute(points: &[[f32; 3]], query: [f32; 3], skip: Option<usize>, k: usize) -> Vec<u32> {
-        let squared = |point: &[f32; 3]| -> f64 {
-            point.iter().zip(query).map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum()
-        };
-        let mut all: Vec<usize> = (0..points.len()).filter(|at| Some(*at) != skip).collect();
-        all.sort_by(|a, b| squared(&points[*a]).total_cmp(&squared(&points[*b])).then(a.cmp(b)));
-        all[..k].iter().map(|at| *at as u32).collect()
+        let others = points.iter().enumerate().filter(|(at, _)| Some(*at) != skip);
+        let mut all: Vec<(f64, usize)> = others
+            .map(|(at, point): (usize, &[f32; 3])| {
+                let pairs = point.iter().zip(query);
+                (pairs.map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum(), at)
+            })
+            .collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        all[..k].iter().map(|(_, at)| *at as u32).collect()
     }
 
     proptest! {

@@ -117,9 +117,11 @@ mod tests {
     fn the_farthest_point_is_next() {
         let points = [[0.0_f32], [1.0], [2.0], [9.0], [10.0], [2.0]];
         let all = [0, 1, 2, 3, 4, 5];
-        let point = |one: u32| &points[one as usize][..];
         // The mean is 4. Nearest is 2, then the farthest is 10, then 0, then those at distance one.
-        assert_eq!(farthest_first(&all, 1, 3, point), [2, 4, 0]);
-        assert_eq!(farthest_first(&all, 1, 6, point), [2, 4, 0, 1, 3, 5]);
+        let expected: [u32; 6] = [2, 4, 0, 1, 3, 5];
+        for count in [3, 6] {
+            let found = farthest_first(&all, 1, count, |one| &points[one as usize][..]);
+            assert_eq!(found, expected[..count]);
+        }
     }
 }

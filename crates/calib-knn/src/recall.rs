@@ -116,14 +116,12 @@ mod tests {
         let values = (0..1200_u16).map(|row| f32::from(row / 5)).collect();
         let states = States::new(values, 1200, 1).expect("finite");
         let transitions = Transitions::new(Segments::from_lengths([1200]).expect("one"));
-        let recall_with = |prototypes| {
+        let [exact, every_sixth] = [1, 6].map(|prototypes| {
             let config = ModelConfig { prototypes, remove_traps: false, ..ModelConfig::default() };
             let model = KnnModel::build(states.clone(), transitions.clone(), &config, &Silent);
             recall(&model.expect("built"), 50, Seed::new(3), &Silent).expect("not interrupted")
-        };
-        let exact = recall_with(1);
+        });
         assert_eq!((exact.recall, exact.distance_ratio, exact.copies_missed), (1.0, 1.0, 0));
-        let every_sixth = recall_with(6);
         assert!(every_sixth.copies_missed > 200, "{every_sixth:?}");
         assert!(every_sixth.interval[0] < every_sixth.recall);
         assert!(every_sixth.interval[1] > every_sixth.recall);

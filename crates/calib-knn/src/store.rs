@@ -194,36 +194,41 @@ mod tests {
         assert!(other.to_string().contains("member 0 is damaged"), "{other}");
     }
 
+    /// Returns a table of two neighbours per row with one neighbour changed.
+    fn with_neighbor(table: &NeighborTable, cell: usize, value: u32) -> NeighborTable {
+        let mut neighbors = table.neighbors().to_vec();
+        neighbors[cell] = value;
+        let distances = table.distances().to_vec();
+        NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), 2)
+    }
+
+    /// Returns a table of two neighbours per row with one distance changed.
+    fn with_distance(table: &NeighborTable, cell: usize, value: f32) -> NeighborTable {
+        let mut distances = table.distances().to_vec();
+        distances[cell] = value;
+        let neighbors = table.neighbors().to_vec();
+        NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), 2)
+    }
+
     #[test]
     fn damage_is_found_on_opening() {
         let (blocks, table) = table();
-        let neighbors = |cell: usize, value: u32| {
-            let mut neighbors = table.neighbors().to_vec();
-            neighbors[cell] = value;
-            (neighbors, table.distances().to_vec())
-        };
-        let distances = |cell: usize, value: f32| {
-            let mut distances = table.distances().to_vec();
-            distances[cell] = value;
-            (table.neighbors().to_vec(), distances)
-        };
         let inside = 2
             * (0..10).find(|&row| blocks.contains(1, TransitionIndex(row))).expect("some") as usize;
         let outside = 2 * blocks.own(1).start as usize;
         let damaged = [
-            neighbors(inside, 10),
-            neighbors(inside, u32::MAX),
-            neighbors(inside, blocks.own(1).start),
-            neighbors(outside, 0),
-            distances(outside, 0.5),
-            distances(inside, f32::NAN),
-            distances(inside, -1.0),
-            distances(inside + 1, f32::INFINITY),
-            distances(inside, 1e9),
+            with_neighbor(&table, inside, 10),
+            with_neighbor(&table, inside, u32::MAX),
+            with_neighbor(&table, inside, blocks.own(1).start),
+            with_neighbor(&table, outside, 0),
+            with_distance(&table, outside, 0.5),
+            with_distance(&table, inside, f32::NAN),
+            with_distance(&table, inside, -1.0),
+            with_distance(&table, inside + 1, f32::INFINITY),
+            with_distance(&table, inside, 1e9),
         ];
-        for (neighbors, distances) in damaged {
+        for table in damaged {
             let directory = tempfile::tempdir().expect("a directory");
-            let table = NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), 2);
             write_table(directory.path(), &table).expect("written");
             let error = open_table(directory.path(), &blocks, 1).expect_err("damaged");
             assert!(matches!(error, KnnError::Table { member: 1, .. }), "{error}");

@@ -16,10 +16,9 @@ pub(crate) fn uniform(rows: usize, columns: usize) -> States {
 pub(crate) fn plant(rows: usize, columns: usize) -> States {
     const FACTORS: usize = 10;
     let mut rng = Seed::new(3).rng();
-    let mut normals = |count: usize| -> Vec<f64> { (0..count).map(|_| rng.normal()).collect() };
-    let loadings = normals(FACTORS * columns);
-    let shifts = normals(3 * columns);
-    let mut factors = normals(FACTORS);
+    let loadings = normals(&mut rng, FACTORS * columns);
+    let shifts = normals(&mut rng, 3 * columns);
+    let mut factors = normals(&mut rng, FACTORS);
     let mut rng = Seed::new(4).rng();
     let mut values = Vec::with_capacity(rows * columns);
     for row in 0..rows {
@@ -33,6 +32,10 @@ pub(crate) fn plant(rows: usize, columns: usize) -> States {
         }
     }
     States::new(values, rows, columns).expect("valid")
+}
+
+fn normals(rng: &mut Rng, count: usize) -> Vec<f64> {
+    (0..count).map(|_| rng.normal()).collect()
 }
 
 /// Moves the factors to `row`. The first has the period of a day; the others change slowly and at

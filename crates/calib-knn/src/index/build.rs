@@ -33,6 +33,14 @@ impl<'a> Planned<'a> {
         let order = index.order(queries);
         Self { index: Box::new(index), order, choice: IndexChoice { kind, reason } }
     }
+
+    fn scan(scan: Scan<'a>, queries: &Queries<'_>, reason: Reason) -> Self {
+        Self::new(scan, queries, IndexKind::Scan, reason)
+    }
+
+    fn tree(tree: KdTree<'a>, queries: &Queries<'_>, reason: Reason) -> Self {
+        Self::new(tree, queries, IndexKind::KdTree, reason)
+    }
 }
 
 impl<'a> Sources<'a> {
@@ -68,21 +76,22 @@ impl<'a> Sources<'a> {
         place: &ScratchPlace,
         monitor: &dyn Monitor,
     ) -> Result<Planned<'a>, KnnError> {
-        let scan = |scan: Scan<'a>, reason| Planned::new(scan, queries, IndexKind::Scan, reason);
-        let tree =
-            |tree: KdTree<'a>, reason| Planned::new(tree, queries, IndexKind::KdTree, reason);
         let budget = self.leaf_budget;
         let by_class = self.classes.are_given();
         // Only the join has a leaf budget. A budget therefore fixes the structure, so that the tables do not depend on the choice.
         let kind = if budget > 0 { IndexKind::Join } else { kind };
         match kind {
-            IndexKind::KdTree if !by_class => Ok(tree(KdTree::new(*self, monitor)?, Reason::Asked)),
+            IndexKind::KdTree if !by_class => {
+                Ok(Planned::tree(KdTree::new(*self, monitor)?, queries, Reason::Asked))
+            }
             IndexKind::Scan | IndexKind::Auto if queries.len() < FEW_QUERIES => {
                 let asked = kind == IndexKind::Scan;
                 let reason = if asked { Reason::Asked } else { Reason::FewQueries };
-                Ok(scan(Scan::new(*self), reason))
+                Ok(Planned::scan(Scan::new(*self), queries, reason))
             }
-            IndexKind::Scan => Ok(scan(Scan::grouped(*self, monitor)?, Reason::Asked)),
+            IndexKind::Scan => {
+                Ok(Planned::scan(Scan::grouped(*self, monitor)?, queries, Reason::Asked))
+            }
             IndexKind::KdTree | IndexKind::Join | IndexKind::Auto => {
                 // The tree's arrays cannot be in files.
                 let few =
@@ -91,11 +100,13 @@ impl<'a> Sources<'a> {
                     let built = KdTree::new(*self, monitor)?;
                     let most = MOST_GIVEN + 6 * k;
                     if built.given(queries, k, 4 * most) <= most as f64 {
-                        return Ok(tree(built, Reason::FewColumns { columns: self.columns() }));
+                        let reason = Reason::FewColumns { columns: self.columns() };
+                        return Ok(Planned::tree(built, queries, reason));
                     }
                 }
                 let Some(join) = Join::new(*self, place, monitor)? else {
-                    return Ok(scan(Scan::grouped(*self, monitor)?, Reason::Large));
+                    let scan = Scan::grouped(*self, monitor)?;
+                    return Ok(Planned::scan(scan, queries, Reason::Large));
                 };
                 let order = join.order(queries);
                 let mut reason = Reason::Asked;
@@ -104,7 +115,7 @@ impl<'a> Sources<'a> {
                     reason = Reason::Work { share };
                     if share > 1.0 {
                         let groups = join.into_groups().in_time();
-                        return Ok(scan(Scan::of(*self, groups), reason));
+                        return Ok(Planned::scan(Scan::of(*self, groups), queries, reason));
                     }
                 }
                 let choice = IndexChoice { kind: IndexKind::Join, reason };

@@ -186,16 +186,17 @@ mod tests {
         let mut rng = Seed::new(3).rng();
         let values: Vec<f32> = (0..rows * columns).map(|_| rng.normal() as f32).collect();
         let sample: Vec<&[f32]> = values.chunks(columns).collect();
-        let computed = |threads: usize| {
+        let [one, four] = [1, 4].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.expect("a pool").install(|| covariance(&sample, columns))
-        };
-        let (mean, all) = computed(1);
-        assert_eq!((&mean, &all), (&computed(4).0, &computed(4).1));
+        });
+        assert_eq!(one, four);
+        let (mean, all) = one;
         for a in 0..columns {
             for b in 0..columns {
-                let centred = |state: &[f32], c: usize| f64::from(state[c]) - mean[c];
-                let products = sample.iter().map(|state| centred(state, a) * centred(state, b));
+                let products = sample
+                    .iter()
+                    .map(|state| (f64::from(state[a]) - mean[a]) * (f64::from(state[b]) - mean[b]));
                 let expected = products.sum::<f64>() / rows as f64;
                 assert!((all[a * columns + b] - expected).abs() < 1e-12, "{a} {b}");
             }

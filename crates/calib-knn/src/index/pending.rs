@@ -287,6 +287,11 @@ mod tests {
     use super::*;
     use crate::{Blocks, Exclusion, MemberLists};
 
+    /// Returns the transitions in a member's list.
+    fn found(lists: &MemberLists, member: usize) -> Vec<TransitionIndex> {
+        lists.of(member).map(|(transition, _)| transition).collect()
+    }
+
     #[test]
     fn a_standstill_is_not_remembered_row_by_row() {
         let rows = 20 * MOST_MET;
@@ -311,9 +316,8 @@ mod tests {
         }
         assert!((MOST_MET / 2..=MOST_MET).contains(&most), "{most}");
         let lists = one.finish(pool);
-        let transitions = |member| lists.of(member).map(|(t, _)| t).collect::<Vec<_>>();
-        assert_eq!(transitions(1), [0, 2, 4].map(TransitionIndex::new).to_vec());
-        assert_eq!(transitions(0), []);
-        assert_eq!(transitions(2), [0, 2, 4].map(TransitionIndex::new).to_vec());
+        assert_eq!(found(&lists, 1), [0, 2, 4].map(TransitionIndex::new));
+        assert_eq!(found(&lists, 0), []);
+        assert_eq!(found(&lists, 2), [0, 2, 4].map(TransitionIndex::new));
     }
 }

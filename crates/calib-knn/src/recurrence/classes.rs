@@ -116,10 +116,9 @@ mod tests {
         let expected = shape.closed();
         let sizes: Vec<usize> = expected.iter().map(Vec::len).collect();
         prop_assert_eq!(&found.sizes, &sizes);
-        let is_trap = |class: &&Vec<u32>| class.len() < enough;
-        let traps = expected.iter().filter(is_trap).count();
+        let traps = sizes.iter().filter(|&&size| size < enough).count();
         prop_assert_eq!(found.traps(enough), traps);
-        let ends = expected.iter().filter(|class| traps == 0 || is_trap(class));
+        let ends = expected.iter().filter(|class| traps == 0 || class.len() < enough);
         let ends = Bits::of(graph.len(), ends.flatten().copied());
         prop_assert_eq!(found.ends, ends);
         let reaching = shape.reaching(anchor.node);

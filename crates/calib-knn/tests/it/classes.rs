@@ -57,8 +57,9 @@ impl Shape {
             lengths.push(length);
             rest -= length;
         }
-        let mut value = || rng.below(self.grid as usize) as f32 / self.grid as f32;
-        let mut values: Vec<f32> = (0..self.rows * self.columns).map(|_| value()).collect();
+        let mut values: Vec<f32> = (0..self.rows * self.columns)
+            .map(|_| rng.below(self.grid as usize) as f32 / self.grid as f32)
+            .collect();
         if self.standstill {
             let half = self.rows / 2 * self.columns;
             values[..half].fill(0.5);
@@ -93,14 +94,19 @@ struct Wanted {
 impl Case {
     /// Returns all candidates from the nearest to the farthest, with the distances that tables store.
     fn ranked(&self, from: &[f32], forbidden: &Range<u32>) -> Vec<(u32, f32)> {
-        let squared = |transition: u32| {
+        let mut all: Vec<(f64, u32)> = Vec::new();
+        for transition in 0..self.transitions.len() as u32 {
+            if forbidden.contains(&transition) {
+                continue;
+            }
             let row = self.transitions.sources()[transition as usize] as usize;
-            let differences =
-                from.iter().zip(self.states.row(row)).map(|(a, b)| f64::from(*a) - f64::from(*b));
-            differences.fold(0.0, |sum, difference| sum + difference * difference)
-        };
-        let all = (0..self.transitions.len() as u32).filter(|t| !forbidden.contains(t));
-        let mut all: Vec<(f64, u32)> = all.map(|t| (squared(t), t)).collect();
+            let mut squared = 0.0;
+            for (&a, &b) in from.iter().zip(self.states.row(row)) {
+                let difference = f64::from(a) - f64::from(b);
+                squared += difference * difference;
+            }
+            all.push((squared, transition));
+        }
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         all.into_iter().map(|(squared, t)| (t, squared.sqrt() as f32)).collect()
     }
@@ -161,22 +167,27 @@ impl Case {
     fn next_states(&self, kind: IndexKind) {
         let sources = self.sources();
         let queries = Queries::next_states(&sources, self.exclusion).with_nearest_outside_block();
-        let row = |query| self.transitions.next(TransitionIndex::new(query));
-        let from = |query| {
-            let row = row(query);
-            let forbidden = self.exclusion.forbidden(&self.transitions, row);
-            (self.states.row(row.get()).to_vec(), forbidden)
-        };
-        self.check(kind, &queries, self.k, from, |query| {
-            let has = |member| self.blocks.contains(member, TransitionIndex::new(query));
-            let mut wanted = self.all_classes(has);
-            wanted.extend(self.transitions.starting_at(row(query)).map(|own| Wanted {
-                class: usize::from(self.classes[own.get()]),
-                member: self.blocks.block_of(own),
-                count: 1,
-            }));
-            wanted
-        });
+        self.check(
+            kind,
+            &queries,
+            self.k,
+            |query| {
+                let row = self.transitions.next(TransitionIndex::new(query));
+                let forbidden = self.exclusion.forbidden(&self.transitions, row);
+                (self.states.row(row.get()).to_vec(), forbidden)
+            },
+            |query| {
+                let query = TransitionIndex::new(query);
+                let mut wanted = self.all_classes(|member| self.blocks.contains(member, query));
+                let own = self.transitions.starting_at(self.transitions.next(query));
+                wanted.extend(own.map(|own| Wanted {
+                    class: usize::from(self.classes[own.get()]),
+                    member: self.blocks.block_of(own),
+                    count: 1,
+                }));
+                wanted
+            },
+        );
     }
 
     fn sources_outside_their_block(&self, kind: IndexKind) {
@@ -185,11 +196,16 @@ impl Case {
             let own: Vec<TransitionIndex> = self.blocks.own(member).map(TransitionIndex).collect();
             let rows: Vec<RowIndex> = own.iter().map(|&t| self.transitions.source(t)).collect();
             let queries = Queries::rows(&sources, &rows, member, Exclusion::default());
-            let from = |query: usize| (self.states.row(rows[query].get()).to_vec(), 0..0);
-            self.check(kind, &queries, 1, from, |query| {
-                let class = usize::from(self.classes[own[query].get()]);
-                vec![Wanted { class, member, count: 1 }]
-            });
+            self.check(
+                kind,
+                &queries,
+                1,
+                |query| (self.states.row(rows[query].get()).to_vec(), 0..0),
+                |query| {
+                    let class = usize::from(self.classes[own[query].get()]);
+                    vec![Wanted { class, member, count: 1 }]
+                },
+            );
         }
     }
 
@@ -199,8 +215,13 @@ impl Case {
         let far = [vec![0.3; columns], vec![1e4; columns], vec![-2e30; columns]].concat();
         let states = States::new(far, 3, columns).expect("finite");
         let queries = Queries::external(&sources, &states, None).expect("as many columns");
-        let from = |query| (states.row(query).to_vec(), 0..0);
-        self.check(kind, &queries, self.k, from, |_| self.all_classes(|_| true));
+        self.check(
+            kind,
+            &queries,
+            self.k,
+            |query| (states.row(query).to_vec(), 0..0),
+            |_| self.all_classes(|_| true),
+        );
     }
 }
 

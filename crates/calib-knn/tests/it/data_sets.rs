@@ -29,12 +29,13 @@ fn plant() -> States {
     let days: Vec<_> = plant.collect();
     let mut columns = Vec::new();
     for &channel in &alive {
-        let values = || days.iter().flat_map(|day| day.columns[channel].iter().copied());
-        let finite = || values().filter(|value| value.is_finite());
-        let low = finite().fold(f32::MAX, f32::min);
-        let high = finite().fold(f32::MIN, f32::max);
+        let values: Vec<f32> =
+            days.iter().flat_map(|day| day.columns[channel].iter().copied()).collect();
+        let finite = values.iter().copied().filter(|value| value.is_finite());
+        let low = finite.clone().fold(f32::MAX, f32::min);
+        let high = finite.fold(f32::MIN, f32::max);
         let mut last = 0.0;
-        let scaled = values().map(|value| {
+        let scaled = values.iter().map(|&value| {
             if value.is_finite() {
                 last = (value - low) / (high - low).max(1e-6);
             }

@@ -45,18 +45,23 @@ fn nearest_by_definition(member: Member<'_>, query: &[f32], count: usize) -> Vec
     all
 }
 
+/// Returns the rows that a transition leads from and to.
+fn ends(model: &KnnModel, transition: u32) -> [RowIndex; 2] {
+    let transition = TransitionIndex(transition);
+    [model.transitions().source(transition), model.transitions().next(transition)]
+}
+
 #[test]
 fn no_row_of_the_block_is_reachable_in_its_member() {
     let model = model(&ModelConfig::default());
-    let ends = |i: TransitionIndex| [model.transitions().source(i), model.transitions().next(i)];
     for number in 0..5 {
         let block: BTreeSet<RowIndex> =
-            model.blocks().own(number).flat_map(|i| ends(TransitionIndex(i))).collect();
+            model.blocks().own(number).flat_map(|i| ends(&model, i)).collect();
         let member = model.member(number);
         for position in 0..member.len() {
             let (neighbors, _) = member.neighbors(member.nth(position));
             for &j in neighbors {
-                assert!(ends(TransitionIndex(j)).iter().all(|row| !block.contains(row)));
+                assert!(ends(&model, j).iter().all(|row| !block.contains(row)));
             }
         }
     }
@@ -90,7 +95,7 @@ fn a_model_comes_back_from_its_files() {
     let model = model(&config);
     let directory = tempfile::tempdir().expect("a directory");
     model.write_members(directory.path()).expect("written");
-    let open = |members| {
+    let [opened, refused] = [3, 4].map(|members| {
         KnnModel::open(
             directory.path(),
             model.states().clone(),
@@ -98,14 +103,14 @@ fn a_model_comes_back_from_its_files() {
             members,
             config.exclusion(),
         )
-    };
-    let opened = open(3).expect("valid");
+    });
+    let opened = opened.expect("valid");
     assert_eq!((opened.members(), opened.k()), (3, 4));
     for member in 0..3 {
         assert_eq!(opened.table(member).neighbors(), model.table(member).neighbors());
         assert_eq!(opened.table(member).distances(), model.table(member).distances());
     }
-    assert!(open(4).is_err());
+    assert!(refused.is_err());
 }
 
 #[test]

@@ -38,9 +38,9 @@ impl Case {
     fn check(&self) -> Result<(), TestCaseError> {
         let states = self.states();
         let transitions = self.transitions();
-        let expected = |member| Expected::of(&states, &transitions, &self.config, member);
-        let expected: Result<Vec<Expected>, KnnError> =
-            (0..self.config.members).map(expected).collect();
+        let expected: Result<Vec<Expected>, KnnError> = (0..self.config.members)
+            .map(|member| Expected::of(&states, &transitions, &self.config, member))
+            .collect();
         for index in [IndexKind::Scan, IndexKind::Join, IndexKind::KdTree, IndexKind::Auto] {
             let config = ModelConfig { index, ..self.config };
             let place = Workplace::default();

@@ -141,7 +141,7 @@ fn covering_prototypes_are_few_and_miss_nothing_rare() {
         values[8 * row..8 * row + 8].fill(50.0 + row as f32 / 1e4);
     }
     let states = States::new(values, ROWS, 8).expect("finite");
-    let nearest = |config: ModelConfig| {
+    let [every_seventh, covering] = [config, covering].map(|config| {
         let config = ModelConfig { theiler: 0, ..config };
         let model = KnnModel::build(states.clone(), transitions.clone(), &config, &Silent);
         let model = model.expect("built");
@@ -151,9 +151,9 @@ fn covering_prototypes_are_few_and_miss_nothing_rare() {
             model.member(m).contains(ends_in_3001) && model.member(m).contains(other)
         });
         model.member(member.expect("three of five")).neighbors(ends_in_3001).1[0]
-    };
-    assert!(nearest(config) > 50.0, "every seventh row leaves both out");
-    assert!(nearest(covering) < 5.0, "what covers the states has one of them");
+    });
+    assert!(every_seventh > 50.0, "every seventh row leaves both out");
+    assert!(covering < 5.0, "what covers the states has one of them");
 }
 
 #[test]

@@ -23,6 +23,12 @@ struct Case {
     exclusion: Exclusion,
 }
 
+/// Returns the rows that a transition leads from and to.
+fn ends(transitions: &Transitions, i: usize) -> [RowIndex; 2] {
+    let i = TransitionIndex::new(i);
+    [transitions.source(i), transitions.next(i)]
+}
+
 impl Case {
     fn states(&self) -> States {
         let rows = self.lengths.iter().sum();
@@ -37,24 +43,22 @@ impl Case {
     fn expected(&self, member: usize) -> Result<Lists, usize> {
         let states = self.states();
         let all = self.transitions();
-        let ends = |i: usize| {
-            let i = TransitionIndex::new(i);
-            [all.source(i), all.next(i)]
-        };
         let count = all.len();
         let block = member * count / self.members..(member + 1) * count / self.members;
-        let rows: Vec<RowIndex> = block.flat_map(ends).collect();
-        let inside = |i: usize| !ends(i).iter().any(|row| rows.contains(row));
+        let rows: Vec<RowIndex> = block.flat_map(|i| ends(&all, i)).collect();
+        let inside: Vec<bool> =
+            (0..count).map(|i| !ends(&all, i).iter().any(|row| rows.contains(row))).collect();
         let mut fewest = usize::MAX;
         let lists = (0..count)
             .map(|i| {
-                inside(i).then(|| {
-                    let query = ends(i)[1];
+                inside[i].then(|| {
+                    let [_, query] = ends(&all, i);
                     let mut list: Vec<(f64, u32)> = (0..count)
-                        .filter(|&j| inside(j) && !self.forbids(&all, query, ends(j)[0]))
+                        .filter(|&j| inside[j] && !self.forbids(&all, query, ends(&all, j)[0]))
                         .map(|j| {
+                            let [source, _] = ends(&all, j);
                             let pairs =
-                                states.row(query.get()).iter().zip(states.row(ends(j)[0].get()));
+                                states.row(query.get()).iter().zip(states.row(source.get()));
                             let mut squared = 0.0;
                             for (&a, &b) in pairs {
                                 squared += (f64::from(a) - f64::from(b)).powi(2);
@@ -74,9 +78,9 @@ impl Case {
     }
 
     fn forbids(&self, transitions: &Transitions, query: RowIndex, source: RowIndex) -> bool {
-        let segment = |row: RowIndex| transitions.segments().position_of(row.get());
+        let segments = transitions.segments();
         let near = self.exclusion.theiler > 0
-            && segment(query) == segment(source)
+            && segments.position_of(query.get()) == segments.position_of(source.get())
             && query.0.abs_diff(source.0) <= self.exclusion.theiler;
         near || (self.exclusion.self_match == SelfMatch::Excluded && query == source)
     }
@@ -327,21 +331,23 @@ fn work_ends_when_the_user_asks() {
     }
 }
 
+/// Returns the number of tables and the progress of a build on one thread, which ends after this much progress.
+fn build_alone(case: &Case, kind: IndexKind, most: u64) -> (Result<usize, KnnError>, u64) {
+    let monitor = Counting::new(false, most);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    let built = pool.install(|| case.build(kind, &monitor));
+    (built.map(|tables| tables.len()), monitor.progress.into_inner())
+}
+
 #[test]
 fn progress_reaches_its_end_and_a_scan_ends_inside_a_block() {
     let case = sawtooth(8000, 4);
-    let build = |kind, most| {
-        let monitor = Counting::new(false, most);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
-        let built = pool.install(|| case.build(kind, &monitor));
-        (built.map(|tables| tables.len()), monitor.progress.into_inner())
-    };
     for kind in KINDS {
-        let (built, progress) = build(kind, u64::MAX);
+        let (built, progress) = build_alone(&case, kind, u64::MAX);
         assert_eq!((built.expect("not interrupted"), progress), (4, 7998), "{kind:?}");
     }
     // A block has 1024 queries.
-    let (stopped, progress) = build(IndexKind::Scan, 0);
+    let (stopped, progress) = build_alone(&case, IndexKind::Scan, 0);
     assert!(matches!(stopped, Err(KnnError::Cancelled(_))));
     assert!((1..512).contains(&progress), "{progress}");
 }

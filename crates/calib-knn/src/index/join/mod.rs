@@ -82,6 +82,11 @@ impl Join<'_> {
         }
     }
 
+    /// Returns the work of a scan for this many queries, in multiply-adds.
+    fn work_of_scan(&self, queries: usize) -> u64 {
+        (queries * self.groups.len() * self.sources.columns()) as u64
+    }
+
     fn share_with_lists<L: Lists>(
         &self,
         queries: &Queries<'_>,
@@ -93,18 +98,17 @@ impl Join<'_> {
         let stride = bands.len().div_ceil(SAMPLE).max(1);
         let sample: Vec<_> = bands.iter().step_by(stride).map(|band| &band[..1]).collect();
         let arch = Arch::new();
-        let scan = |queries: usize| (queries * self.groups.len() * self.sources.columns()) as u64;
         let (work, sampled) = sample
             .par_iter()
             .map(|blocks| {
                 let count = blocks[0].1.len();
-                let limit = Limit { work: 2 * scan(count), ..self.limit(queries) };
+                let limit = Limit { work: 2 * self.work_of_scan(count), ..self.limit(queries) };
                 let lists = PhantomData::<L>;
                 let band = Band { join: self, queries, blocks, k, limit, monitor, lists };
                 (arch.dispatch(band).work, count)
             })
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        work as f64 / scan(sampled).max(1) as f64
+        work as f64 / self.work_of_scan(sampled).max(1) as f64
     }
 
     /// Searches `order` with lists of this kind.

@@ -59,8 +59,9 @@ impl Spread<'_> {
             return;
         }
         let middle = leaves.start + leaves.len() / 2;
-        let boundary = |leaf| boundary(self.count, self.leaves, leaf);
-        let (left, right) = self.split(order, boundary(middle) - boundary(leaves.start));
+        let [start, end] =
+            [leaves.start, middle].map(|leaf| boundary(self.count, self.leaves, leaf));
+        let (left, right) = self.split(order, end - start);
         rayon::join(
             || self.arrange(left, leaves.start..middle),
             || self.arrange(right, middle..leaves.end),
@@ -82,9 +83,11 @@ impl Spread<'_> {
         let images = self.images;
         let width = self.width;
         let coordinate = widest(images, width, order);
-        let value = |image: &u32| images[*image as usize * width + coordinate];
         if at < order.len() {
-            order.select_nth_unstable_by(at, |a, b| value(a).total_cmp(&value(b)).then(a.cmp(b)));
+            order.select_nth_unstable_by(at, |&a, &b| {
+                let values = [a, b].map(|image| images[image as usize * width + coordinate]);
+                values[0].total_cmp(&values[1]).then(a.cmp(&b))
+            });
         }
         order.split_at_mut(at)
     }
@@ -105,6 +108,7 @@ fn widest(images: &[f32], width: usize, order: &[u32]) -> usize {
             *square += value * value;
         }
     }
-    let variance = |c: usize| squares[c] - sums[c] * sums[c] / sampled;
-    (0..width).max_by(|&a, &b| variance(a).total_cmp(&variance(b)).then(b.cmp(&a))).unwrap_or(0)
+    let variances: Vec<f64> =
+        (0..width).map(|c| squares[c] - sums[c] * sums[c] / sampled).collect();
+    (0..width).max_by(|&a, &b| variances[a].total_cmp(&variances[b]).then(b.cmp(&a))).unwrap_or(0)
 }

@@ -209,20 +209,25 @@ impl Tree {
 
     /// Returns a leaf near `image`: at each node it descends to the child with the nearer box.
     pub(super) fn nearest_leaf(&self, image: &[f32]) -> usize {
-        let distance = |node: usize| {
-            let (lower, upper) = self.bounds(node);
-            let sides = image.iter().zip(lower.iter().zip(upper));
-            sides.map(|(&x, (&l, &u))| (l - x).max(x - u).max(0.0).powi(2)).sum::<f32>()
-        };
         let mut node = 0;
         loop {
             match self.below(node) {
                 Below::Leaf(leaf) => return leaf,
                 Below::Nodes([first, second]) => {
-                    node = if distance(second) < distance(first) { second } else { first };
+                    let [to_first, to_second] =
+                        [first, second].map(|child| self.distance_to_box(child, image));
+                    node = if to_second < to_first { second } else { first };
                 }
             }
         }
+    }
+
+    /// Returns the squared distance of `image` from the box of a node.
+    #[inline]
+    fn distance_to_box(&self, node: usize, image: &[f32]) -> f32 {
+        let (lower, upper) = self.bounds(node);
+        let sides = image.iter().zip(lower.iter().zip(upper));
+        sides.map(|(&x, (&l, &u))| (l - x).max(x - u).max(0.0).powi(2)).sum()
     }
 
     /// Returns the children of a node, or its leaf.

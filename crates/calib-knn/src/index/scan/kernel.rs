@@ -98,6 +98,12 @@ mod tests {
         a.iter().zip(b).map(|(a, b)| a * b).sum()
     }
 
+    /// Returns a sum by definition, for a centre of twos.
+    fn expected(state: &[f32], query: &[f32]) -> f32 {
+        let x: Vec<f32> = state.iter().map(|value| value - 2.0).collect();
+        product(&x, &x) - 2.0 * product(&x, query)
+    }
+
     struct Check {
         columns: usize,
     }
@@ -121,10 +127,6 @@ mod tests {
             let mut offsets = vec![0.0; strip];
             let rows = states.iter().map(Vec::as_slice);
             lay_strip(simd, rows, &centre, &mut lanes, &mut offsets);
-            let expected = |q: usize, row: usize| {
-                let x: Vec<f32> = states[row].iter().map(|value| value - 2.0).collect();
-                product(&x, &x) - 2.0 * product(&x, &queries[q])
-            };
             let mut panel = vec![0.0; QUERIES * columns];
             for (q, query) in queries.iter().enumerate() {
                 for (c, value) in query.iter().enumerate() {
@@ -134,16 +136,20 @@ mod tests {
             offsets[strip - 1] = f32::INFINITY;
             let mut out = vec![f32::NAN; QUERIES * strip];
             let below: Vec<f32> = (0..QUERIES)
-                .map(|q| (0..strip - 1).map(|row| expected(q, row)).fold(0.0, f32::min) - 1.0)
+                .map(|q| {
+                    states.iter().map(|state| expected(state, &queries[q])).fold(0.0, f32::min)
+                        - 1.0
+                })
                 .collect();
             assert!(!meets::<S, QUERIES>(simd, &lanes, &offsets, &panel, &below, &mut out));
             for near in 0..QUERIES {
                 let mut limits = below.clone();
-                limits[near] = (0..strip - 1).map(|r| expected(near, r)).fold(1e9, f32::min);
+                limits[near] =
+                    states.iter().map(|state| expected(state, &queries[near])).fold(1e9, f32::min);
                 assert!(meets::<S, QUERIES>(simd, &lanes, &offsets, &panel, &limits, &mut out));
                 for (q, out) in out.chunks(strip).enumerate() {
                     for (row, &out) in out[..strip - 1].iter().enumerate() {
-                        assert_eq!(out, expected(q, row));
+                        assert_eq!(out, expected(&states[row], &queries[q]));
                     }
                     assert_eq!(out[strip - 1], f32::INFINITY);
                 }

@@ -244,10 +244,10 @@ impl<L: Lists> Block<'_, L> {
                 }
             }
             // The number of queries to report: the share of the sources that all queries have been compared with.
-            let queries = |done: u64| self.order.len() as u64 * done / tiles.len() as u64;
-            match queries(done + 1) - queries(done) {
-                0 => {}
-                some => self.monitor.advance(some),
+            let [before, after] = [done, done + 1]
+                .map(|done: u64| self.order.len() as u64 * done / tiles.len() as u64);
+            if after > before {
+                self.monitor.advance(after - before);
             }
         }
         if tiles.is_empty() {
@@ -266,19 +266,25 @@ impl<L: Lists> Block<'_, L> {
             norms: Vec::with_capacity(pending.len()),
         };
         for (query, one) in pending.iter().enumerate() {
-            let centred = || one.state().iter().zip(centre).map(|(value, centre)| value - centre);
-            let norm = centred().map(|value| value * value).sum::<f32>();
+            let norm = centred(one.state(), centre).map(|value| value * value).sum::<f32>();
             if norm <= FARTHEST {
                 panels.norms.push(f64::from(norm));
                 let panel = &mut panels.values[query / PANEL * PANEL * columns..];
                 let column_of = panel[query % PANEL..].iter_mut().step_by(PANEL);
-                column_of.zip(centred()).for_each(|(out, value)| *out = -2.0 * value);
+                column_of
+                    .zip(centred(one.state(), centre))
+                    .for_each(|(out, value)| *out = -2.0 * value);
             } else {
                 panels.norms.push(f64::NEG_INFINITY);
             }
         }
         panels
     }
+}
+
+/// Returns the values of a state, less those of the centre.
+fn centred(state: &[f32], centre: &[f32]) -> impl Iterator<Item = f32> {
+    state.iter().zip(centre).map(|(value, centre)| value - centre)
 }
 
 /// Returns the starts of the tiles in an order that samples all parts of the data early: halves, then quarters and so on (van der Corput's

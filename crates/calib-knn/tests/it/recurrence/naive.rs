@@ -180,7 +180,6 @@ impl Naive<'_> {
     fn expected(mut self) -> Result<Expected, KnnError> {
         let candidates =
             self.inside.iter().filter(|j| j.is_multiple_of(self.config.prototypes)).count();
-        let is_trap = |class: &BTreeSet<u32>| 10 * class.len() < candidates;
         let first = self.table().map_err(|candidates| KnnError::TooFewCandidates {
             member: 9,
             candidates,
@@ -194,7 +193,8 @@ impl Naive<'_> {
                 break None;
             }
             let Ok(table) = self.table() else { break None };
-            let traps: Vec<_> = self.drawn(&table).closed().into_iter().filter(is_trap).collect();
+            let closed = self.drawn(&table).closed().into_iter();
+            let traps: Vec<_> = closed.filter(|class| is_trap(class, candidates)).collect();
             if traps.is_empty() {
                 break Some(table);
             }
@@ -202,7 +202,7 @@ impl Naive<'_> {
         };
         let table = match outcome {
             Some(table) if self.lost(&self.left_out) <= candidates / 10 => table,
-            _ => self.led_out(candidates, &is_trap).unwrap_or_else(|| {
+            _ => self.led_out(candidates).unwrap_or_else(|| {
                 self.left_out.clear();
                 self.exits.clear();
                 first
@@ -235,16 +235,13 @@ impl Naive<'_> {
 
     /// Applies the second method: leaves out standstills and gives exits to the other traps. Returns `None` if that
     /// does not help.
-    fn led_out(
-        &mut self,
-        candidates: usize,
-        is_trap: &impl Fn(&BTreeSet<u32>) -> bool,
-    ) -> Option<BTreeMap<u32, Vec<(f64, u32)>>> {
+    fn led_out(&mut self, candidates: usize) -> Option<BTreeMap<u32, Vec<(f64, u32)>>> {
         self.left_out.clear();
         loop {
             let classes = self.drawn(&self.table().ok()?).closed().into_iter();
-            let free: Vec<_> =
-                classes.filter(|class| is_trap(class) && self.lost(class) == 0).collect();
+            let free: Vec<_> = classes
+                .filter(|class| is_trap(class, candidates) && self.lost(class) == 0)
+                .collect();
             if free.is_empty() {
                 break;
             }
@@ -253,7 +250,8 @@ impl Naive<'_> {
         for _ in 0..=(candidates / (16 * self.config.neighbors)).clamp(16, 1000) {
             let table = self.table().ok()?;
             // Any one of them is correct, because the order does not matter.
-            match self.drawn(&table).closed().into_iter().rfind(is_trap) {
+            let mut classes = self.drawn(&table).closed().into_iter();
+            match classes.rfind(|class| is_trap(class, candidates)) {
                 Some(trap) => self.lead_out(&trap).ok()?,
                 None => return Some(table),
             }
@@ -289,4 +287,9 @@ impl Naive<'_> {
         self.exits.entry(node).or_default().extend(class);
         self.row(node).map(|_| ())
     }
+}
+
+/// Whether a closed class has fewer than a tenth of the candidates.
+fn is_trap(class: &BTreeSet<u32>, candidates: usize) -> bool {
+    10 * class.len() < candidates
 }
