@@ -129,60 +129,65 @@ fn shared_input(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Returns a product of `[m, k]` and `[k, n]` values, whose operands may be transposed, into `out`.
+fn product_into(
+    mut out: Vec<f32>,
+    [m, n, k]: [usize; 3],
+    [left_is_transposed, right_is_transposed]: [bool; 2],
+) -> impl FnMut(&[f32], &[f32]) {
+    let left_strides = if left_is_transposed { (1, m) } else { (k, 1) };
+    let right_strides = if right_is_transposed { (1, k) } else { (n, 1) };
+    move |left: &[f32], right: &[f32]| {
+        // SAFETY: the strides address `[m, k]`, `[k, n]` and `[m, n]` values, which the vectors contain.
+        unsafe {
+            gemm(
+                m,
+                n,
+                k,
+                out.as_mut_ptr(),
+                1,
+                n as isize,
+                false,
+                left.as_ptr(),
+                left_strides.1 as isize,
+                left_strides.0 as isize,
+                right.as_ptr(),
+                right_strides.1 as isize,
+                right_strides.0 as isize,
+                0.0,
+                1.0,
+                false,
+                false,
+                false,
+                Parallelism::None,
+            );
+        }
+        black_box(out[0]);
+    }
+}
+
 /// Measures the large products of a step alone, as a reference for the whole step.
 fn bare_products(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("gemm");
-    // (rows, columns, inner), and whether the left and right operands are transposed.
+    // Rows, columns and inner index, and whether the left and right operands are transposed.
     let shapes = [
-        ("forward 1", (513, 256, 142), (false, false)),
-        ("forward 2", (513, 256, 256), (false, false)),
-        ("weights 1", (142, 256, 256), (true, false)),
-        ("weights 2", (256, 256, 256), (true, false)),
-        ("deltas 2", (256, 256, 256), (false, true)),
+        ("forward 1", [513, 256, 142], [false, false]),
+        ("forward 2", [513, 256, 256], [false, false]),
+        ("weights 1", [142, 256, 256], [true, false]),
+        ("weights 2", [256, 256, 256], [true, false]),
+        ("deltas 2", [256, 256, 256], [false, true]),
     ];
-    let operands = shapes.map(|(_, (m, n, k), _)| (values(m * k), values(k * n), values(m * n)));
-    let mut run = |index: usize| {
-        let (_, (m, n, k), transposed) = shapes[index];
-        let mut out = operands[index].2.clone();
-        let left_strides = if transposed.0 { (1, m) } else { (k, 1) };
-        let right_strides = if transposed.1 { (1, k) } else { (n, 1) };
-        move |left: &[f32], right: &[f32]| {
-            // SAFETY: the strides address `[m, k]`, `[k, n]` and `[m, n]` values, which the vectors contain.
-            unsafe {
-                gemm(
-                    m,
-                    n,
-                    k,
-                    out.as_mut_ptr(),
-                    1,
-                    n as isize,
-                    false,
-                    left.as_ptr(),
-                    left_strides.1 as isize,
-                    left_strides.0 as isize,
-                    right.as_ptr(),
-                    right_strides.1 as isize,
-                    right_strides.0 as isize,
-                    0.0,
-                    1.0,
-                    false,
-                    false,
-                    false,
-                    Parallelism::None,
-                );
-            }
-            black_box(out[0]);
-        }
-    };
-    for (index, (name, ..)) in shapes.iter().enumerate() {
-        let mut product = run(index);
-        let (left, right, _) = &operands[index];
-        group.bench_function(*name, |bencher| bencher.iter(|| product(left, right)));
+    let operands = shapes.map(|(_, [m, n, k], _)| [values(m * k), values(k * n)]);
+    let mut products = shapes.map(|(_, sizes, transposed)| {
+        let [m, n, _] = sizes;
+        product_into(values(m * n), sizes, transposed)
+    });
+    for ((product, [left, right]), (name, ..)) in products.iter_mut().zip(&operands).zip(shapes) {
+        group.bench_function(name, |bencher| bencher.iter(|| product(left, right)));
     }
-    let mut all: Vec<_> = (0..shapes.len()).map(&mut run).collect();
     group.bench_function("all five", |bencher| {
         bencher.iter(|| {
-            for (product, (left, right, _)) in all.iter_mut().zip(&operands) {
+            for (product, [left, right]) in products.iter_mut().zip(&operands) {
                 product(left, right);
             }
         });

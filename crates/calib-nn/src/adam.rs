@@ -182,24 +182,34 @@ impl Rates {
         mean: &mut [S::f32s],
         square: &mut [S::f32s],
     ) {
-        let times = |rate: f32, values| simd.mul_f32s(simd.splat_f32s(rate), values);
         let moments = mean.iter_mut().zip(square);
         for ((parameter, &gradient), (mean, square)) in
             parameters.iter_mut().zip(gradients).zip(moments)
         {
             let squared = simd.mul_f32s(gradient, gradient);
-            let moved =
-                simd.add_f32s(times(self.beta1, *mean), times(self.one_minus_beta1, gradient));
+            let moved = simd.add_f32s(
+                times(simd, self.beta1, *mean),
+                times(simd, self.one_minus_beta1, gradient),
+            );
             *mean = without_subnormal(simd, moved);
-            let moved =
-                simd.add_f32s(times(self.beta2, *square), times(self.one_minus_beta2, squared));
+            let moved = simd.add_f32s(
+                times(simd, self.beta2, *square),
+                times(simd, self.one_minus_beta2, squared),
+            );
             *square = without_subnormal(simd, moved);
-            let root = times(self.correction, simd.sqrt_f32s(*square));
+            let root = times(simd, self.correction, simd.sqrt_f32s(*square));
             let scale = simd.add_f32s(root, simd.splat_f32s(self.epsilon));
-            let change = times(self.scaled_rate, simd.div_f32s(*mean, scale));
-            *parameter = simd.sub_f32s(times(self.keep, *parameter), change);
+            let change = times(simd, self.scaled_rate, simd.div_f32s(*mean, scale));
+            *parameter = simd.sub_f32s(times(simd, self.keep, *parameter), change);
         }
     }
+}
+
+/// Returns `values`, each multiplied by `rate`.
+#[expect(clippy::inline_always, reason = "as the step")]
+#[inline(always)]
+fn times<S: Simd>(simd: S, rate: f32, values: S::f32s) -> S::f32s {
+    simd.mul_f32s(simd.splat_f32s(rate), values)
 }
 
 /// Replaces subnormal values by zero. The moments of a parameter without gradients would stay subnormal, where processors

@@ -73,12 +73,12 @@ impl Mlp {
     ) -> Result<Self, LayoutError> {
         let mut sizes = Vec::new();
         let mut parameters = Vec::new();
-        let get = |layer: usize, part: &str| {
-            let name = format!("{prefix}{}", naming.name(layer, part));
-            tensors.get(&name).ok_or(LayoutError::Missing(name))
-        };
         for layer in 0.. {
-            let weight = match get(layer, "weight") {
+            let [weight, bias] = ["weight", "bias"].map(|part| {
+                let name = format!("{prefix}{}", naming.name(layer, part));
+                tensors.get(&name).ok_or(LayoutError::Missing(name))
+            });
+            let weight = match weight {
                 Err(_) if layer > 0 => break,
                 found => found?,
             };
@@ -91,7 +91,7 @@ impl Mlp {
                 let expected = sizes.last().map_or("inputs".to_owned(), ToString::to_string);
                 return Err(misshapen(weight, format!("[outputs, {expected}]")));
             }
-            let bias = get(layer, "bias")?;
+            let bias = bias?;
             if bias.shape != [outputs] || bias.values.len() != outputs {
                 return Err(misshapen(bias, format!("[{outputs}]")));
             }

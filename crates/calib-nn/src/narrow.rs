@@ -55,22 +55,22 @@ impl Narrow {
         let (output, hidden) = layers.split_last()?;
         let inputs = hidden.first()?.inputs;
         let outputs = output.outputs;
-        let whole = |layer: &Layer| layer.outputs.is_multiple_of(GROUP) && layer.outputs <= UNITS;
         // A single output is a dot product, whose sums have another order.
         let is_narrow = rows <= ROWS
             && inputs <= INPUTS
             && (2..=OUTPUTS).contains(&outputs)
-            && hidden.iter().all(whole);
+            && hidden
+                .iter()
+                .all(|layer| layer.outputs.is_multiple_of(GROUP) && layer.outputs <= UNITS);
         if !is_narrow {
             return None;
         }
-        let bits = |units: usize| vec![0; rows * words_of(units)];
         Some(Self {
             all: vec![u64::MAX >> (WORD - inputs)],
-            active: hidden.iter().map(|layer| bits(layer.outputs)).collect(),
+            active: hidden.iter().map(|layer| vec![0; rows * words_of(layer.outputs)]).collect(),
             output_weights: filled(0.0, output.inputs * GROUP),
             transposed: layers[1..].iter().map(|layer| filled(0.0, layer.weights.len())).collect(),
-            errors: [bits(UNITS), bits(UNITS)],
+            errors: std::array::from_fn(|_| vec![0; rows * words_of(UNITS)]),
             columns: vec![0; UNITS],
             bias_gradient: filled(0.0, UNITS),
             output_gradient: [filled(0.0, output.weights.len()), filled(0.0, output.weights.len())],

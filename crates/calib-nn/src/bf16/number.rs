@@ -40,14 +40,17 @@ pub(super) fn rectified<S: Simd>(simd: S, values: S::f32s) -> S::f32s {
 #[expect(clippy::inline_always, reason = "as above")]
 #[inline(always)]
 fn upper<S: Simd>(simd: S, values: S::f32s) -> S::u32s {
-    let word = |word: u32| simd.splat_u32s(word);
     let bits: S::u32s = cast(values);
-    let last_kept = simd.and_u32s(simd.wrapping_dyn_shr_u32s(bits, word(16)), word(1));
-    let rounding = simd.add_u32s(last_kept, word(0x7fff));
+    let last_kept =
+        simd.and_u32s(simd.wrapping_dyn_shr_u32s(bits, simd.splat_u32s(16)), simd.splat_u32s(1));
+    let rounding = simd.add_u32s(last_kept, simd.splat_u32s(0x7fff));
     let number = simd.add_u32s(bits, rounding);
-    let nan = simd.greater_than_u32s(simd.and_u32s(bits, word(MAGNITUDE)), word(INFINITY));
-    let quiet = simd.or_u32s(bits, word(QUIET));
-    simd.and_u32s(simd.select_u32s(nan, quiet, number), word(UPPER))
+    let nan = simd.greater_than_u32s(
+        simd.and_u32s(bits, simd.splat_u32s(MAGNITUDE)),
+        simd.splat_u32s(INFINITY),
+    );
+    let quiet = simd.or_u32s(bits, simd.splat_u32s(QUIET));
+    simd.and_u32s(simd.select_u32s(nan, quiet, number), simd.splat_u32s(UPPER))
 }
 
 /// Returns pairs of two vectors, rounded, the first in the lower halves. No value may be subnormal.
@@ -92,12 +95,12 @@ mod tests {
     fn nearest(value: f32) -> f32 {
         let below = value.to_bits() & UPPER;
         let (below, above) = (f32::from_bits(below), f32::from_bits(below.wrapping_add(0x1_0000)));
-        let distance = |other: f32| {
+        let [to_below, to_above] = [below, above].map(|other| {
             // Beyond the largest number, the next step would be 2¹²⁸.
             let other = if other.is_infinite() { 2_f64.powi(128) } else { f64::from(other.abs()) };
             (f64::from(value.abs()) - other).abs()
-        };
-        let order = distance(below).total_cmp(&distance(above));
+        });
+        let order = to_below.total_cmp(&to_above);
         let is_even = below.to_bits() & 0x1_0000 == 0;
         if order.is_lt() || (order.is_eq() && is_even) { below } else { above }
     }

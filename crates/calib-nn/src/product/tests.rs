@@ -35,9 +35,9 @@ fn promised_value(left: Matrix<'_>, right: Matrix<'_>, i: usize, j: usize) -> f3
     let k = left.columns;
     let n = right.columns;
     let thin = m == 1 || n == 1;
-    let add = |sum: f32, l: usize| left.at(i, l).mul_add(right.at(l, j), sum);
     if left.column_stride == 1 && right.row_stride == 1 && (thin || m * n <= 256) {
-        let mut sums: Vec<f32> = (0..16).map(|lane| (lane..k).step_by(16).fold(0.0, add)).collect();
+        let mut sums: Vec<f32> =
+            (0..16).map(|lane| promised_sum(left, right, [i, j], (lane..k).step_by(16))).collect();
         while sums.len() > 1 {
             let half = sums.split_off(sums.len() / 2);
             sums.iter_mut().zip(half).for_each(|(sum, other)| *sum += other);
@@ -45,8 +45,20 @@ fn promised_value(left: Matrix<'_>, right: Matrix<'_>, i: usize, j: usize) -> f3
         return sums[0];
     }
     let part = if thin { k } else { k.div_ceil(k.div_ceil(512)) };
-    let parts = (0..k).step_by(part).map(|first| (first..k.min(first + part)).fold(0.0, add));
+    let parts = (0..k)
+        .step_by(part)
+        .map(|first| promised_sum(left, right, [i, j], first..k.min(first + part)));
     parts.reduce(|sum, part| sum + part).unwrap_or(0.0)
+}
+
+/// Adds the products at these inner indices, one after the other.
+fn promised_sum(
+    left: Matrix<'_>,
+    right: Matrix<'_>,
+    [row, column]: [usize; 2],
+    inner: impl Iterator<Item = usize>,
+) -> f32 {
+    inner.fold(0.0, |sum: f32, l| left.at(row, l).mul_add(right.at(l, column), sum))
 }
 
 fn bits(values: &[f32]) -> Vec<u32> {

@@ -162,11 +162,12 @@ fn the_instruction_rounds_as_defined() {
     let Some(hardware) = Hardware::detect() else { return };
     let mut rng = Seed::new(8).rng();
     for _ in 0..20_000 {
-        let mut draw = || f32::from_bits((rng.below(1 << 16) << 16 | rng.below(1 << 16)) as u32);
-        let (first, second): ([f32; HALF], [f32; HALF]) =
-            (std::array::from_fn(|_| draw()), std::array::from_fn(|_| draw()));
-        let first = first.map(|value| without_small(Scalar, value));
-        let second = second.map(|value| without_small(Scalar, value));
+        let [first, second]: [[f32; HALF]; 2] = std::array::from_fn(|_| {
+            std::array::from_fn(|_| {
+                let bits = rng.below(1 << 16) << 16 | rng.below(1 << 16);
+                without_small(Scalar, f32::from_bits(bits as u32))
+            })
+        });
         let got: [u32; HALF] = pulp::cast(hardware.join(pulp::cast(first), pulp::cast(second)));
         for lane in 0..HALF {
             assert_eq!(got[lane], join(Scalar, first[lane], second[lane]));

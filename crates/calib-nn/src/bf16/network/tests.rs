@@ -79,11 +79,10 @@ proptest! {
         let sizes = [vec![inputs], hidden, vec![1]].concat();
         let network = Mlp::new(&sizes, Seed::new(1));
         let (input, output_gradient) = (numbers((learnt + further) * inputs, 2), numbers(learnt, 3));
-        let mut all = Processor::all().into_iter();
-        let mut passed = |processor| pass(processor, &network, &input, &output_gradient);
-        let first = all.next().map(&mut passed).expect("a processor");
-        for processor in all {
-            let other = passed(processor);
+        let all = Processor::all().into_iter();
+        let mut all = all.map(|processor| pass(processor, &network, &input, &output_gradient));
+        let first = all.next().expect("a processor");
+        for other in all {
             prop_assert_eq!(bits(&other.0), bits(&first.0));
             prop_assert_eq!(bits(&other.1), bits(&first.1));
         }
