@@ -1,5 +1,7 @@
 //! The gates of a GRU, for one row.
 
+use std::ops::Range;
+
 use crate::activation::{sigmoid, tanh};
 
 /// Products of the three gates for one row, without their biases.
@@ -20,24 +22,29 @@ pub(crate) struct Activated<'a> {
     pub(crate) hidden: &'a mut [f32],
 }
 
+/// Returns the places of a gate's values among those of all three.
+#[inline]
+fn gate(units: usize, number: usize) -> Range<usize> {
+    number * units..(number + 1) * units
+}
+
 /// Computes the gates and the new hidden state of one row.
 pub(crate) fn activate(products: Products<'_>, past: &[f32], to: Activated<'_>) {
     let Products { of_input, of_hidden, bias_ih, bias_hh } = products;
     let Activated { reset, keep, new, new_hidden, hidden: next } = to;
     let units = past.len();
-    let gate = |number: usize| number * units..(number + 1) * units;
     for (number, gate_values) in [(0, &mut *reset), (1, &mut *keep)] {
-        let input = of_input[gate(number)].iter().zip(&bias_ih[gate(number)]);
-        let hidden = of_hidden[gate(number)].iter().zip(&bias_hh[gate(number)]);
+        let input = of_input[gate(units, number)].iter().zip(&bias_ih[gate(units, number)]);
+        let hidden = of_hidden[gate(units, number)].iter().zip(&bias_hh[gate(units, number)]);
         for ((value, (input, a)), (hidden, b)) in gate_values.iter_mut().zip(input).zip(hidden) {
             *value = sigmoid((input + a) + (hidden + b));
         }
     }
-    let hidden = of_hidden[gate(2)].iter().zip(&bias_hh[gate(2)]);
+    let hidden = of_hidden[gate(units, 2)].iter().zip(&bias_hh[gate(units, 2)]);
     for (value, (hidden, bias)) in new_hidden.iter_mut().zip(hidden) {
         *value = hidden + bias;
     }
-    let input = of_input[gate(2)].iter().zip(&bias_ih[gate(2)]);
+    let input = of_input[gate(units, 2)].iter().zip(&bias_ih[gate(units, 2)]);
     let gated = reset.iter().zip(&*new_hidden);
     for ((value, (input, bias)), (reset, hidden)) in new.iter_mut().zip(input).zip(gated) {
         *value = tanh((input + bias) + reset * hidden);

@@ -292,14 +292,14 @@ mod tests {
         let model = FeedForward::new(network).expect("square");
         let data = Transitioning::new(&states, &transitions, 0.5).expect("enough");
         let residuals = Residuals::of(&model, &data).expect("finite");
-        let roll = |noise: Option<&ResidualNoise>| {
+        let noise = ResidualNoise::new(Noise::Residual, residuals, &states);
+        let [diverged, rolled] = [None, Some(&noise)].map(|noise| {
             let segments = transitions.segments();
             let rollouts = Rollouts { model: &model, states: &states, segments, noise };
             let start = Start { row: RowIndex::new(9), seed: Seed::new(1) };
             rollouts.predict(&[start], 1000, &Silent).expect("it runs").remove(0)
-        };
-        assert!(roll(None).steps() < 1000, "it diverges");
-        let rolled = roll(Some(&ResidualNoise::new(Noise::Residual, residuals, &states)));
+        });
+        assert!(diverged.steps() < 1000, "it diverges");
         let highest = states.as_slice().iter().copied().fold(f32::MIN, f32::max);
         let lowest = states.as_slice().iter().copied().fold(f32::MAX, f32::min);
         assert_eq!(rolled.steps(), 1000);

@@ -281,12 +281,11 @@ mod tests {
             Box::new(recurrent(columns, 19)),
         ];
         for model in models {
-            let roll = |starts: &[RowIndex]| {
-                predict(&*model, &states, &segments, starts, 25, &Silent).expect("it runs")
-            };
-            let together = roll(&starts);
+            let together =
+                predict(&*model, &states, &segments, &starts, 25, &Silent).expect("it runs");
             for (start, expected) in starts.iter().zip(&together) {
-                assert_eq!(roll(&[*start])[0], *expected);
+                let alone = predict(&*model, &states, &segments, &[*start], 25, &Silent);
+                assert_eq!(alone.expect("it runs")[0], *expected);
                 assert_eq!(expected.state(0), states.row(start.get()));
                 assert_eq!((expected.steps(), expected.ended()), (25, Ended::Complete));
             }
@@ -297,20 +296,21 @@ mod tests {
     fn the_hidden_state_is_filled_from_the_same_segment() {
         let states = states(30, 3);
         let model = recurrent(3, 8);
-        let roll = |lengths: &[usize], start: usize| {
+        let cases: [&[usize]; 3] = [&[30], &[14, 16], &[15, 15]];
+        let [whole, six_rows, five_rows] = cases.map(|lengths| {
             let segments = Segments::from_lengths(lengths.iter().copied()).expect("valid");
-            let starts = [RowIndex::new(start)];
+            let starts = [RowIndex(20)];
             predict(&model, &states, &segments, &starts, 4, &Silent).expect("it runs").remove(0)
-        };
-        assert_eq!(roll(&[30], 20), roll(&[14, 16], 20), "six rows back, no more");
-        assert!(roll(&[30], 20) != roll(&[15, 15], 20), "five rows back");
+        });
+        assert_eq!(whole, six_rows, "six rows back, no more");
+        assert!(whole != five_rows, "five rows back");
         // The expected result, computed directly: the model runs over the recorded rows.
         let mut walk = model.walk().expect("it runs");
         let mut next = vec![0.0; LANES * 3];
         for row in 15..=20 {
             walk.step(&states.row(row).repeat(LANES), &mut next).expect("a step");
         }
-        assert_eq!(roll(&[15, 15], 20).state(1), &next[..3]);
+        assert_eq!(five_rows.state(1), &next[..3]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-use calib_core::Seed;
+use calib_core::{Rng, Seed};
 use calib_nn::{Matrix, multiply};
 
 use crate::{
@@ -87,22 +87,19 @@ impl Recurrent {
         assert!(columns > 0 && hidden > 0 && layers > 0, "every layer has units");
         let bound = 1.0 / (hidden as f64).sqrt();
         let mut rng = seed.rng();
-        let mut draw = |count: usize| -> Vec<f32> {
-            (0..count).map(|_| rng.uniform(-bound, bound) as f32).collect()
-        };
         let layers = (0..layers)
             .map(|number: usize| {
                 let inputs = if number == 0 { columns } else { hidden };
                 GruLayer {
-                    weight_ih: draw(3 * hidden * inputs),
-                    weight_hh: draw(3 * hidden * hidden),
-                    bias_ih: draw(3 * hidden),
-                    bias_hh: draw(3 * hidden),
+                    weight_ih: draw(&mut rng, bound, 3 * hidden * inputs),
+                    weight_hh: draw(&mut rng, bound, 3 * hidden * hidden),
+                    bias_ih: draw(&mut rng, bound, 3 * hidden),
+                    bias_hh: draw(&mut rng, bound, 3 * hidden),
                 }
             })
             .collect();
-        let head_weight = draw(columns * hidden);
-        let head_bias = draw(columns);
+        let head_weight = draw(&mut rng, bound, columns * hidden);
+        let head_bias = draw(&mut rng, bound, columns);
         Self { columns, hidden, layers, head_weight, head_bias, history }
     }
 
@@ -123,19 +120,14 @@ impl Recurrent {
     pub fn with_flat(&self, flat: &[f32]) -> Self {
         let mut model = self.clone();
         let mut rest = flat;
-        let mut fill = |values: &mut Vec<f32>| {
+        let layers = model.layers.iter_mut().flat_map(|layer| {
+            [&mut layer.weight_ih, &mut layer.weight_hh, &mut layer.bias_ih, &mut layer.bias_hh]
+        });
+        for values in layers.chain([&mut model.head_weight, &mut model.head_bias]) {
             let (own, others) = rest.split_at(values.len());
             values.copy_from_slice(own);
             rest = others;
-        };
-        for layer in &mut model.layers {
-            fill(&mut layer.weight_ih);
-            fill(&mut layer.weight_hh);
-            fill(&mut layer.bias_ih);
-            fill(&mut layer.bias_hh);
         }
-        fill(&mut model.head_weight);
-        fill(&mut model.head_bias);
         assert!(rest.is_empty(), "as many parameters");
         model
     }
@@ -154,6 +146,11 @@ impl Recurrent {
     pub fn head(&self) -> (&[f32], &[f32]) {
         (&self.head_weight, &self.head_bias)
     }
+}
+
+/// Draws `count` numbers that are uniform in ±`bound`.
+fn draw(rng: &mut Rng, bound: f64, count: usize) -> Vec<f32> {
+    (0..count).map(|_| rng.uniform(-bound, bound) as f32).collect()
 }
 
 impl Dynamics for Recurrent {

@@ -36,26 +36,28 @@ impl GruShape {
         let hidden = model.hidden();
         let columns = model.head().1.len();
         let mut end = 0;
-        let mut take = |count: usize| {
-            let start = end;
-            end += count;
-            start..end
-        };
         let layers = model
             .layers()
             .iter()
             .map(|layer| LayerPlace {
                 inputs: layer.weight_ih.len() / (3 * hidden),
-                weight_ih: take(layer.weight_ih.len()),
-                weight_hh: take(layer.weight_hh.len()),
-                bias_ih: take(layer.bias_ih.len()),
-                bias_hh: take(layer.bias_hh.len()),
+                weight_ih: take(&mut end, layer.weight_ih.len()),
+                weight_hh: take(&mut end, layer.weight_hh.len()),
+                bias_ih: take(&mut end, layer.bias_ih.len()),
+                bias_hh: take(&mut end, layer.bias_hh.len()),
             })
             .collect();
-        let head_weight = take(columns * hidden);
-        let head_bias = take(columns);
+        let head_weight = take(&mut end, columns * hidden);
+        let head_bias = take(&mut end, columns);
         Self { columns, hidden, layers, head_weight, head_bias, parameters: end }
     }
+}
+
+/// Returns the next `count` places, from `end` on, and moves `end` behind them.
+fn take(end: &mut usize, count: usize) -> Range<usize> {
+    let start = *end;
+    *end += count;
+    start..*end
 }
 
 /// Activations of one layer over a sequence, each `[step, sequence, unit]`.

@@ -88,14 +88,13 @@ impl<'a> RecurrentTrainer<'a> {
     ) -> Result<Self, DynamicsError> {
         let length = config.sequence_length;
         let stride = config.sequence_stride;
-        let part = |part, range| match sequences(data.transitions(), range, length, stride) {
-            found if found.is_empty() => Err(DynamicsError::NoSequence { part, length }),
-            found => Ok(found),
-        };
-        let parts = Parts {
-            training: part("training", data.training())?,
-            validation: part("validation", data.validation())?,
-        };
+        let parts = [("training", data.training()), ("validation", data.validation())];
+        let [training, validation] =
+            parts.map(|(part, range)| match sequences(data.transitions(), range, length, stride) {
+                found if found.is_empty() => Err(DynamicsError::NoSequence { part, length }),
+                found => Ok(found),
+            });
+        let parts = Parts { training: training?, validation: validation? };
         let start = Recurrent::random(
             data.columns(),
             config.hidden_units,
@@ -121,9 +120,9 @@ pub fn recurrent_training_bytes(config: &DynamicsConfig, columns: usize) -> u64 
     let units = config.hidden_units;
     let rows = config.batch_size.saturating_mul(config.sequence_length);
     let activations = rows.saturating_mul(12 * units);
-    let of_layer = |inputs: usize| 3 * units * (inputs + units + 2);
-    let above = (config.hidden_layers - 1).saturating_mul(of_layer(units));
-    let parameters = of_layer(columns) + above + columns * (units + 1);
+    let [first, other] = [columns, units].map(|inputs| 3 * units * (inputs + units + 2));
+    let above = (config.hidden_layers - 1).saturating_mul(other);
+    let parameters = first + above + columns * (units + 1);
     // The parameters, the kept parameters, two moments, and a gradient for each half of a mini-batch.
     float_bytes(activations)
         .saturating_mul(config.hidden_layers as u64)
@@ -172,17 +171,20 @@ mod tests {
             serde_json::from_str(include_str!("../tests/golden/dynamics.json")).expect("reads")
         }
 
+        fn tensor(&self, name: &str) -> Vec<f32> {
+            self.tensors[name].clone()
+        }
+
         fn model(&self) -> Recurrent {
-            let tensor = |name: String| self.tensors[&name].clone();
             let layers = (0..self.layers)
                 .map(|number: usize| GruLayer {
-                    weight_ih: tensor(format!("gru.weight_ih_l{number}")),
-                    weight_hh: tensor(format!("gru.weight_hh_l{number}")),
-                    bias_ih: tensor(format!("gru.bias_ih_l{number}")),
-                    bias_hh: tensor(format!("gru.bias_hh_l{number}")),
+                    weight_ih: self.tensor(&format!("gru.weight_ih_l{number}")),
+                    weight_hh: self.tensor(&format!("gru.weight_hh_l{number}")),
+                    bias_ih: self.tensor(&format!("gru.bias_ih_l{number}")),
+                    bias_hh: self.tensor(&format!("gru.bias_hh_l{number}")),
                 })
                 .collect();
-            let [weight, bias] = ["head.weight", "head.bias"].map(|name| tensor(name.to_owned()));
+            let [weight, bias] = ["head.weight", "head.bias"].map(|name| self.tensor(name));
             Recurrent::new(layers, weight, bias, 0).expect("sizes agree")
         }
     }
@@ -234,15 +236,11 @@ mod tests {
         let shape = GruShape::of(&model);
         let count = golden.states.len();
         let length = golden.states[0].len() - 1;
-        let at = |offset: usize| -> Vec<f32> {
-            (0..length)
-                .flat_map(|step| {
-                    golden.states.iter().flat_map(move |own| own[step + offset].clone())
-                })
+        let [inputs, targets] = [0, 1].map(|offset| -> Vec<f32> {
+            (offset..offset + length)
+                .flat_map(|step: usize| golden.states.iter().flat_map(move |own| own[step].clone()))
                 .collect()
-        };
-        let inputs = at(0);
-        let targets = at(1);
+        });
         let sequences = Sequences { inputs: &inputs, targets: &targets, length, count };
         let values = (count * length * golden.columns) as f64;
         let mut parameters = model.flat();
@@ -286,7 +284,7 @@ mod tests {
     fn what_takes_memory_is_learnt_whatever_the_threads_and_interruptions() {
         let (states, transitions) = wave(800);
         let data = Transitioning::new(&states, &transitions, 0.2).expect("enough");
-        let train = |threads: usize, put_aside: bool| {
+        let [whole, in_parts] = [(1, false), (3, true)].map(|(threads, put_aside)| {
             let pool =
                 rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| {
@@ -303,11 +301,10 @@ mod tests {
                 }
                 (trainer.record().clone(), trainer.weights().expect("native"))
             })
-        };
-        let (record, weights) = train(1, false);
-        let last = record.epochs[24].validation;
+        });
+        assert_eq!(in_parts, whole);
+        let last = whole.0.epochs[24].validation;
         assert!(last < 0.2 * data.persistence_loss(), "{last} {}", data.persistence_loss());
-        assert_eq!(train(3, true), (record, weights));
     }
 
     #[test]

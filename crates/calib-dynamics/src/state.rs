@@ -45,22 +45,26 @@ impl TrainingState {
     /// # Errors
     /// If the checkpoint does not belong to such training.
     pub fn from_tensors(checkpoint: &Tensors, count: usize) -> Result<Self, DynamicsError> {
-        let array = |name: &str| match checkpoint.get(name) {
-            Some(found) if found.values.len() == count => Ok(found.values.clone()),
-            _ => Err(wrong("the checkpoint is of another network")),
-        };
         let progress = checkpoint.metadata.get(PROGRESS).map(|text| serde_json::from_str(text));
         let Some(Ok((record, powers))) = progress else {
             return Err(wrong("the checkpoint does not say how far it went"));
         };
-        let mean = array("adam.mean")?;
-        let square = array("adam.square")?;
+        let mean = array(checkpoint, "adam.mean", count)?;
+        let square = array(checkpoint, "adam.square", count)?;
         Ok(Self {
-            parameters: array("parameters")?,
-            kept: array("kept")?,
+            parameters: array(checkpoint, "parameters", count)?,
+            kept: array(checkpoint, "kept", count)?,
             moments: Moments { mean, square, powers },
             record,
         })
+    }
+}
+
+/// Returns the `count` values of a tensor of a checkpoint.
+fn array(checkpoint: &Tensors, name: &str, count: usize) -> Result<Vec<f32>, DynamicsError> {
+    match checkpoint.get(name) {
+        Some(found) if found.values.len() == count => Ok(found.values.clone()),
+        _ => Err(wrong("the checkpoint is of another network")),
     }
 }
 

@@ -86,15 +86,17 @@ impl Recurrent {
         check_kind(tensors, "gru")?;
         let history = tensors.metadata.get(HISTORY).and_then(|text| text.parse().ok());
         let history = history.ok_or_else(|| wrong("they do not say their history"))?;
-        let tensor = |name: &str, number: usize| values(tensors, &format!("gru.{name}_l{number}"));
         let mut layers = Vec::new();
         while tensors.get(&format!("gru.weight_ih_l{}", layers.len())).is_some() {
             let number = layers.len();
+            let [weight_ih, weight_hh, bias_ih, bias_hh] =
+                ["weight_ih", "weight_hh", "bias_ih", "bias_hh"]
+                    .map(|name| values(tensors, &format!("gru.{name}_l{number}")));
             layers.push(GruLayer {
-                weight_ih: tensor("weight_ih", number)?,
-                weight_hh: tensor("weight_hh", number)?,
-                bias_ih: tensor("bias_ih", number)?,
-                bias_hh: tensor("bias_hh", number)?,
+                weight_ih: weight_ih?,
+                weight_hh: weight_hh?,
+                bias_ih: bias_ih?,
+                bias_hh: bias_hh?,
             });
         }
         Self::new(layers, values(tensors, "head.weight")?, values(tensors, "head.bias")?, history)

@@ -116,7 +116,8 @@ impl CalibrationModel for NeighborModel {
         if block.is_empty() || self.knn.members() == 1 {
             return None;
         }
-        let source = |transition| self.knn.transitions().source(TransitionIndex(transition)).get();
-        Some(source(block.start)..source(block.end - 1) + 2)
+        let [first, last] = [block.start, block.end - 1]
+            .map(|transition| self.knn.transitions().source(TransitionIndex(transition)).get());
+        Some(first..last + 2)
     }
 }

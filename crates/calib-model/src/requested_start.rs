@@ -150,22 +150,31 @@ mod tests {
         assert_eq!(spread(usize::MAX, usize::MAX), usize::MAX - 1);
     }
 
+    /// Returns three recent rows of a log of two segments.
+    fn recent(
+        timestamps: &[Timestamp],
+        before: Option<Timestamp>,
+        window: Option<usize>,
+    ) -> Result<Vec<u32>, RolloutError> {
+        let transitions = Transitions::new(Segments::from_lengths([4, 3]).expect("valid"));
+        let source = StartSource::Recent { timestamps, before, window };
+        let rows = recorded_rows(source, &transitions, timestamps.len(), 3, Seed::new(0))?;
+        Ok(rows.expect("rows").iter().map(|row| row.0).collect())
+    }
+
     #[test]
     fn recent_rows_are_those_before_the_deployment() {
-        let transitions = Transitions::new(Segments::from_lengths([4, 3]).expect("valid"));
         let timestamps: Vec<Timestamp> = (0..7).map(Timestamp::from_micros).collect();
-        let rows = |before, window| {
-            let source = StartSource::Recent { timestamps: &timestamps, before, window };
-            let rows = recorded_rows(source, &transitions, 7, 3, Seed::new(0));
-            rows.map(|rows| rows.expect("rows").iter().map(|row| row.0).collect::<Vec<u32>>())
-        };
         // A tenth of five rows, rounded up, is one; a window is no longer than there are rows.
-        assert_eq!(rows(None, None).expect("rows"), [6, 6, 6]);
-        assert_eq!(rows(None, Some(4)).expect("rows"), [6, 3, 5]);
-        assert_eq!(rows(None, Some(99)).expect("rows"), [6, 3, 5]);
-        assert_eq!(rows(Some(timestamps[3]), Some(2)).expect("rows"), [2, 1, 2]);
-        assert_eq!(rows(None, Some(0)).expect("rows"), [6, 6, 6]);
-        assert!(matches!(rows(Some(timestamps[1]), None), Err(RolloutError::NothingBefore)));
+        assert_eq!(recent(&timestamps, None, None).expect("rows"), [6, 6, 6]);
+        assert_eq!(recent(&timestamps, None, Some(4)).expect("rows"), [6, 3, 5]);
+        assert_eq!(recent(&timestamps, None, Some(99)).expect("rows"), [6, 3, 5]);
+        assert_eq!(recent(&timestamps, Some(timestamps[3]), Some(2)).expect("rows"), [2, 1, 2]);
+        assert_eq!(recent(&timestamps, None, Some(0)).expect("rows"), [6, 6, 6]);
+        assert!(matches!(
+            recent(&timestamps, Some(timestamps[1]), None),
+            Err(RolloutError::NothingBefore)
+        ));
         let none = Transitions::new(Segments::from_lengths([1]).expect("valid"));
         let source =
             StartSource::Recent { timestamps: &timestamps[..1], before: None, window: None };

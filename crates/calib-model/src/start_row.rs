@@ -84,13 +84,16 @@ mod tests {
         (states, Transitions::new(Segments::from_lengths([1, 9, 10]).expect("valid")))
     }
 
+    /// Returns four start rows.
+    fn rows(source: StartSource<'_>) -> Vec<u32> {
+        let (states, transitions) = data();
+        let starts = start_rows(&states, &transitions, source, 4, Seed::new(2)).expect("valid");
+        starts.iter().map(|start| start.row.0).collect()
+    }
+
     #[test]
     fn every_source_gives_recorded_rows() {
         let (states, transitions) = data();
-        let rows = |source| -> Vec<u32> {
-            let starts = start_rows(&states, &transitions, source, 4, Seed::new(2)).expect("valid");
-            starts.iter().map(|start| start.row.0).collect()
-        };
         let random = rows(StartSource::Random);
         assert!(
             random.iter().all(|&row| row > 1 && row != 10),
@@ -104,9 +107,11 @@ mod tests {
         let timestamps: Vec<Timestamp> =
             (0..20).map(|row| Timestamp::from_micros((732 + row) * 3_600_000_000)).collect();
         let window = Some(8);
-        let recent = |before| StartSource::Recent { timestamps: &timestamps, before, window };
-        assert_eq!(rows(recent(None)), [19, 15, 17, 13]);
-        assert_eq!(rows(recent(Some(timestamps[12]))), [11, 6, 8, 4]);
+        for (before, expected) in [(None, [19, 15, 17, 13]), (Some(timestamps[12]), [11, 6, 8, 4])]
+        {
+            let recent = StartSource::Recent { timestamps: &timestamps, before, window };
+            assert_eq!(rows(recent), expected);
+        }
         let month = StartSource::CalendarMonth { timestamps: &timestamps, month: 2, before: None };
         assert!(rows(month).iter().all(|&row| row >= 12));
         let deployment = States::new(vec![4.2], 1, 1).expect("valid");

@@ -56,9 +56,6 @@ fn the_gradient_is_that_of_the_loss() {
     let config = DynamicsConfig { learning_rate: 1.0, ..config(1) };
     let batch: Vec<u32> = (0..70).collect();
     let mut trainer = FeedForwardTrainer::new(&data, &config, Seed::new(8));
-    let loss = |trainer: &mut FeedForwardTrainer<'_>| {
-        trainer.squared_error(&batch, None) / (2 * batch.len()) as f64
-    };
     trainer.squared_error(&batch, Some(2.0 / (2 * batch.len()) as f32));
     let [first, second] = &mut trainer.halves;
     let gradients: Vec<f32> = first
@@ -70,13 +67,13 @@ fn the_gradient_is_that_of_the_loss() {
         .collect();
     for parameter in [0, 13, 47, 80, 300, 650, gradients.len() - 1] {
         let step = 1e-2_f32;
-        let mut at = |offset: f32| {
+        let [above, below] = [step, -step].map(|offset| {
             trainer.parameters[parameter] += offset;
-            let loss = loss(&mut trainer);
+            let loss = trainer.squared_error(&batch, None) / (2 * batch.len()) as f64;
             trainer.parameters[parameter] -= offset;
             loss
-        };
-        let slope = (at(step) - at(-step)) / f64::from(2.0 * step);
+        });
+        let slope = (above - below) / f64::from(2.0 * step);
         let got = f64::from(gradients[parameter]);
         assert!((slope - got).abs() < 2e-3 * (1.0 + slope.abs()), "{parameter}: {got} {slope}");
     }

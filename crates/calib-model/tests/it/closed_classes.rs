@@ -80,6 +80,11 @@ fn closed_classes_and_tables_are_those_of_scipy() {
     assert!(trapped > 5, "the cases have traps: {trapped}");
 }
 
+fn mean(values: impl ExactSizeIterator<Item = Option<f64>>) -> f64 {
+    let count = values.len() as f64;
+    values.map(|value| value.expect("a value")).sum::<f64>() / count
+}
+
 #[test]
 fn statistics_of_walks_estimate_what_linear_algebra_says() {
     // Many times 32 walks, so that the remaining deviation is the error of the estimate.
@@ -96,17 +101,14 @@ fn statistics_of_walks_estimate_what_linear_algebra_says() {
                 .collect();
             let few = expected.after.iter().any(|&size| size < 200);
             assert!(few || walks.iter().all(|walks| walks.trapped == 0));
-            let mean = |value: &dyn Fn(&WalkStatistics) -> Option<f64>| {
-                walks.iter().map(|walks| value(walks).expect("a value")).sum::<f64>() / TIMES as f64
-            };
             let name = format!("{} {number}", case.name);
-            let steps = mean(&|walks| walks.steps_to_end);
+            let steps = mean(walks.iter().map(|walks| walks.steps_to_end));
             let far = (steps - expected.steps_to_end).abs();
             let error = expected.deviation / f64::from(32 * TIMES as u32).sqrt();
             assert!(far <= 4.0 * error, "{name}: {steps} steps, a standard error of {error}");
             // Two separate classes are visited according to the start states of the 32 walks.
             if expected.after.len() == 1 {
-                let rows = mean(&|walks| walks.effective_rows);
+                let rows = mean(walks.iter().map(|walks| walks.effective_rows));
                 assert!((rows / expected.effective_rows - 1.0).abs() < 0.02, "{name}: {rows} rows");
             }
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use calib_core::{
     Monitor, RowIndex, Seed, Segments, Silent, States, Stream as _, TransitionIndex, Transitions,
 };
-use calib_knn::{KnnModel, ModelConfig, Weights};
+use calib_knn::{KnnModel, Member, ModelConfig, Weights};
 use calib_model::{
     Absent, JumpStatistics, RequestedStart, Rollout, RolloutError, Start, StartSource, StartState,
     rollout, rollouts, start_states,
@@ -113,24 +113,24 @@ fn bytes(rollouts: &[Rollout]) -> Vec<u32> {
     rollouts.iter().flat_map(|r| r.rows().iter().map(|row| row.0)).collect()
 }
 
+/// Returns the rows of six rollouts.
+fn run(member: &Member<'_>, threads: usize, seed: u64) -> Vec<u32> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+    pool.install(|| {
+        let starts = start_states(member, StartSource::Random, 6, Seed::new(seed)).expect("starts");
+        let all = rollouts(member, &starts, 300, Weights::Linear, Seed::new(seed), &Silent);
+        bytes(&all.expect("rolled out"))
+    })
+}
+
 #[test]
 fn rollouts_are_pure_functions_of_their_arguments() {
     let model = model(&ModelConfig::default());
-    let run = |threads: usize, member: usize, seed: u64| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| {
-            let member = model.member(member);
-            let starts =
-                start_states(&member, StartSource::Random, 6, Seed::new(seed)).expect("starts");
-            let all = rollouts(&member, &starts, 300, Weights::Linear, Seed::new(seed), &Silent);
-            bytes(&all.expect("rolled out"))
-        })
-    };
-    let once = run(1, 0, 9);
-    assert_eq!(once, run(1, 0, 9));
-    assert_eq!(once, run(4, 0, 9));
-    assert_ne!(once, run(1, 0, 10));
-    assert_ne!(once, run(1, 1, 9));
+    let once = run(&model.member(0), 1, 9);
+    assert_eq!(once, run(&model.member(0), 1, 9));
+    assert_eq!(once, run(&model.member(0), 4, 9));
+    assert_ne!(once, run(&model.member(0), 1, 10));
+    assert_ne!(once, run(&model.member(1), 1, 9));
     let few = start_states(&model.member(0), StartSource::Random, 2, Seed::new(9)).expect("starts");
     let many =
         start_states(&model.member(0), StartSource::Random, 6, Seed::new(9)).expect("starts");

@@ -25,16 +25,16 @@ fn nearest_to(member: &Member<'_>, row: RowIndex, k: usize) -> Vec<Neighbor> {
 fn recent_starts_are_spread_over_the_latest_rows_or_are_the_nearest_to_them() {
     let model = model(&ModelConfig::default());
     let timestamps: Vec<Timestamp> = (0..441).map(Timestamp::from_micros).collect();
-    let starts = |member: usize, before| {
+    let cases = [(0, None), (4, None), (0, Some(timestamps[300]))];
+    let [first, without_last_block, before] = cases.map(|(member, before)| {
         let source = StartSource::Recent { timestamps: &timestamps, before, window: Some(40) };
         starts_of(&model.member(member), source, 3)
-    };
-    let first = starts(0, None);
+    });
     let rows = first.iter().map(|start| (start.wanted, start.replaced));
     let last = [440, 420, 430].map(|row| (RequestedStart::Recorded(RowIndex(row)), None));
     assert_eq!(rows.collect::<Vec<_>>(), last);
     // The member that leaves the last block out has no rows of it.
-    for (start, wanted) in starts(4, None).iter().zip(last) {
+    for (start, wanted) in without_last_block.iter().zip(last) {
         assert_eq!(start.wanted, wanted.0);
         assert!(start.replaced.expect("it is replaced") > 0.0);
         let walk = rollout(&model.member(4), start, 0, Weights::Linear, Seed::new(0));
@@ -42,7 +42,6 @@ fn recent_starts_are_spread_over_the_latest_rows_or_are_the_nearest_to_them() {
         let near = nearest_to(&model.member(4), row, 1)[0];
         assert_eq!(walk.rows()[0], model.transitions().source(near.transition));
     }
-    let before = starts(0, Some(timestamps[300]));
     assert_eq!(before[0].wanted, RequestedStart::Recorded(RowIndex(299)));
 }
 
@@ -54,8 +53,8 @@ fn rows_that_the_member_lacks_are_searched_or_replaced() {
     let segment_start = RowIndex(0);
     let excluded = model.transitions().next(TransitionIndex(model.blocks().own(2).start + 3));
     let rows = [inside, segment_start, excluded];
-    let starts = |absent| starts_of(&member, StartSource::Rows { rows: &rows, absent }, 4);
-    let external = starts(Absent::External);
+    let [external, replaced] = [Absent::External, Absent::Replace]
+        .map(|absent| starts_of(&member, StartSource::Rows { rows: &rows, absent }, 4));
     let wanted = RequestedStart::Recorded(inside);
     let there = StartState { start: Start::At(TransitionIndex(4)), wanted, replaced: None };
     assert_eq!(external[0], there);
@@ -69,7 +68,6 @@ fn rows_that_the_member_lacks_are_searched_or_replaced() {
         assert!(walk.rows()[1..].iter().all(|row| rows_of_member(&model, 2).contains(row)));
     }
     // Row 0 is its own nearest source, so the replacement stays there. The excluded row moves into the member.
-    let replaced = starts(Absent::Replace);
     assert_eq!(replaced[0].replaced, None);
     assert_eq!(replaced[1].replaced, Some(0.0));
     assert!(matches!(&replaced[1].start, Start::External { row: RowIndex(0), .. }));
@@ -118,20 +116,17 @@ fn calendar_months_choose_rows_before_the_deployment() {
         (0..441).map(|row| Timestamp::from_micros(row * 2 * 86_400_000_000)).collect();
     let source =
         |month, before| StartSource::CalendarMonth { timestamps: &timestamps, month, before };
-    let rows = |month, before| -> BTreeSet<u32> {
-        let starts =
-            start_states(&member, source(month, before), 200, Seed::new(1)).expect("starts");
+    let [both, first] = [None, Some(timestamps[300])].map(|before| -> BTreeSet<u32> {
+        let starts = start_states(&member, source(7, before), 200, Seed::new(1)).expect("starts");
         starts
             .iter()
             .map(|s| rollout(&member, s, 0, Weights::Linear, Seed::new(0)).rows()[0].0)
             .collect()
-    };
+    });
     // July 1970 and July 1971; block 0 ends before row 90.
-    let both = rows(7, None);
     assert!(both.iter().all(|&row| is_in_july(row)), "{both:?}");
     assert!(both.iter().any(|&row| row < 106) && both.iter().any(|&row| row >= 273));
     // Row 300 is in August 1971, so July of that year is not in an earlier year.
-    let first = rows(7, Some(timestamps[300]));
     assert!(first.iter().all(|&row| is_in_july(row) && row < 106));
     // January 1970 is in the block that member 0 leaves out: it is replaced, not refused.
     let january = start_states(&member, source(1, Some(timestamps[200])), 20, Seed::new(1));
@@ -222,11 +217,12 @@ fn impossible_starts_are_refused() {
     let model =
         model(&ModelConfig { theiler: 200, members: 2, neighbors: 1, ..ModelConfig::default() });
     let member = model.member(0);
-    let ask = |rows: &[RowIndex]| {
+    let cases: [&[RowIndex]; 2] = [&[], &[RowIndex(441)]];
+    let [none, unknown] = cases.map(|rows| {
         start_states(&member, StartSource::Rows { rows, absent: Absent::External }, 1, Seed::new(0))
-    };
-    assert!(matches!(ask(&[]), Err(RolloutError::NoRows)));
-    let unknown = ask(&[RowIndex(441)]).expect_err("441 rows").to_string();
+    });
+    assert!(matches!(none, Err(RolloutError::NoRows)));
+    let unknown = unknown.expect_err("441 rows").to_string();
     assert!(unknown.contains("rows 0 to 440"), "{unknown}");
     let empty = States::new(Vec::new(), 0, 3).expect("valid");
     let none = start_states(&member, StartSource::Nearest { states: &empty }, 1, Seed::new(0));
