@@ -199,11 +199,11 @@ mod tests {
         // Stops at the first call, then at the second and so on, until a run completes.
         for stops_at in 1.. {
             let asked = Cell::new(0);
-            let stop = || {
+            let aligned = dtw.align_until(&query, &reference, &|| {
                 asked.set(asked.get() + 1);
                 asked.get() == stops_at
-            };
-            match dtw.align_until(&query, &reference, &stop) {
+            });
+            match aligned {
                 Err(DtwError::Stopped) => assert_eq!(asked.get(), stops_at, "never asked again"),
                 other => {
                     assert_eq!(other, Ok(expected));

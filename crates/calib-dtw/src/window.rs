@@ -80,19 +80,23 @@ impl FromStr for Window {
     /// Reads `none`, `sakoeChiba:10`, `slanted:10` or `itakura`. Case is ignored, and hyphens are
     /// allowed: `sakoe-chiba:10`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let unknown = || ParseWindowError { text: text.to_owned() };
-        let lower = text.trim().to_ascii_lowercase().replace('-', "");
-        let (name, radius) = match lower.split_once(':') {
-            Some((name, radius)) => (name, Some(radius.parse().map_err(|_| unknown())?)),
-            None => (lower.as_str(), None),
-        };
-        match (name, radius) {
-            ("none", None) => Ok(Self::None),
-            ("itakura", None) => Ok(Self::Itakura),
-            ("sakoechiba", Some(radius)) => Ok(Self::SakoeChiba { radius }),
-            ("slanted", Some(radius)) => Ok(Self::Slanted { radius }),
-            _ => Err(unknown()),
-        }
+        parsed(text).ok_or_else(|| ParseWindowError { text: text.to_owned() })
+    }
+}
+
+/// Returns the window that a text names, if it names one.
+fn parsed(text: &str) -> Option<Window> {
+    let lower = text.trim().to_ascii_lowercase().replace('-', "");
+    let (name, radius) = match lower.split_once(':') {
+        Some((name, radius)) => (name, Some(radius.parse().ok()?)),
+        None => (lower.as_str(), None),
+    };
+    match (name, radius) {
+        ("none", None) => Some(Window::None),
+        ("itakura", None) => Some(Window::Itakura),
+        ("sakoechiba", Some(radius)) => Some(Window::SakoeChiba { radius }),
+        ("slanted", Some(radius)) => Some(Window::Slanted { radius }),
+        _ => None,
     }
 }
 

@@ -16,10 +16,8 @@ use calib_represent::{LaplacianConfig, Split, Training};
 
 fn main() {
     let mut numbers = std::env::args().skip(1).map(|text| text.parse().expect("a whole number"));
-    let mut next = |default| numbers.next().unwrap_or(default);
-    let columns = next(142_usize);
-    let batch_size = next(256);
-    let updates = next(1_000);
+    let [columns, batch_size, updates] =
+        [142, 256, 1_000].map(|default: usize| numbers.next().unwrap_or(default));
     let rows = 20_000;
     let mut rng = Seed::new(1).rng();
     let values = (0..rows * columns).map(|_| rng.unit() as f32).collect();

@@ -63,13 +63,10 @@ fn parts_of(
 ) -> Option<(Progress, Vec<f32>, Moments)> {
     let content = file.read()?;
     let progress: Progress = serde_json::from_str(content.metadata.get(PROGRESS)?).ok()?;
-    let values = |name: &str| {
+    let [parameters, mean, square] = ["parameters", "mean", "square"].map(|name| {
         let found = content.get(name).filter(|tensor| tensor.values.len() == parameter_count);
         found.map(|tensor| tensor.values.clone())
-    };
-    let parameters = values("parameters")?;
-    let mean = values("mean")?;
-    let square = values("square")?;
-    let powers = progress.powers;
-    Some((progress, parameters, Moments { mean, square, powers }))
+    });
+    let moments = Moments { mean: mean?, square: square?, powers: progress.powers };
+    Some((progress, parameters?, moments))
 }

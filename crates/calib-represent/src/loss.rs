@@ -136,18 +136,18 @@ mod tests {
 
     /// Computes the loss by definition, pair by pair, in double precision.
     fn by_definition(config: &LossConfig, outputs: &[f64], batch: usize, dimension: usize) -> f64 {
-        let row = |index: usize| &outputs[index * dimension..(index + 1) * dimension];
+        let rows: Vec<&[f64]> = outputs.chunks_exact(dimension).collect();
         let attraction: f64 = (0..batch)
             .map(|b| {
-                let pairs = row(b).iter().zip(row(batch + b));
+                let pairs = rows[b].iter().zip(rows[batch + b]);
                 pairs.map(|(u, v)| (u - v).powi(2)).sum::<f64>()
             })
             .sum();
         let mut repulsion = 0.0;
         for i in 0..batch {
             for j in (0..batch).filter(|&j| j != i) {
-                let a = row(2 * batch + i);
-                let b = row(2 * batch + j);
+                let a = rows[2 * batch + i];
+                let b = rows[2 * batch + j];
                 let square = dot(a, b).powi(2);
                 let norms = config.zeta * (dot(a, a) + dot(b, b));
                 repulsion += match config.form {

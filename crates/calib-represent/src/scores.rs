@@ -55,8 +55,12 @@ pub fn score(
         successive(segments, validation).map(|row| (row, row + 1)).collect();
     assert!(!next.is_empty(), "the split has checked it");
     let mut rng = seed.child("random pairs").rng();
-    let mut draw = || validation.start + rng.below(validation.len());
-    let random: Vec<(usize, usize)> = next.iter().map(|_| (draw(), draw())).collect();
+    let mut random: Vec<(usize, usize)> = Vec::with_capacity(next.len());
+    for _ in &next {
+        let [first, second] =
+            std::array::from_fn(|_| validation.start + rng.below(validation.len()));
+        random.push((first, second));
+    }
 
     let successive_distance = mean(&distances(psi, &next));
     let random_distances = distances(psi, &random);

@@ -53,9 +53,10 @@ mod tests {
         let segments = Segments::from_lengths([3, 5, 2]).expect("valid");
         let split = Split::in_time(&segments).expect("long enough");
         assert_eq!((split.training.clone(), split.validation.clone()), (0..8, 8..10));
-        let pairs = |rows| successive(&segments, &rows).collect::<Vec<_>>();
-        assert_eq!(pairs(split.training), [0, 1, 3, 4, 5, 6]);
-        assert_eq!(pairs(1..5), [1, 3]);
+        let [training, some] =
+            [split.training, 1..5].map(|rows| successive(&segments, &rows).collect::<Vec<usize>>());
+        assert_eq!(training, [0, 1, 3, 4, 5, 6]);
+        assert_eq!(some, [1, 3]);
     }
 
     #[test]

@@ -111,14 +111,10 @@ pub fn train_with(
     monitor.advance(training.done() as u64);
     let sample = Sample::new(states, segments, split);
     let every = config.steps.div_ceil(CURVE_POINTS);
-    let keep = |training: &dyn Stepper, progress: &Progress| match checkpoint {
-        Some(checkpoint) => checkpoint::write(checkpoint, training, progress),
-        None => Ok(()),
-    };
     let mut divergence = None;
     while training.done() < config.steps && divergence.is_none() {
         if let Err(cancelled) = monitor.check() {
-            keep(training, &progress)?;
+            keep(checkpoint, training, &progress)?;
             return Err(cancelled.into());
         }
         let loss = training.step()?;
@@ -134,7 +130,7 @@ pub fn train_with(
                     let loss = progress.sum / progress.count as f64;
                     progress.points.push(Point { step, loss, scores });
                     (progress.sum, progress.count) = (0.0, 0);
-                    keep(training, &progress)?;
+                    keep(checkpoint, training, &progress)?;
                 }
                 None => divergence = Some(Divergence::NotFinite { step }),
             }
@@ -143,6 +139,18 @@ pub fn train_with(
     let rest = config.steps - training.done();
     monitor.advance(rest as u64);
     Ok(Trained { encoder: training.encoder()?, points: progress.points, divergence })
+}
+
+/// Writes the checkpoint, if there is a file for it.
+fn keep(
+    checkpoint: Option<&CheckpointFile>,
+    training: &dyn Stepper,
+    progress: &Progress,
+) -> Result<(), RepresentError> {
+    match checkpoint {
+        Some(checkpoint) => checkpoint::write(checkpoint, training, progress),
+        None => Ok(()),
+    }
 }
 
 fn diverged(config: &LaplacianConfig, step: usize, loss: f64, first: f64) -> Option<Divergence> {

@@ -18,9 +18,9 @@ impl Adam {
     }
 
     pub(crate) fn from_moments(rule: AdamRule, moments: &Moments, device: Device) -> Self {
-        let on = |values: &[f32]| Tensor::from_slice(values).to_device(device);
-        let Moments { mean, square, powers } = moments;
-        Self { rule, mean: on(mean), square: on(square), powers: *powers }
+        let [mean, square] = [&moments.mean, &moments.square]
+            .map(|values| Tensor::from_slice(values).to_device(device));
+        Self { rule, mean, square, powers: moments.powers }
     }
 
     /// Returns the state that a checkpoint needs, besides the parameters.

@@ -62,15 +62,16 @@ impl RecurrentTrainer {
     ) -> Result<Self, DynamicsError> {
         let length = config.sequence_length;
         let stride = config.sequence_stride;
-        let part = |part, range| {
+        let parts = [("training", data.training()), ("validation", data.validation())];
+        let [training, validation] = parts.map(|(part, range)| {
             let found = sequences(data.transitions(), range, length, stride);
             if found.is_empty() {
                 Err(DynamicsError::NoSequence { part, length })
             } else {
                 Ok(found)
             }
-        };
-        let parts = (part("training", data.training())?, part("validation", data.validation())?);
+        });
+        let parts = (training?, validation?);
         let columns = data.columns();
         let hidden = config.hidden_units;
         let start = Recurrent::random(

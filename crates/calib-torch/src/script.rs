@@ -26,17 +26,14 @@ impl Script {
     /// # Errors
     /// If it is not a `TorchScript` file, or its `forward` does not map states to states.
     pub fn open(path: &Path, columns: usize, device: Device) -> Result<Self, DynamicsError> {
-        let refuse = |reason: String| DynamicsError::Weights {
-            reason: format!("{}: {reason}", path.display()),
-        };
-        let mut module =
-            CModule::load_on_device(path, device).map_err(|error| refuse(first_line(&error)))?;
+        let mut module = CModule::load_on_device(path, device)
+            .map_err(|error| refused(path, &first_line(&error)))?;
         module.set_eval();
         let script = Self { module: Mutex::new(module), columns, device };
         let mut next = vec![0.0; LANES * columns];
         script
             .run(&vec![0.0; LANES * columns], &mut next)
-            .map_err(|error| refuse(error.to_string()))?;
+            .map_err(|error| refused(path, &error.to_string()))?;
         Ok(script)
     }
 
@@ -60,6 +57,10 @@ impl Script {
             Ok(())
         })
     }
+}
+
+fn refused(path: &Path, reason: &str) -> DynamicsError {
+    DynamicsError::Weights { reason: format!("{}: {reason}", path.display()) }
 }
 
 /// Returns the first line of a libtorch message. The other lines are positions in libtorch's own code.

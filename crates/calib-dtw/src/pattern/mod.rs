@@ -265,16 +265,17 @@ mod tests {
     #[test]
     fn impossible_patterns_are_refused_with_the_branch_that_is_wrong() {
         let diagonal = Branch::new([Step::new(1, 1, 1.0)]);
-        let make = |branch: Branch| {
-            StepPattern::new("mine", [diagonal.clone(), branch], Normalisation::None)
-                .unwrap_err()
-                .to_string()
-        };
-        assert!(make(Branch::new([])).contains("branch 1 of step pattern `mine`"));
-        assert!(make(Branch::new([Step::new(0, 0, 1.0)])).contains("advances neither"));
-        assert!(make(Branch::new([Step::new(16, 1, 1.0)])).contains("advances by 16 samples"));
-        assert!(make(Branch::new([Step::new(1, 0, -1.0)])).contains("the weight -1"));
-        assert!(make(Branch::new([Step::new(1, 0, f64::NAN)])).contains("the weight NaN"));
+        for (branch, reason) in [
+            (Branch::new([]), "branch 1 of step pattern `mine`"),
+            (Branch::new([Step::new(0, 0, 1.0)]), "advances neither"),
+            (Branch::new([Step::new(16, 1, 1.0)]), "advances by 16 samples"),
+            (Branch::new([Step::new(1, 0, -1.0)]), "the weight -1"),
+            (Branch::new([Step::new(1, 0, f64::NAN)]), "the weight NaN"),
+        ] {
+            let refused = StepPattern::new("mine", [diagonal.clone(), branch], Normalisation::None);
+            let error = refused.unwrap_err().to_string();
+            assert!(error.contains(reason), "{error}");
+        }
         assert!(StepPattern::new("mine", [], Normalisation::None).is_err());
     }
 }

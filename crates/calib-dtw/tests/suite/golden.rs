@@ -20,13 +20,14 @@ fn check_each(golden: &str, mut check: impl FnMut(Dtw, &[f64], &[f64], &Value)) 
         let query = numbers(&case["query"]);
         let reference = numbers(&case["reference"]);
         for result in case["results"].as_array().expect("a list") {
-            let text = |n: usize| result[n].as_str().expect("text");
+            let [pattern, window, ends] =
+                [0, 1, 2].map(|number: usize| result[number].as_str().expect("text"));
             let settings = Settings {
-                window: text(1).parse().expect("its name"),
-                ends: text(2).parse().expect("its name"),
+                window: window.parse().expect("its name"),
+                ends: ends.parse().expect("its name"),
                 ..Settings::default()
             };
-            let pattern: StepPattern = text(0).parse().expect("its name");
+            let pattern: StepPattern = pattern.parse().expect("its name");
             check(Dtw::with_settings(pattern, settings), &query, &reference, result);
         }
     }

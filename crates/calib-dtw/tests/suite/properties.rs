@@ -14,6 +14,11 @@ fn pair() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
         .prop_map(|(seed, n, m)| (oracle::series(seed, n), oracle::series(!seed, m)))
 }
 
+/// Returns the distance before normalisation, infinite if there is no path.
+fn raw(dtw: &Dtw, x: &[f64], y: &[f64]) -> f64 {
+    dtw.distance(x, y).map_or(f64::INFINITY, |distance| distance.raw)
+}
+
 proptest! {
     #[test]
     fn a_series_is_at_distance_zero_from_itself(pattern in any_pattern(), (x, _) in pair()) {
@@ -34,14 +39,14 @@ proptest! {
 
     #[test]
     fn a_wider_window_is_never_worse(pattern in any_pattern(), (x, y) in pair()) {
-        let raw = |window| Dtw::new(pattern.clone()).window(window).distance(&x, &y).map_or(f64::INFINITY, |d| d.raw);
-        let unlimited = raw(Window::None);
+        let dtw = Dtw::new(pattern);
+        let unlimited = raw(&dtw, &x, &y);
         for make in [|radius| Window::SakoeChiba { radius }, |radius| Window::Slanted { radius }] {
-            let by_radius: Vec<f64> = [0, 1, 2, 5, 20, 200].into_iter().map(|radius| raw(make(radius))).collect();
+            let by_radius: Vec<f64> = [0, 1, 2, 5, 20, 200].into_iter().map(|radius| raw(&dtw.clone().window(make(radius)), &x, &y)).collect();
             prop_assert!(by_radius.is_sorted_by(|narrow, wide| narrow >= wide), "{:?}", by_radius);
             prop_assert_eq!(by_radius[5], unlimited);
         }
-        prop_assert!(raw(Window::Itakura) >= unlimited);
+        prop_assert!(raw(&dtw.window(Window::Itakura), &x, &y) >= unlimited);
     }
 
     #[test]
@@ -50,9 +55,10 @@ proptest! {
         (x, y) in pair(),
     ) {
         let pattern: StepPattern = name.parse().expect("a pattern");
-        let raw = |ends| Dtw::new(pattern.clone()).ends(ends).distance(&x, &y).map_or(f64::INFINITY, |d| d.raw);
-        prop_assert!(raw(Ends::OpenEnd) <= raw(Ends::Closed));
-        prop_assert!(raw(Ends::OpenBoth) <= raw(Ends::OpenBegin));
+        let [closed, open_end, open_begin, open_both] =
+            [Ends::Closed, Ends::OpenEnd, Ends::OpenBegin, Ends::OpenBoth].map(|ends| raw(&Dtw::new(pattern.clone()).ends(ends), &x, &y));
+        prop_assert!(open_end <= closed);
+        prop_assert!(open_both <= open_begin);
     }
 
     #[test]
@@ -76,12 +82,10 @@ fn pairs_in_parallel_give_what_one_thread_gives() {
     let patterns = [StepPattern::symmetric2(), StepPattern::symmetric_p1()];
     let set = PatternSet::new(patterns.clone(), Settings::default());
     let dtw = Dtw::new(patterns[1].clone());
-    let with_threads = |threads| {
+    let [one, four] = [1, 4].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| (set.distances_of_pairs(&pairs), dtw.distances(&pairs)))
-    };
-    let one = with_threads(1);
-    let four = with_threads(4);
+    });
     assert_eq!(one, four);
     for (&(x, y), (both, alone)) in pairs.iter().zip(one.0.iter().zip(&one.1)) {
         assert_eq!(both.as_ref().unwrap()[1].as_ref().ok(), alone.as_ref().ok());

@@ -5,10 +5,6 @@ use proptest::prelude::*;
 
 /// Computes the recursion as it is defined, with the whole matrix.
 fn by_definition(x: Series<'_>, y: Series<'_>, stiffness: f64, deletion: f64) -> f64 {
-    let zero = vec![0.0; x.channels()];
-    let sample = |series: Series<'_>, index: usize| {
-        if index == 0 { zero.clone() } else { series.sample(index - 1).to_vec() }
-    };
     let n = x.len();
     let m = y.len();
     let mut g = vec![vec![f64::INFINITY; m + 1]; n + 1];
@@ -26,6 +22,11 @@ fn by_definition(x: Series<'_>, y: Series<'_>, stiffness: f64, deletion: f64) ->
         }
     }
     g[n][m]
+}
+
+/// Returns a sample, counted from 1. The one before the first is zero.
+fn sample(series: Series<'_>, index: usize) -> Vec<f64> {
+    if index == 0 { vec![0.0; series.channels()] } else { series.sample(index - 1).to_vec() }
 }
 
 /// Returns the distance between two samples, summed over all channels.
@@ -47,12 +48,11 @@ proptest! {
         x in values(), y in values(), channels in 1..4_usize,
         stiffness in 0.0..0.5_f64, deletion in 0.0..2.0_f64,
     ) {
-        let fill = |mut values: Vec<f64>| {
+        let [x, y] = [x, y].map(|mut values| {
             let whole = values.len().max(channels) / channels * channels;
             values.resize(whole, 0.5);
             values
-        };
-        let (x, y) = (fill(x), fill(y));
+        });
         let x = Series::with_channels(&x, channels).unwrap();
         let y = Series::with_channels(&y, channels).unwrap();
         let twed = TimeWarpEdit::new(stiffness, deletion).unwrap();

@@ -11,15 +11,15 @@ use proptest::prelude::*;
 fn compare(pattern: &StepPattern, settings: Settings, query: Series<'_>, reference: Series<'_>) {
     let plain = Dtw::with_settings(pattern.clone(), settings);
     let expected = oracle::distance(&plain, query, reference);
-    let what = || format!("{pattern} {}x{} {settings:?}", query.len(), reference.len());
+    let what = format!("{pattern} {}x{} {settings:?}", query.len(), reference.len());
     for set in InstructionSet::available() {
         let dtw = plain.clone().instruction_set(set).expect("available");
-        assert_eq!(dtw.distance(query, reference).ok(), expected, "{} {set}", what());
+        assert_eq!(dtw.distance(query, reference).ok(), expected, "{what} {set}");
     }
     let Some(expected) = expected else { return };
     let alignment = plain.align(query, reference).expect("a path");
     assert_eq!(alignment.distance, expected);
-    assert_path(pattern, settings, (query, reference), &alignment.path, expected.end, &what());
+    assert_path(pattern, settings, (query, reference), &alignment.path, expected.end, &what);
 }
 
 /// Checks that the path follows branches of the pattern from begin to end, and that its cost is the
@@ -32,9 +32,10 @@ fn assert_path(
     end: usize,
     what: &str,
 ) {
-    let local = |(i, j): (usize, usize)| {
-        settings.local_distance.between(query.sample(i), reference.sample(j))
-    };
+    let local: Vec<f64> = path
+        .iter()
+        .map(|&(i, j)| settings.local_distance.between(query.sample(i), reference.sample(j)))
+        .collect();
     assert_eq!(path.last(), Some(&(query.len() - 1, end)), "{what}");
     let g = oracle::cumulated(pattern, settings, query, reference);
     // The cost of each cell that branches can reach so far along the path. Branches list their
@@ -43,7 +44,7 @@ fn assert_path(
     reached[0] = 0.0;
     if !settings.ends.open_begin() {
         assert_eq!(path[0], (0, 0), "{what}");
-        reached[1] = local(path[0]);
+        reached[1] = local[0];
     }
     for last in 0..path.len() {
         for branch in pattern.branches() {
@@ -66,7 +67,8 @@ fn assert_path(
             let same =
                 cells.clone().all(|(cell, &at)| (at.0 + cell.query, at.1 + cell.reference) == to);
             if joined && same {
-                let cost = cells.map(|(cell, &at)| cell.weight * local(at)).reduce(|s, d| s + d);
+                let cost = cells.zip(&local[first..=last]);
+                let cost = cost.map(|((cell, _), local)| cell.weight * local).reduce(|s, d| s + d);
                 let total = reached[first] + cost.expect("steps");
                 if total == g[to.0][to.1] {
                     reached[last + 1] = reached[last + 1].min(total);

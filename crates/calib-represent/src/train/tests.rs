@@ -58,8 +58,8 @@ fn an_interrupted_training_goes_on_to_the_same_bytes() {
 
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path().join("checkpoint.safetensors");
-    let checkpoint_of = |key: &str| CheckpointFile::new(path.clone(), key.to_owned());
-    let checkpoint = checkpoint_of("a");
+    let [checkpoint, with_another_key] =
+        ["a", "b"].map(|key| CheckpointFile::new(path.clone(), key.to_owned()));
     for updates in [1, 40, 37] {
         let monitor = After(AtomicUsize::new(updates + 77));
         // Earlier progress is kept, so every call advances further.
@@ -69,7 +69,8 @@ fn an_interrupted_training_goes_on_to_the_same_bytes() {
     let parts = train(&config(), task, Some(&checkpoint), &Silent).expect("goes on");
     assert!(parts == whole, "{:?} and {:?}", parts.points, whole.points);
     // With another key, training starts again.
-    assert!(train(&config(), task, Some(&checkpoint_of("b")), &Silent).expect("trains") == whole);
+    let anew = train(&config(), task, Some(&with_another_key), &Silent);
+    assert!(anew.expect("trains") == whole);
     checkpoint.remove().expect("removed");
     checkpoint.remove().expect("nothing to remove");
     std::fs::write(&path, "text").expect("written");

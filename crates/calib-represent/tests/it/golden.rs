@@ -28,13 +28,16 @@ fn whole(value: &Value) -> usize {
     value.as_u64().expect("a whole number") as usize
 }
 
+fn number(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
 fn loss_config(case: &Value) -> LossConfig {
-    let number = |name: &str| case[name].as_f64().expect("a number");
     LossConfig {
         form: if case["form"] == "A" { LossForm::A } else { LossForm::B },
-        attraction: number("c"),
-        beta: number("beta"),
-        zeta: number("zeta"),
+        attraction: number(&case["c"]),
+        beta: number(&case["beta"]),
+        zeta: number(&case["zeta"]),
     }
 }
 
@@ -82,7 +85,7 @@ fn twenty_steps_of_training_are_pytorchs() {
             loss: loss_config(case),
             dimension: sizes[3],
             hidden_units: sizes[1],
-            learning_rate: golden["adam"]["learning_rate"].as_f64().expect("a number"),
+            learning_rate: number(&golden["adam"]["learning_rate"]),
             batch_size: whole(&golden["batch"]),
             steps,
             ..LaplacianConfig::default()
@@ -94,11 +97,11 @@ fn twenty_steps_of_training_are_pytorchs() {
                 .expect("valid");
         let expected = numbers(&case["losses"]);
         for (step, expected) in expected.iter().enumerate() {
-            let rows = |name: &str| {
+            let [u, v, x] = ["u", "v", "x"].map(|name| {
                 let rows = golden[format!("batches_{name}")][step].as_array().expect("a list");
                 rows.iter().map(whole).collect()
-            };
-            let loss = training.step_on(&Batch { u: rows("u"), v: rows("v"), x: rows("x") });
+            });
+            let loss = training.step_on(&Batch { u, v, x });
             assert_near(&[loss.total], &[*expected], 1e-5);
             if step == 0 {
                 let parameters = doubles(training.encoder().parameters());

@@ -331,20 +331,21 @@ fn neighbours_respect_a_bottleneck_that_euclidean_ones_cross() {
     let trained = train(&config, task, None, &Silent).expect("trains");
     let psi = encode(&trained.encoder, &states).expect("finite");
 
-    // For a state far from the door: whether the nearest state of another place is across the wall.
-    let crosses = |points: &States, row: usize| {
-        let other = (0..3_000)
-            .filter(|&other| nodes[other] != nodes[row])
-            .min_by(|&a, &b| {
-                square_distance(points, row, a).total_cmp(&square_distance(points, row, b))
-            })
-            .expect("other places");
-        nodes[other] / length != nodes[row] / length
-    };
     let far = (3_000..6_000).filter(|&row| nodes[row] % length >= 4).take(200);
     let far: Vec<usize> = far.collect();
-    let euclidean = far.iter().filter(|&&row| crosses(&states, row)).count();
-    let laplacian = far.iter().filter(|&&row| crosses(&psi, row)).count();
+    // States far from the door, whose nearest state of another place is across the wall.
+    let [euclidean, laplacian] = [&states, &psi].map(|points| {
+        let crossing = far.iter().filter(|&&row| {
+            let other = (0..3_000)
+                .filter(|&other| nodes[other] != nodes[row])
+                .min_by(|&a, &b| {
+                    square_distance(points, row, a).total_cmp(&square_distance(points, row, b))
+                })
+                .expect("other places");
+            nodes[other] / length != nodes[row] / length
+        });
+        crossing.count()
+    });
     assert_eq!(far.len(), 200);
     assert!(euclidean > 190, "{euclidean} of 200 Euclidean neighbours lie across the wall");
     assert!(laplacian < 10, "{laplacian} of 200 Laplacian neighbours lie across the wall");

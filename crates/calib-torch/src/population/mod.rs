@@ -85,13 +85,11 @@ impl Population {
         let networks = Stack::new(sizes, &own, device)?;
         // Padding networks belong to the first run and learner.
         let count = networks.parameters.size()[0] as usize;
-        let of_all = |number: &dyn Fn(usize) -> i64| -> Result<Tensor, TchError> {
-            let own = (0..runs as usize * learners.len()).map(number);
-            let all: Vec<i64> = own.chain(std::iter::repeat(0)).take(count).collect();
-            Tensor::f_from_slice(&all)?.f_to_device(device)
-        };
-        let run_of = of_all(&|network| (network / learners.len()) as i64)?;
-        let columns = of_all(&|network| learners[network % learners.len()].cumulant as i64)?;
+        let own = 0..runs as usize * learners.len();
+        let run_of = own.clone().map(|network| (network / learners.len()) as i64);
+        let run_of = padded(run_of, count, device)?;
+        let columns = own.map(|network| learners[network % learners.len()].cumulant as i64);
+        let columns = padded(columns, count, device)?;
         let periods: Vec<usize> =
             learners.iter().map(|learner| learner.config.target_network_period).collect();
         let target = periods[0] > 0;
@@ -180,8 +178,8 @@ impl Population {
         let target = target?;
         for (learner, &period) in periods.iter().enumerate() {
             if period > 0 && self.updates.is_multiple_of(period) {
-                let own = |parameters: &Tensor| parameters.f_select(1, learner as i64);
-                own(&target)?.f_copy_(&own(&present)?)?;
+                let present = present.f_select(1, learner as i64)?;
+                target.f_select(1, learner as i64)?.f_copy_(&present)?;
             }
         }
         Ok(())
@@ -189,11 +187,7 @@ impl Population {
 
     fn make(&mut self, steps: &Steps) -> Result<LockstepResults, TchError> {
         let (runs, count) = (self.runs, steps.present.len() as i64 / self.runs);
-        let numbers = |numbers: &[u32], shape: &[i64]| -> Result<Tensor, TchError> {
-            let numbers: Vec<i64> = numbers.iter().map(|&number| i64::from(number)).collect();
-            Tensor::f_from_slice(&numbers)?.f_view_(shape)?.f_to_device(self.device)
-        };
-        let present = numbers(&steps.present, &[count, runs, 1])?;
+        let present = shaped(&steps.present, &[count, runs, 1], self.device)?;
         let mut predictions = Vec::new();
         let mut finite = Vec::new();
         if steps.starts.is_empty() {
@@ -204,7 +198,7 @@ impl Population {
                 predictions.push(self.wanted(&values)?);
             }
         } else {
-            let starts = numbers(&steps.starts, &[count, runs, self.batch])?;
+            let starts = shaped(&steps.starts, &[count, runs, self.batch], self.device)?;
             self.descent.prepare(count as usize, self.device)?;
             for step in 0..count {
                 let present = present.f_select(0, step)?;
@@ -222,6 +216,22 @@ impl Population {
         };
         Ok(LockstepResults { predictions, finite })
     }
+}
+
+/// Returns one number per network. Padding networks, of `count` in all, have zeros.
+fn padded(
+    numbers: impl Iterator<Item = i64>,
+    count: usize,
+    device: Device,
+) -> Result<Tensor, TchError> {
+    let all: Vec<i64> = numbers.chain(std::iter::repeat(0)).take(count).collect();
+    Tensor::f_from_slice(&all)?.f_to_device(device)
+}
+
+/// Returns numbers in this shape.
+fn shaped(numbers: &[u32], shape: &[i64], device: Device) -> Result<Tensor, TchError> {
+    let numbers: Vec<i64> = numbers.iter().map(|&number| i64::from(number)).collect();
+    Tensor::f_from_slice(&numbers)?.f_view_(shape)?.f_to_device(device)
 }
 
 impl Lockstep for Population {

@@ -138,8 +138,9 @@ impl Stack {
         let all = Tensor::f_empty([count, places], (Kind::Float, left.device()))?;
         let all = all.f_narrow(1, 0, rows * columns)?.f_view_([count, rows, columns])?;
         for first in (0..count).step_by(self.block as usize) {
-            let part = |matrices: &Tensor| matrices.f_narrow(0, first, self.block);
-            let _ = part(left)?.f_bmm_out(&part(&all)?, &part(right)?)?;
+            let [left, out, right] =
+                [left, &all, right].map(|matrices| matrices.f_narrow(0, first, self.block));
+            let _ = left?.f_bmm_out(&out?, &right?)?;
         }
         Ok(all)
     }

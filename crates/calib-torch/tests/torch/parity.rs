@@ -153,13 +153,16 @@ fn loss_by_walking(
     let mut next = vec![0.0; LANES * columns];
     let mut squares = 0.0;
     for step in 0..length {
-        let row = |lane: usize| transitions.sources()[first[lane] as usize] as usize + step;
-        for lane in 0..LANES {
-            now[lane * columns..][..columns].copy_from_slice(states.row(row(lane)));
+        let rows: Vec<usize> = first[..LANES]
+            .iter()
+            .map(|&transition| transitions.sources()[transition as usize] as usize + step)
+            .collect();
+        for (now, &row) in now.chunks_exact_mut(columns).zip(&rows) {
+            now.copy_from_slice(states.row(row));
         }
         walk.step(&now, &mut next).expect("a step");
-        for lane in 0..LANES {
-            let pairs = next[lane * columns..][..columns].iter().zip(states.row(row(lane) + 1));
+        for (next, &row) in next.chunks_exact(columns).zip(&rows) {
+            let pairs = next.iter().zip(states.row(row + 1));
             squares += pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
         }
     }

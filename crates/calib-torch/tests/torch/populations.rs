@@ -130,10 +130,10 @@ fn a_checkpoint_is_where_learning_starts() {
     let configs = [network(), AgentConfig { target_network_period: 9, ..network() }];
     let count = parameter_count(&network(), 3);
     let mut rng = Seed::new(8).rng();
-    let mut draw = |low, high| (0..count).map(|_| rng.uniform(low, high) as f32).collect();
-    let parameters = draw(-0.3, 0.3);
-    let mean = draw(-0.01, 0.01);
-    let square = draw(1e-4, 1e-3);
+    let bounds = [(-0.3, 0.3), (-0.01, 0.01), (1e-4, 1e-3)];
+    let [parameters, mean, square] = bounds.map(|(low, high)| -> Vec<f32> {
+        (0..count).map(|_| rng.uniform(low, high) as f32).collect()
+    });
     let bare = Checkpoint { parameters, moments: None };
     let moments = Moments { mean, square, powers: (0.5, 0.9) };
     let whole = Checkpoint { moments: Some(moments), ..bare.clone() };
@@ -201,10 +201,10 @@ fn more_runs_than_fit_are_fewer_side_by_side() {
     let agents = agents();
     let learners = learners(&agents, 0);
     let processor = Populations::new(device(DeviceChoice::Cpu).expect("always there"));
-    let side_by_side = |states| runs_together(&processor, &learners, (states, 3));
-    assert_eq!(side_by_side(200), 64);
-    assert_eq!(side_by_side(1 << 40), 1, "one is always tried");
-    let fit = side_by_side(400_000);
+    assert_eq!(runs_together(&processor, &learners, (200, 3)), 64);
+    let few = runs_together(&processor, &learners, (1 << 40, 3));
+    assert_eq!(few, 1, "one is always tried");
+    let fit = runs_together(&processor, &learners, (400_000, 3));
     assert!((2..64).contains(&fit), "{fit}");
 }
 

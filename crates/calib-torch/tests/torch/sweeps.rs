@@ -38,10 +38,13 @@ impl Environment for Waves {
     fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
         let rows = span().states();
         let mut rng = Seed::new(3).child(&self.id.to_string()).number(run as u64).rng();
-        let mut value = |row: usize, phase: f64| {
-            (0.5 + 0.4 * (row as f64 * 0.3 + phase).sin() + 0.03 * rng.normal()) as f32
-        };
-        let values = (0..rows).flat_map(|row| [value(row, 0.0), value(row, 1.0)]).collect();
+        let mut values = Vec::with_capacity(2 * rows);
+        for row in 0..rows {
+            for phase in [0.0, 1.0] {
+                let wave = (row as f64 * 0.3 + phase).sin();
+                values.push((0.5 + 0.4 * wave + 0.03 * rng.normal()) as f32);
+            }
+        }
         let states = States::new(values, rows, 2).expect("finite");
         let whole = Segments::from_lengths([rows]).expect("one");
         Ok(RunStream::complete(RowStream::replay(states, &whole), RowIndex::new(run)))
@@ -114,10 +117,11 @@ fn rmses(results: &[UnitResult]) -> Vec<f64> {
 #[test]
 fn a_sweep_side_by_side_is_the_native_one() {
     let directory = tempfile::tempdir().expect("a directory");
-    let store = |name: &str| UnitStore::new(directory.path().join(name));
-    let native = with_plan(None, |plan| plan.run(&store("native"), &Silent).expect("runs"));
+    let [native_store, torch_store] =
+        ["native", "torch"].map(|name| UnitStore::new(directory.path().join(name)));
+    let native = with_plan(None, |plan| plan.run(&native_store, &Silent).expect("runs"));
     let small = small();
-    let torch = with_plan(Some(&small), |plan| plan.run(&store("torch"), &Silent).expect("runs"));
+    let torch = with_plan(Some(&small), |plan| plan.run(&torch_store, &Silent).expect("runs"));
     assert_eq!(native.len(), 20);
     for (native, torch) in native.iter().zip(&torch) {
         assert_eq!((&native.unit, native.seed), (&torch.unit, torch.seed));
@@ -128,7 +132,7 @@ fn a_sweep_side_by_side_is_the_native_one() {
     }
     // Each accelerator finds only its own results.
     let found =
-        |accelerator| with_plan(accelerator, |plan| plan.stored(&store("torch")).whole().len());
+        |accelerator| with_plan(accelerator, |plan| plan.stored(&torch_store).whole().len());
     assert_eq!((found(None), found(Some(&small))), (0, 20));
 }
 
