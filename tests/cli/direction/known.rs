@@ -165,32 +165,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
         reason: "the answer is beside the step that writes it",
     },
     KnownCircle {
-        package: "calib-report",
-        files: &[
-            "page/charts.rs",
-            "page/figure.rs",
-            "page/learning.rs",
-            "page/mod.rs",
-            "page/recorded.rs",
-            "page/several.rs",
-            "page/tables.rs",
-            "page/verdicts.rs",
-            "report/mod.rs",
-            "report/summary.rs",
-        ],
-        reason: "the report renders itself as a page",
-    },
-    KnownCircle {
-        package: "calib-report",
-        files: &[
-            "report/sentence.rs",
-            "report/sentence/words.rs",
-            "report/simple.rs",
-            "report/verdict.rs",
-        ],
-        reason: "a verdict contains what it says of simple predictors",
-    },
-    KnownCircle {
         package: "calib-study",
         files: &[
             "hint.rs",

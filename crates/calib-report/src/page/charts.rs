@@ -6,7 +6,11 @@ use calib_core::count;
 use maud::{Markup, html};
 
 use super::figure::{Drawn, Numbers, still};
-use super::{Section, SectionEntry, several, text::prose};
+use super::{
+    document::{Section, SectionEntry},
+    several,
+    text::prose,
+};
 use crate::chart::Detail;
 use crate::figures::NRMSE;
 use crate::{

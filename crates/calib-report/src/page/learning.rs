@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 
 use super::charts::common_caption;
+use super::document::{Section, SectionEntry};
 use super::figure::{Drawn, Numbers};
-use super::{Section, SectionEntry};
 use crate::{Cell, LearningCurves, Report, ReportError, Table};
 
 /// With more curves than there are colours and patterns, the others are switched off at first.

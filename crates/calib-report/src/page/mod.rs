@@ -1,6 +1,7 @@
 //! The report as one self-contained HTML document.
 
 mod charts;
+mod document;
 mod figure;
 mod learning;
 mod overview;
@@ -10,99 +11,30 @@ mod tables;
 mod text;
 mod verdicts;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use document::{Section, document};
 
 use crate::{Report, ReportError};
 
 pub(crate) use overview::overview;
 
-const STYLE: &str = include_str!("style.css");
-/// The script. A block keeps its names out of the page's scope.
-const SCRIPT: &str = concat!(
-    "\"use strict\";\n{\n",
-    include_str!("script/numbers.js"),
-    include_str!("script/chart.js"),
-    include_str!("script/zoom.js"),
-    include_str!("script/read.js"),
-    include_str!("script/save.js"),
-    include_str!("script/page.js"),
-    "}\n"
-);
-/// Content security policy: nothing may be loaded, whatever a label contains.
-const POLICY: &str =
-    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
-
-/// Renders `report` as HTML.
-pub(crate) fn html(report: &Report) -> Result<String, ReportError> {
-    let sections = sections(report)?;
-    Ok(document(&report.title, report.subtitle.as_deref(), "Skip to the verdict", &sections))
-}
-
-/// Returns a complete page. `skip` names the first section for users of screen readers.
-fn document(title: &str, subtitle: Option<&str>, skip: &str, sections: &[Section]) -> String {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="generator" content="calib";
-                title { (title) " – calib report" }
-                link rel="icon" href="data:,";
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                @if let Some(first) = sections.first() { a.skip href={ "#" (first.id) } { (skip) } }
-                header.top {
-                    div {
-                        p.kind { "Calibration report" }
-                        h1 { (title) }
-                        @if let Some(subtitle) = subtitle { p.subtitle { (text::prose(subtitle)) } }
-                    }
-                    button.theme type="button" aria-label="Switch between light and dark" { "◐ Theme" }
-                }
-                nav aria-label="Sections" {
-                    @for section in sections { a href={ "#" (section.id) } { (section.title) } }
-                }
-                main {
-                    @for section in sections {
-                        section id=(section.id) aria-labelledby={ (section.id) "-title" } {
-                            h2 id={ (section.id) "-title" } { (section.title) }
-                            @if section.parts.len() > 1 { (contents(section)) }
-                            (section.body)
-                        }
-                    }
-                }
-                footer { "Made by calib. This file is complete: it loads nothing from the network." }
-                script { (PreEscaped(SCRIPT)) }
-            }
-        }
-    };
-    page.into_string()
-}
-
-/// Returns links to the parts of a section.
-fn contents(section: &Section) -> Markup {
-    html! {
-        ul.contents aria-label={ "In this section: " (section.title) } {
-            @for part in &section.parts { li { a href={ "#" (part.id) } { (part.title) } } }
-        }
+impl Report {
+    /// Returns the report as one self-contained HTML document: no network,
+    /// with styles, script and figures inline.
+    ///
+    /// # Errors
+    ///
+    /// If a figure cannot be drawn; see [`Sensitivity::figure`], [`LearningCurves::figure`],
+    /// [`RecordedFigure::figure`], [`RolloutFigure::figure`] and [`RolloutGrid::figure`].
+    ///
+    /// [`Sensitivity::figure`]: crate::Sensitivity::figure
+    /// [`LearningCurves::figure`]: crate::LearningCurves::figure
+    /// [`RecordedFigure::figure`]: crate::RecordedFigure::figure
+    /// [`RolloutFigure::figure`]: crate::RolloutFigure::figure
+    /// [`RolloutGrid::figure`]: crate::RolloutGrid::figure
+    pub fn html(&self) -> Result<String, ReportError> {
+        let sections = sections(self)?;
+        Ok(document(&self.title, self.subtitle.as_deref(), "Skip to the verdict", &sections))
     }
-}
-
-struct Section {
-    id: &'static str,
-    title: &'static str,
-    /// Figures and tables of the section, in order.
-    parts: Vec<SectionEntry>,
-    body: Markup,
-}
-
-/// A figure or table that the contents of its section link to.
-struct SectionEntry {
-    id: String,
-    title: String,
 }
 
 /// Returns the sections that have content: the verdict, its evidence, then data and reproduction.

@@ -3,7 +3,7 @@
 use maud::html;
 
 use super::{
-    Section, SectionEntry, document,
+    document::{Section, SectionEntry, document},
     figure::{Drawn, Numbers, with_panels},
     tables::table,
     text::prose,

@@ -3,8 +3,8 @@
 use maud::html;
 
 use super::charts::common_caption;
+use super::document::{Section, SectionEntry};
 use super::figure::still;
-use super::{Section, SectionEntry};
 use crate::{Report, ReportError};
 
 /// Caption of the plots of a sensor.

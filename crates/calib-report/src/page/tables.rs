@@ -3,8 +3,8 @@
 use calib_core::{count, number, percent};
 use maud::{Markup, html};
 
+use super::document::{Section, SectionEntry};
 use super::text::prose;
-use super::{Section, SectionEntry};
 use crate::duration::duration;
 use crate::{
     Cell, Channel, ChannelStatus, DataProfile, JumpStatistics, Report, Reproduction, Setting, Table,

@@ -3,7 +3,7 @@
 use calib_core::{is_many_times, number, percent};
 use maud::{Markup, html};
 
-use super::Section;
+use super::document::Section;
 use super::tables::table;
 use super::text::prose;
 use crate::report::{are_of_several_models, caveats, summary};
