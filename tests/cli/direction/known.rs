@@ -108,31 +108,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
         reason: "an error names what it is about, everything fails with it, and the log reads text by its configuration",
     },
     KnownCircle {
-        package: "calib-model-steps",
-        files: &[
-            "model/kinds.rs",
-            "model/model_files.rs",
-            "model/recurrence.rs",
-            "model/train_model.rs",
-        ],
-        reason: "the manifest has facts of each kind of model, and each kind has a manifest",
-    },
-    KnownCircle {
-        package: "calib-model-steps",
-        files: &[
-            "represent/cost.rs",
-            "represent/grid.rs",
-            "represent/mod.rs",
-            "represent/table.rs",
-        ],
-        reason: "the step holds the types of its parts",
-    },
-    KnownCircle {
-        package: "calib-model-steps",
-        files: &["rollouts/comparison/mod.rs", "rollouts/comparison/summary.rs"],
-        reason: "the comparison holds the types of its summary",
-    },
-    KnownCircle {
         package: "calib-pipeline",
         files: &["control/advice.rs", "control/advice/beside.rs", "control/advice/reasons.rs"],
         reason: "the advice holds the words that its reasons use",

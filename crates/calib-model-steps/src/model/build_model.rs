@@ -32,8 +32,8 @@ use crate::{
         build_cost, build_network,
         build_plan::{BuildPlan, Spilled, Training},
         built_model::BuiltModel,
+        member_recurrence::MemberRecurrence,
         model_files::{self, MemberSummary, ModelFacts, ModelManifest, model_key},
-        recurrence::MemberRecurrence,
     },
     represent::{self, Representation},
 };

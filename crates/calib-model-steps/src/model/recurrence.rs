@@ -1,22 +1,15 @@
-//! Whether rollouts of a member return to rows that they have visited: statistics and their text.
-
-use std::ops::Range;
+//! Whether rollouts of a member return to rows that they have visited: the text about it.
 
 use calib_base::output::{about, count, percent, rounded};
-use calib_core::{Frames, Seed, Timestamp, TransitionIndex};
 use calib_data::format_time;
-use calib_knn::{ClosedClasses, Ends, KnnModel, Recurrence, Weights};
-use calib_model::WalkStatistics;
+use calib_knn::{ClosedClasses, Recurrence};
 use calib_report::{Cell, Table};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use crate::model::model_files::{MemberSummary, ModelManifest};
+use super::{
+    manifest::{MemberSummary, ModelManifest},
+    member_recurrence::MemberRecurrence,
+};
 
-/// Maximum number of time spans that are listed.
-const TOLD: usize = 10;
-/// Time spans that are at most this many transitions apart are merged.
-const APART: u32 = 10;
 /// A larger share of removed candidates deserves a warning (our choice).
 const MUCH: f64 = 0.05;
 /// Closed classes with a smaller share of a member's transitions deserve a warning (our choice).
@@ -27,90 +20,6 @@ const LITTLE: f64 = 0.02;
 
 /// Members with fewer transitions offer few rows for rollouts anyway.
 const MANY: usize = 1000;
-
-/// Traps and rollout statistics of an ensemble member, in the manifest of its model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct MemberRecurrence {
-    #[serde(flatten)]
-    pub(crate) classes: Recurrence,
-    /// Times of the transitions that are left out: the ten longest stretches, in order of time.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(crate) left_out_times: Vec<Stretch>,
-    /// Times at which traps were given exits, at most ten.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(crate) exit_times: Vec<Timestamp>,
-    #[serde(flatten)]
-    pub(crate) walks: WalkStatistics,
-}
-
-/// A stretch of the log.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct Stretch {
-    /// Times of the states at which its first and its last transition start.
-    pub(crate) times: [Timestamp; 2],
-    /// Number of its candidates that are left out.
-    pub(crate) candidates: usize,
-}
-
-impl MemberRecurrence {
-    /// Computes the recurrence of `member`, whose rollouts end in `ends`.
-    pub(crate) fn new(
-        knn: &KnnModel,
-        member: usize,
-        classes: Recurrence,
-        ends: &Ends,
-        frames: &Frames,
-        weights: Weights,
-        seed: u64,
-    ) -> Self {
-        let seed = Seed::new(seed).child("walks").number(member as u64);
-        let time = |transition: u32| {
-            let row = knn.transitions().source(TransitionIndex(transition));
-            frames.timestamps()[row.get()]
-        };
-        let left_out = knn.left_out(member);
-        let mut walks = WalkStatistics::of(&knn.member(member), ends, weights, seed);
-        if classes.after.count > 1 {
-            // Separate parts do not mix, wherever they are.
-            walks.mixing_steps = None;
-        }
-        Self {
-            classes,
-            left_out_times: longest(left_out.runs())
-                .into_iter()
-                .map(|(run, candidates): (Range<u32>, usize)| Stretch {
-                    times: [time(run.start), time(run.end - 1)],
-                    candidates,
-                })
-                .collect(),
-            exit_times: left_out.exits().take(TOLD).map(|(row, _)| time(row)).collect(),
-            walks,
-        }
-    }
-
-    /// Returns the effective share of the member's rows over which rollouts are spread.
-    fn covered(&self, transitions: usize) -> Option<f64> {
-        self.walks.effective_rows.map(|rows| (rows / transitions as f64).min(1.0))
-    }
-}
-
-/// Returns the longest of these runs, with the number of candidates in each, in order. Adjacent runs are merged first.
-fn longest(runs: impl Iterator<Item = Range<u32>>) -> Vec<(Range<u32>, usize)> {
-    let mut joined: Vec<(Range<u32>, usize)> = Vec::new();
-    for run in runs {
-        match joined.last_mut() {
-            Some((last, count)) if run.start - last.end <= APART => {
-                *count += run.len();
-                last.end = run.end;
-            }
-            _ => joined.push((run.clone(), run.len())),
-        }
-    }
-    joined.sort_by_key(|(run, count)| (std::cmp::Reverse(*count), run.start));
-    joined.truncate(TOLD);
-    joined.sort_by_key(|(run, _)| run.start);
-    joined
-}
 
 /// Returns lines about the removal of traps, and about how far rollouts get.
 pub(crate) fn lines(member: &MemberRecurrence, transitions: usize) -> [String; 2] {
@@ -319,6 +228,8 @@ fn sizes_cell(classes: &ClosedClasses) -> Cell {
 
 #[cfg(test)]
 mod tests {
+    use calib_model::WalkStatistics;
+
     use super::*;
 
     #[test]
@@ -353,15 +264,5 @@ mod tests {
         assert!(one.ends_with("settle there after about 13,000 steps"), "{one}");
         let two = spread_line(2);
         assert!(two.contains("over roughly 30 % of the rows"), "{two}");
-    }
-
-    #[test]
-    fn near_stretches_are_one_and_the_longest_are_told() {
-        let runs = [0..3, 5..6, 40..50, 61..62];
-        let all = longest(runs.into_iter());
-        assert_eq!(all, [(0..6, 4), (40..50, 10), (61..62, 1)]);
-        let many = (0..30_u32).map(|number| 100 * number..100 * number + number + 1);
-        let told = longest(many);
-        assert_eq!((told.len(), told[0].1, told[9].1), (10, 21, 30));
     }
 }

@@ -1,7 +1,6 @@
 //! Models that are networks: trained, stored as weights, opened.
 
 use std::{
-    fmt,
     io::Write as _,
     path::{Path, PathBuf},
     time::Duration,
@@ -15,7 +14,7 @@ use calib_base::{
     cost::{StepCost, processor_secs},
     ensure, memory,
     options::Device,
-    output::{Printer, bytes, count, counted, number},
+    output::{Printer, bytes, count, counted},
     torch,
 };
 use calib_core::{Monitor, Seed, Transitions};
@@ -31,10 +30,8 @@ use calib_files::{
 use calib_model::ModelKind;
 use calib_nn::Mlp;
 use calib_study::{Job, Study};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use crate::model::model_files::ModelManifest;
+use super::{manifest::ModelManifest, training_summary::TrainingSummary};
 
 /// The file of the weights.
 const WEIGHTS: &str = "weights.safetensors";
@@ -49,36 +46,6 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// The name of this program's own arithmetic.
 const NATIVE: &str = "native arithmetic";
-
-/// Training of a network, in the manifest of its model.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct TrainingSummary {
-    /// The library and device that did the arithmetic.
-    pub(crate) backend: String,
-    pub(crate) epochs: usize,
-    pub(crate) updates: u64,
-    /// The epoch whose weights are kept, from 1.
-    pub(crate) kept_epoch: usize,
-    /// Mean squared errors of that epoch, in normalised units.
-    pub(crate) training_loss: f64,
-    pub(crate) validation_loss: f64,
-    /// The validation loss of predicting that nothing changes.
-    pub(crate) persistence_loss: f64,
-}
-
-impl fmt::Display for TrainingSummary {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "weights of epoch {} of {}, one-step validation loss {} (no change at all: {}); {}",
-            count(self.kept_epoch),
-            count(self.epochs),
-            number(self.validation_loss),
-            number(self.persistence_loss),
-            self.backend,
-        )
-    }
-}
 
 /// Returns the files of the model directory that only networks of this kind have.
 pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {

@@ -13,7 +13,11 @@ use calib_represent::{
 };
 use calib_study::{Job, StepKind, Study};
 
-use super::{Material, RepresentationManifest, grid, seed};
+use super::{
+    grid,
+    manifest::RepresentationManifest,
+    material::{Material, seed},
+};
 
 /// Minimum time for the updates of a candidate.
 const TIMED: Duration = Duration::from_millis(50);

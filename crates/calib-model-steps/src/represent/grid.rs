@@ -20,7 +20,10 @@ use calib_study::{Share, Study};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Candidate, ENCODER, Material, seed};
+use super::{
+    candidate::{Candidate, ENCODER},
+    material::{Material, seed},
+};
 
 /// Version of the training: increased when the same configuration and seed lead to other weights.
 const TRAINING: u32 = 1;

@@ -1,9 +1,12 @@
 //! Representations of the states: trained or imported, scored, chosen.
 
+mod candidate;
 mod cost;
 pub mod decisions;
 mod grid;
 mod import;
+mod manifest;
+mod material;
 mod table;
 
 use std::{
@@ -14,7 +17,7 @@ use std::{
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Artefact, Below, DirectoryLock, Facts, Files},
+    artefact::{self, Below, DirectoryLock, Facts as _, Files},
     bail,
     clock::Stopwatch,
     ensure, frames,
@@ -26,95 +29,25 @@ use calib_base::{
     stale::StoredArtefact,
     torch,
 };
-use calib_core::{Seed, Segments, States};
+use calib_core::States;
 use calib_data::Dataset;
-use calib_files::{Fingerprint, fingerprint_file, map_npy, write_npy};
+use calib_files::{fingerprint_file, map_npy, write_npy};
 use calib_nn::Mlp;
 use calib_represent::{
-    Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
-    score, select, write_encoder,
+    RepresentationKind, Scores, Split, encode, read_encoder, score, select, write_encoder,
 };
 use calib_study::{Job, Layout, Share, StepKind, Study};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
+use candidate::{Candidate, ENCODER};
 pub use cost::{RepresentationCost, disk_left, takes_disk};
 use cost::{needed_bytes, require_room};
+pub use manifest::{RepresentationFacts, RepresentationManifest};
+pub use material::Material;
+use material::seed;
 pub use table::report_table;
 pub(crate) use table::show;
 
-/// `manifest.json` of a representation directory.
-pub type RepresentationManifest = Artefact<RepresentationFacts>;
-
-/// Representations and their scores, in the manifest.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub struct RepresentationFacts {
-    /// Fingerprint of the data and the configuration.
-    pub(crate) key: String,
-    /// The study that they were made with.
-    #[schemars(with = "calib_base::resolved::ResolvedStudy")]
-    pub study: Study,
-    /// Fingerprint of the data that they were trained or imported for.
-    pub(crate) data: Fingerprint,
-    /// Number of rows that ψ was scored on: the last fifth.
-    pub(crate) validation_rows: usize,
-    pub(crate) candidates: Vec<Candidate>,
-    /// Index of the chosen candidate; none if no candidate qualifies.
-    pub(crate) chosen: Option<usize>,
-}
-
-/// One candidate representation.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct Candidate {
-    /// Hyperparameters; none for an imported representation.
-    pub(crate) config: Option<LaplacianConfig>,
-    /// Directory of its encoder, below `candidates/`; none for an imported representation.
-    pub(crate) directory: Option<String>,
-    /// Scores; none if its training diverged.
-    pub(crate) scores: Option<Scores>,
-    pub(crate) divergence: Option<Divergence>,
-    /// The learning curve.
-    pub(crate) points: Vec<Point>,
-}
-
-impl Facts for RepresentationFacts {
-    const FORMAT: u32 = 2;
-    const STEP: StepKind = StepKind::Represent;
-
-    fn key(&self) -> &str {
-        &self.key
-    }
-
-    fn has_all_parts(&self, directory: &Path) -> bool {
-        self.candidates.iter().all(|candidate| grid::is_whole(directory, candidate))
-    }
-}
-
-/// The data that representations are trained on.
-#[derive(Clone, Copy)]
-pub struct Material<'a> {
-    /// One row per state.
-    pub states: &'a States,
-    /// The segments of the states, without gaps.
-    pub segments: &'a Segments,
-    /// Fingerprint of states and segments.
-    pub fingerprint: &'a Fingerprint,
-}
-
-impl<'a> Material<'a> {
-    /// Returns the training range.
-    fn of(dataset: &'a Dataset) -> Self {
-        let states = dataset.train.states();
-        let segments = dataset.train.segments();
-        Self { states, segments, fingerprint: &dataset.fingerprint }
-    }
-
-    fn shape(&self) -> (usize, usize) {
-        (self.states.rows(), self.states.columns())
-    }
-}
-
-const ENCODER: &str = "encoder.safetensors";
+/// The file of ψ of the chosen candidate.
 const PSI: &str = "representation.npy";
 
 /// The representations of a study.
@@ -322,11 +255,6 @@ fn made(
         chosen,
     };
     claim.finish(facts, files)
-}
-
-/// Returns the root seed of a study's representations.
-fn seed(study: &Study) -> Seed {
-    Seed::new(study.seed).child("representation")
 }
 
 fn score_of(study: &Study, material: Material<'_>, split: &Split, psi: &States) -> Scores {

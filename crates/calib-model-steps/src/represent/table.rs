@@ -10,7 +10,7 @@ use calib_data::table::Table;
 use calib_report::{Best, Cell, Table as ReportTable};
 use calib_represent::{LEAST_UNIQUENESS, LaplacianConfig, RepresentationKind};
 
-use super::{Candidate, RepresentationManifest};
+use super::{candidate::Candidate, manifest::RepresentationManifest};
 
 /// A hyperparameter: its name as in a study, and its value.
 type Field = (&'static str, fn(&LaplacianConfig) -> f64);

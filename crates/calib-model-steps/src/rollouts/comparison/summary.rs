@@ -7,7 +7,8 @@ use calib_core::Timestamp;
 use calib_stats::{ClusterSummary, summarise_clusters};
 
 use super::{
-    Against, Comparison, MEASURES, MeasureSummary, PatternSummary, SensorComparison,
+    facts::{Against, Comparison, MeasureSummary, PatternSummary, SensorComparison},
+    measures::MEASURES,
     pair::{Distance, Pair},
 };
 use crate::STEP_PATTERNS;
