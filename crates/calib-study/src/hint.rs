@@ -1,8 +1,6 @@
 //! Commands that a message suggests to continue a job.
 
-use std::borrow::Cow;
-
-use crate::{Job, Request, Rollouts, Scope, StepKind};
+use crate::{Job, Request, Rollouts, Scope, StepKind, shell::shell_words};
 
 impl Job {
     /// Returns the command that runs `step` on this job, with the same options and the same output folder.
@@ -25,6 +23,12 @@ impl Job {
         shell_words(self.words(step))
     }
 
+    /// Returns the commands that can follow a step of this job.
+    pub fn next_commands(&self, step: StepKind) -> Vec<String> {
+        let next = step.next().iter().filter(|next| self.study().needs(**next));
+        next.map(|next| self.command(*next)).collect()
+    }
+
     fn words(&self, step: StepKind) -> Vec<String> {
         let Request { study, set, profile, .. } = &self.written.request;
         let scope = step.scope();
@@ -45,15 +49,6 @@ impl Job {
             .chain(options.flatten())
             .collect()
     }
-}
-
-/// Joins words into a command line, with the quotes that a shell needs.
-pub fn shell_words<I: IntoIterator<Item: AsRef<str>>>(words: I) -> String {
-    let quoted = words.into_iter().map(|word| {
-        // Quoting fails only for a word with a null character, which no command line can contain.
-        shlex::try_quote(word.as_ref()).map_or_else(|_| word.as_ref().to_owned(), Cow::into_owned)
-    });
-    quoted.collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@ use toml::{Table, Value};
 use crate::{
     Study, StudyError,
     error::{Problem, refuse, require},
+    typed::typed,
     without_model,
-    written::typed,
 };
 
 /// Returns a study of the log at `path`. All other keys have their

@@ -1,11 +1,12 @@
 //! A protocol: the plants and tasks of several studies, drawn from one seed and named before any study runs.
 
+mod plants;
 mod template;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
     fmt::Write as _,
-    path::{Path, PathBuf},
+    path::Path,
 };
 
 use calib_core::Seed;
@@ -18,12 +19,10 @@ use crate::{
     error::{Problem, refuse, require},
     source::StudyText,
     toml_json::to_json,
-    written,
+    written::{self, PROTOCOL_KEY},
 };
+use plants::Plants;
 use template::Template;
-
-/// Section that makes a file a protocol.
-pub(crate) const KEY: &str = "validity";
 
 /// The `[validity]` section of a protocol.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -52,19 +51,6 @@ impl Default for Protocol {
             task: Draws::default(),
         }
     }
-}
-
-/// A `[[validity.plants]]` entry: the plants that share one study.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Plants {
-    /// Path of the study, relative to the folder of the protocol.
-    study: PathBuf,
-    /// Number of plants, each simulated with its own seed (default: one plant, whose name has no number).
-    repeat: Option<usize>,
-    /// Keys that are drawn for each of these plants. They replace the same keys of the common draws.
-    #[serde(default)]
-    draw: Table,
 }
 
 /// Keys to draw.
@@ -100,7 +86,7 @@ impl Protocol {
         }
         // Reading the file as a study reports files that cannot be read or are not TOML.
         let Ok(text) = written::text_of(path) else { return Ok(None) };
-        if !toml::from_str::<Table>(&text).is_ok_and(|table| table.contains_key(KEY)) {
+        if !toml::from_str::<Table>(&text).is_ok_and(|table| table.contains_key(PROTOCOL_KEY)) {
             return Ok(None);
         }
         let File { validity } = written::of_text(&StudyText::new(path, text))?;

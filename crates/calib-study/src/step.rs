@@ -2,7 +2,7 @@
 
 use serde::{Serialize, Serializer};
 
-use crate::{Job, Study};
+use crate::Study;
 
 /// A step from a log to a verdict, in the order in which a study needs them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -185,17 +185,10 @@ impl Study {
     }
 }
 
-impl Job {
-    /// Returns the commands that can follow a step of this job.
-    pub fn next_commands(&self, step: StepKind) -> Vec<String> {
-        let next = step.next().iter().filter(|next| self.study().needs(**next));
-        next.map(|next| self.command(*next)).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Job, Request};
 
     #[test]
     fn prerequisites_come_first_and_what_follows_comes_later() {
@@ -208,7 +201,7 @@ mod tests {
 
     /// Returns the commands of the steps that a study needs, and its job.
     fn needed(text: &str) -> (String, Job) {
-        let request = crate::Request::new("s.toml");
+        let request = Request::new("s.toml");
         let job = Job::of_text(request, text.to_owned()).expect("valid");
         let steps = StepKind::ALL.into_iter().filter(|step| job.study().needs(*step));
         (steps.map(StepKind::command).collect::<Vec<_>>().join(" "), job)

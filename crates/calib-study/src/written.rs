@@ -6,7 +6,7 @@ use std::{
 };
 
 use calib_files::{FileError, read_regular};
-use serde::{Deserialize as _, de::DeserializeOwned};
+use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use crate::{
@@ -15,8 +15,9 @@ use crate::{
     message::friendly,
     models, overrides,
     profiles::{self, ChosenProfile, Results},
-    protocol,
+    shell::shell_words,
     source::StudyText,
+    typed::typed,
     without_model,
 };
 
@@ -168,6 +169,9 @@ impl WrittenStudy {
     }
 }
 
+/// Section that makes a file a protocol of several studies.
+pub(crate) const PROTOCOL_KEY: &str = "validity";
+
 /// Suffix that turns the name of a study into the name of its result folder.
 pub(crate) const RESULTS: &str = "-results";
 
@@ -224,7 +228,7 @@ pub fn study_files(folder: &Path) -> io::Result<Vec<PathBuf>> {
 
 fn init_command(log: &Path) -> String {
     let words = ["calib".to_owned(), "init".to_owned(), log.display().to_string()];
-    format!("`{}`", crate::shell_words(words))
+    format!("`{}`", shell_words(words))
 }
 
 /// Reads the text of a file.
@@ -269,15 +273,9 @@ fn is_study(table: Table) -> Result<(), Problem> {
     Ok(())
 }
 
-/// Converts a table to a study.
-pub(crate) fn typed(mut table: Table) -> Result<Study, Problem> {
-    without_model::set_rule(&mut table);
-    Study::deserialize(Value::Table(table)).map_err(|error| located(&error))
-}
-
 fn parse(source: &StudyText) -> Result<Table, StudyError> {
     let table: Table = of_text(source)?;
-    if table.contains_key(protocol::KEY) {
+    if table.contains_key(PROTOCOL_KEY) {
         let path = source.path().display();
         return Err(StudyError::Value(format!(
             "{path} is a protocol of several studies; run it with `calib validity {path}`"
@@ -294,17 +292,4 @@ pub(crate) fn of_text<T: DeserializeOwned>(source: &StudyText) -> Result<T, Stud
         place: Box::new(source.place(error.span().unwrap_or(0..0))),
         message: friendly(error.message()),
     })
-}
-
-/// Converts a TOML error to a problem that names the key at fault.
-fn located(error: &toml::de::Error) -> Problem {
-    let text = error.to_string();
-    let key = text.lines().find_map(|line| line.trim().strip_prefix("in `"));
-    let message = friendly(error.message());
-    let Some(section) = key.map(|key| key.trim_end_matches('`')) else {
-        return Problem::new(message);
-    };
-    let unknown = message.strip_prefix("unknown key `").and_then(|rest| rest.split('`').next());
-    let key = unknown.map_or_else(|| section.to_owned(), |key| format!("{section}.{key}"));
-    Problem::of_key(key, format!("{section}: {message}"))
 }

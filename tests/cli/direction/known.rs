@@ -140,20 +140,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
         reason: "the answer is beside the step that writes it",
     },
     KnownCircle {
-        package: "calib-study",
-        files: &[
-            "hint.rs",
-            "job.rs",
-            "layout.rs",
-            "overrides.rs",
-            "protocol.rs",
-            "protocol/template.rs",
-            "step.rs",
-            "written.rs",
-        ],
-        reason: "a step hints at the command for a job, which knows its steps",
-    },
-    KnownCircle {
         package: "calib",
         files: &[
             "cli.rs",

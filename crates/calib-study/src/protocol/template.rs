@@ -9,7 +9,7 @@ use calib_core::Seed;
 use calib_sweep::Axis;
 use toml::{Table, Value};
 
-use super::Plants;
+use super::plants::Plants;
 use crate::{
     error::{Problem, require},
     overlay::lay_over,
