@@ -3,6 +3,7 @@
 mod build;
 mod cluster;
 mod dtw;
+mod heading;
 mod logs;
 mod simulate;
 mod status;
@@ -13,6 +14,7 @@ use std::{path::PathBuf, sync::LazyLock};
 use calib_pipeline::OutputFormat;
 use clap::{Args, Parser, Subcommand, ValueEnum, builder::ArgPredicate};
 use clap_complete::Shell;
+use heading::OUTPUT;
 use study::NO_STUDY;
 pub(crate) use {
     build::{BuildModelArgs, DeviceArgs, PretrainArgs, RepresentArgs, RunArgs},
@@ -25,9 +27,6 @@ pub(crate) use {
 };
 
 use crate::output::AfterInterruption;
-
-/// Heading of the options about output.
-const OUTPUT: &str = "What is shown";
 
 /// Returns the version, the commit if the build set `CALIB_COMMIT`, and whether libtorch is built in.
 fn version() -> &'static str {

@@ -5,6 +5,7 @@
 mod cli;
 mod commands;
 mod exit;
+mod exit_status;
 mod faults;
 mod output;
 #[cfg(unix)]
@@ -24,7 +25,7 @@ use clap::Parser as _;
 
 pub use cli::Cli;
 pub use commands::json_schemas;
-pub use exit::ExitStatus;
+pub use exit_status::ExitStatus;
 
 /// Runs the command line `args`, and returns the exit status.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {

@@ -4,7 +4,7 @@ use calib_knn::IndexKind;
 use calib_pipeline::MemorySize;
 use clap::{Args, ValueEnum};
 
-use super::{OUTPUT, status::Address, study::StudyArgs};
+use super::{heading::OUTPUT, status::Address, study::StudyArgs};
 
 /// Where networks are trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -4,7 +4,7 @@ use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Subcommand, ValueEnum};
 
-use super::{OUTPUT, StudyArgs};
+use super::{StudyArgs, heading::OUTPUT};
 
 /// What is done with a plan.
 #[derive(Debug, Subcommand)]

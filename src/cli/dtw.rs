@@ -6,7 +6,7 @@ use calib_dtw::{LocalDistance, StepPattern, Window};
 use calib_pipeline::STEP_PATTERNS;
 use clap::Args;
 
-use super::OUTPUT;
+use super::heading::OUTPUT;
 
 #[derive(Debug, Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use calib_pipeline::{DecisionColumns, ExistingFile, ProposeOptions};
 use clap::Args;
 
-use super::OUTPUT;
+use super::heading::OUTPUT;
 
 #[derive(Debug, Args)]
 pub(crate) struct InspectArgs {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use calib_control::{Quality, TaskKind};
 use clap::{Args, ValueEnum};
 
-use super::OUTPUT;
+use super::heading::OUTPUT;
 
 #[derive(Debug, Args)]
 pub(crate) struct QuickstartArgs {

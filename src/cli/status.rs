@@ -9,7 +9,7 @@ use std::{
 use calib_pipeline::StatusRequest;
 use clap::Args;
 
-use super::OUTPUT;
+use super::heading::OUTPUT;
 
 #[derive(Debug, Args)]
 pub(crate) struct StatusArgs {

@@ -6,7 +6,7 @@ use calib_pipeline::{ValidityExtent, ValidityOptions};
 use calib_study::{Existing, Job, Policy, Request, Study, StudyError, Writes};
 use clap::Args;
 
-use super::OUTPUT;
+use super::heading::OUTPUT;
 
 /// Heading of the options that choose a study.
 const STUDY: &str = "Which study";

@@ -3,6 +3,7 @@
 mod interrupts;
 mod journal;
 mod progress;
+mod stderr;
 mod terminal;
 
 pub(crate) use calib_pipeline::output::{Lines, harmless};
@@ -10,4 +11,5 @@ pub(crate) use interrupts::{
     AfterInterruption, interrupted, is_asked_to_stop, is_to_be_tried_again, watch_for_interrupts,
 };
 pub(crate) use journal::{Journal, Verbosity};
-pub(crate) use terminal::{Terminal, excerpt};
+pub(crate) use stderr::excerpt;
+pub(crate) use terminal::Terminal;

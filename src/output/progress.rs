@@ -11,7 +11,7 @@ use calib_pipeline::{
 };
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::{interrupts::is_asked_to_stop, terminal::eprint_line};
+use super::{interrupts::is_asked_to_stop, stderr::eprint_line};
 
 /// Function that keeps a line in a file.
 pub(crate) type KeepLine = Box<dyn Fn(&str) + Send + Sync>;

@@ -9,7 +9,7 @@ use calib_pipeline::{
     output::{Lines, ResultPart, harmless, harmless_json},
 };
 
-use super::progress::ProgressMonitor;
+use super::{progress::ProgressMonitor, stderr::eprint_line};
 use crate::cli::ColorChoice;
 
 /// Output to a terminal: results to stdout; messages, warnings and progress to stderr.
@@ -81,16 +81,4 @@ impl Observer for Terminal {
     fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
         Box::new(ProgressMonitor::new(shown, None, None))
     }
-}
-
-/// Prints the lines of a file that an error is about.
-pub(crate) fn excerpt(excerpt: &str) {
-    for line in excerpt.lines() {
-        eprint_line(&harmless(line, Lines::One));
-    }
-}
-
-pub(super) fn eprint_line(text: &str) {
-    // A closed stderr must not stop the work.
-    let _ = writeln!(io::stderr().lock(), "{text}");
 }

@@ -1,0 +1,4 @@
+//! Headings of options that all commands share.
+
+/// Heading of the options about output.
+pub(super) const OUTPUT: &str = "What is shown";
