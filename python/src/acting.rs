@@ -21,18 +21,11 @@ use crate::{
     errors,
     lost::LostPages,
     model::require_member,
+    shared_action_model::SharedActionModel,
     study::PyJob,
     walkers::SeenColumn,
     work::{Needs, watched},
 };
-
-/// A mapped model with actions, and the number of lost pages when it was opened.
-pub(crate) struct SharedActionModel {
-    pub(crate) opened: ControlModel,
-    pub(crate) lost_pages: LostPages,
-    increments: OnceLock<Arc<Increments>>,
-    networks: OnceLock<Arc<NetworkModel>>,
-}
 
 /// A model with actions.
 #[pyclass(frozen, module = "calib_rl._calib", name = "ActionModel")]

@@ -7,9 +7,9 @@ use pyo3::{prelude::*, types::PyTuple};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    acting::SharedActionModel,
     array::{copied, owned},
     errors,
+    shared_action_model::SharedActionModel,
     walkers::{SeenColumn, marked, require_each},
 };
 

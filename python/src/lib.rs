@@ -20,6 +20,8 @@ mod join;
 mod lost;
 mod model;
 mod observer;
+mod shared_action_model;
+mod shared_model;
 mod simulate;
 mod streams;
 mod study;

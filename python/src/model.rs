@@ -3,7 +3,7 @@
 use std::{path::PathBuf, sync::Arc};
 
 use calib_core::{Bounds, RowIndex, Seed, Segments, States, TransitionIndex, Transitions};
-use calib_knn::{KnnModel, MemoryNeed, ModelConfig, Weights};
+use calib_knn::{KnnModel, MemoryNeed, ModelConfig};
 use calib_model::{Absent, StartSource, rollouts, start_states};
 use calib_pipeline::{Calibration, StepError};
 use pyo3::{exceptions::PyIndexError, prelude::*, types::PyDict};
@@ -13,65 +13,11 @@ use crate::{
     convert, errors,
     lost::LostPages,
     observer::{Watch, WatchMonitor},
+    shared_model::SharedModel,
     study::PyJob,
     walkers::{SeenColumn, Walkers},
     work::{Needs, watched},
 };
-
-/// A model, from a folder or from arrays.
-pub(crate) enum SharedModel {
-    /// A model with mapped states and tables, and the number of lost pages when it was opened.
-    Stored(Box<Calibration>, LostPages),
-    /// A model in memory.
-    Built { knn: Box<KnnModel>, weights: Weights },
-}
-
-impl SharedModel {
-    pub(crate) fn knn(&self) -> &KnnModel {
-        match self {
-            Self::Stored(model, _) => model.knn(),
-            Self::Built { knn, .. } => knn,
-        }
-    }
-
-    /// Returns the normalised states. If there is a representation, distances are measured in it instead.
-    pub(crate) fn states(&self) -> &States {
-        match self {
-            Self::Stored(model, _) => model.frames().states(),
-            Self::Built { knn, .. } => knn.states(),
-        }
-    }
-
-    pub(crate) fn weights(&self) -> Weights {
-        match self {
-            Self::Stored(model, _) => model.weights(),
-            Self::Built { weights, .. } => *weights,
-        }
-    }
-
-    /// Returns the time of a row in microseconds, or its number if there are no times.
-    pub(crate) fn time(&self, row: usize) -> i64 {
-        match self {
-            Self::Stored(model, _) => model.frames().timestamps()[row].as_micros(),
-            Self::Built { .. } => row as i64,
-        }
-    }
-
-    fn stored(&self) -> Option<&Calibration> {
-        match self {
-            Self::Stored(model, _) => Some(model),
-            Self::Built { .. } => None,
-        }
-    }
-
-    /// Refuses a model of which pages were lost.
-    pub(crate) fn check(&self, py: Python<'_>) -> PyResult<()> {
-        match self {
-            Self::Stored(_, lost_pages) => lost_pages.check(py),
-            Self::Built { .. } => Ok(()),
-        }
-    }
-}
 
 /// A calibration model of neighbours.
 #[pyclass(frozen, module = "calib_rl._calib")]

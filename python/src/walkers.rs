@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     array::{copied, owned},
     errors,
-    model::SharedModel,
+    shared_model::SharedModel,
 };
 
 /// An observed column, in normalised units or in its own.

@@ -139,14 +139,4 @@ pub(super) const KNOWN: &[KnownCircle] = &[
         ],
         reason: "the answer is beside the step that writes it",
     },
-    KnownCircle {
-        package: "calib-python",
-        files: &["acting.rs", "acting_walkers.rs"],
-        reason: "an agent acts on walkers, and walkers take an agent",
-    },
-    KnownCircle {
-        package: "calib-python",
-        files: &["model.rs", "walkers.rs"],
-        reason: "a model makes walkers, which hold it",
-    },
 ];
