@@ -68,10 +68,10 @@ pub fn min_max_in_time(
         if times[own[0]] - times[before] > longest_step.max(length) {
             kept.push(None);
         }
-        let by_value = |a: &&usize, b: &&usize| values[**a].total_cmp(&values[**b]);
+        let low = own.iter().copied().min_by(|&a, &b| values[a].total_cmp(&values[b]));
         // `max_by` returns the last of equal values, so the search runs backwards.
-        let low = own.iter().min_by(by_value).copied().unwrap_or(first);
-        let high = own.iter().rev().max_by(by_value).copied().unwrap_or(first);
+        let high = own.iter().copied().rev().max_by(|&a, &b| values[a].total_cmp(&values[b]));
+        let (low, high) = (low.unwrap_or(first), high.unwrap_or(first));
         keep(&mut kept, low.min(high));
         keep(&mut kept, low.max(high));
         before = own[own.len() - 1];

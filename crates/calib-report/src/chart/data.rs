@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::packed::Detail;
 use super::scene::Scene;
-use super::{Axis, Chart, ScaleKind, Side};
+use super::{Axis, Chart, Point, ScaleKind, Side};
 
 /// Significant digits of values. Horizontal positions have more, so that long series stay in order.
 const VALUE_DIGITS: usize = 5;
@@ -40,16 +40,8 @@ pub(crate) fn chart_data(chart: &Chart, scenes: [&Scene; 2], details: &[Detail<'
                 "y": points.iter().map(|p| rounded(p.y, VALUE_DIGITS)).collect::<Vec<_>>(),
             });
             if points.iter().any(|point| point.interval.is_some()) {
-                let end = |pick: fn((f64, f64)) -> f64| -> Vec<Value> {
-                    points
-                        .iter()
-                        .map(|p| {
-                            p.interval.map_or(Value::Null, |ends| rounded(pick(ends), VALUE_DIGITS))
-                        })
-                        .collect()
-                };
-                value["low"] = json!(end(|ends| ends.0));
-                value["high"] = json!(end(|ends| ends.1));
+                value["low"] = json!(interval_ends(points, |(low, _)| low));
+                value["high"] = json!(interval_ends(points, |(_, high)| high));
             }
             value
         })
@@ -63,6 +55,14 @@ pub(crate) fn chart_data(chart: &Chart, scenes: [&Scene; 2], details: &[Detail<'
     });
     // A label with "</script>" must not end the element; JSON allows the escaped form.
     data.to_string().replace('<', "\\u003c")
+}
+
+/// Returns one end of the interval of each point, `null` for points without an interval.
+fn interval_ends(points: &[Point], pick: fn((f64, f64)) -> f64) -> Vec<Value> {
+    let intervals = points.iter().map(|point| point.interval);
+    intervals
+        .map(|interval| interval.map_or(Value::Null, |ends| rounded(pick(ends), VALUE_DIGITS)))
+        .collect()
 }
 
 fn axis(axis: &Axis) -> Value {

@@ -45,9 +45,9 @@ fn stacked(rows: &[Vec<GridCell>]) -> Vec<Vec<GridCell>> {
     let has_columns = first.len() > 1 && first.iter().all(|cell| cell.heading.is_some());
     let mut all = Vec::new();
     for row in rows {
-        let charts = || row.iter().filter_map(|cell| cell.chart.as_ref());
-        let left = charts().map(|chart| &chart.left.label).find(|label| !label.is_empty());
-        let right = charts().filter_map(|chart| chart.right.as_ref());
+        let charts: Vec<&Chart> = row.iter().filter_map(|cell| cell.chart.as_ref()).collect();
+        let left = charts.iter().map(|chart| &chart.left.label).find(|label| !label.is_empty());
+        let right = charts.iter().filter_map(|chart| chart.right.as_ref());
         let right = right.map(|axis| &axis.label).find(|label| !label.is_empty());
         for (column, cell) in row.iter().enumerate() {
             let Some(mut chart) = cell.chart.clone() else { continue };

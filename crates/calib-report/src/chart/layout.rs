@@ -231,11 +231,16 @@ impl Placing<'_> {
         if is_dense {
             return marks;
         }
-        let line = |points| Mark::Line { points, colour, width: 1.4, dash: Dash::Solid };
         marks.extend(ends.iter().flat_map(|&(x, low, high)| {
             let ((x, bottom), (_, top)) = (self.pixel(x, low), self.pixel(x, high));
-            let cap = |y| line(vec![(x - 4.0, y), (x + 4.0, y)]);
-            [line(vec![(x, bottom), (x, top)]), cap(bottom), cap(top)]
+            let whisker = [(x, bottom), (x, top)];
+            let caps = [bottom, top].map(|y| [(x - 4.0, y), (x + 4.0, y)]);
+            [whisker, caps[0], caps[1]].map(|ends| Mark::Line {
+                points: ends.to_vec(),
+                colour,
+                width: 1.4,
+                dash: Dash::Solid,
+            })
         }));
         marks
     }

@@ -184,15 +184,18 @@ mod tests {
         assert_eq!(dark(&clipped), (10..30).collect::<Vec<_>>());
     }
 
+    fn is_inked(pixels: &[[u8; 3]], x: usize, y: usize) -> bool {
+        pixels[40 * (2 * y) + 2 * x] == [0x1b, 0x27, 0x33]
+    }
+
     #[test]
     fn dashes_carry_on_around_corners() {
         let corner = vec![(2.0, 2.0), (7.0, 2.0), (7.0, 18.0)];
         let pixels = painted(GroupKind::Rules, line(corner, Dash::Dashed));
-        let is_inked = |x: usize, y: usize| pixels[40 * (2 * y) + 2 * x] == [0x1b, 0x27, 0x33];
         // Seven pixels of ink, five of them before the corner; four without; then seven of ink.
-        assert!(is_inked(6, 2) && is_inked(7, 3));
-        assert!(!is_inked(7, 5) && !is_inked(7, 7));
-        assert!(is_inked(7, 9) && is_inked(7, 14) && !is_inked(7, 16));
+        assert!(is_inked(&pixels, 6, 2) && is_inked(&pixels, 7, 3));
+        assert!(!is_inked(&pixels, 7, 5) && !is_inked(&pixels, 7, 7));
+        assert!(is_inked(&pixels, 7, 9) && is_inked(&pixels, 7, 14) && !is_inked(&pixels, 7, 16));
     }
 
     #[test]

@@ -60,18 +60,15 @@ fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
     if !(step > 0.0 && (first + 1.0) * step > first * step && last - first <= MOST) {
         return ends(scale);
     }
-    let first = first as i64;
-    let last = last as i64;
-    let tick = |i: i64| {
-        let value = i as f64 * step;
-        Tick { value, label: Some(label(value, step)) }
-    };
     // Ranks start at 1, which is not a multiple of a larger step.
-    if smallest_step > 0.0 && step > 1.0 {
-        let best = Tick { value: 1.0, label: Some("1".to_owned()) };
-        return std::iter::once(best).chain((first.max(1)..=last).map(tick)).collect();
-    }
-    (first..=last).map(tick).collect()
+    let best = (smallest_step > 0.0 && step > 1.0)
+        .then(|| Tick { value: 1.0, label: Some("1".to_owned()) });
+    let first = if best.is_some() { (first as i64).max(1) } else { first as i64 };
+    let multiples = (first..=last as i64).map(|multiple| {
+        let value = multiple as f64 * step;
+        Tick { value, label: Some(label(value, step)) }
+    });
+    best.into_iter().chain(multiples).collect()
 }
 
 /// Returns labelled ticks at powers of ten, and ticks at their multiples. Multiples by 2 and 5 have labels

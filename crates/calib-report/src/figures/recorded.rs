@@ -81,17 +81,17 @@ impl RecordedFigure {
     /// Returns the share of deployment values outside the range of all training
     /// values; `None` if there are no values of either kind.
     pub fn outside_training(&self) -> Option<f64> {
-        let values = |used_for: PeriodUse| {
-            let own = self.periods.iter().filter(move |period| period.used_for == used_for);
-            own.flat_map(|period| &period.points)
-                .map(|point| point.1)
-                .filter(|value| value.is_finite())
-        };
-        let (low, high) = extent(&values(PeriodUse::Learning).collect::<Vec<_>>())?;
-        let held_out = values(PeriodUse::Deployment);
-        let outside = held_out.clone().filter(|value| !(low..=high).contains(value)).count();
-        let all = held_out.count();
-        (all > 0).then(|| outside as f64 / all as f64)
+        let (low, high) = extent(&self.finite_values(PeriodUse::Learning))?;
+        let held_out = self.finite_values(PeriodUse::Deployment);
+        let outside = held_out.iter().filter(|value| !(low..=high).contains(*value)).count();
+        (!held_out.is_empty()).then(|| outside as f64 / held_out.len() as f64)
+    }
+
+    /// Returns the finite values of all periods of this use.
+    fn finite_values(&self, used_for: PeriodUse) -> Vec<f64> {
+        let own = self.periods.iter().filter(|period| period.used_for == used_for);
+        let values = own.flat_map(|period| &period.points).map(|point| point.1);
+        values.filter(|value| value.is_finite()).collect()
     }
 
     /// Returns the level of the training values and that of the held-out values; `None` if
@@ -170,11 +170,9 @@ impl RecordedPeriod {
     }
 
     fn extent(&self) -> Option<Extent> {
-        let ends = |pick: fn(&(f64, f64)) -> f64| {
-            let known = self.points.iter().filter(|(_, value)| value.is_finite());
-            extent(&known.map(pick).collect::<Vec<_>>())
-        };
-        Some(Extent { secs: ends(|point| point.0)?, values: ends(|point| point.1)? })
+        let known = self.points.iter().copied().filter(|(_, value)| value.is_finite());
+        let (secs, values): (Vec<f64>, Vec<f64>) = known.unzip();
+        Some(Extent { secs: extent(&secs)?, values: extent(&values)? })
     }
 
     /// "april: 2023-04-07 00:00 to 2023-04-13 23:50, between 3.1 and 7.8"
@@ -328,22 +326,24 @@ mod tests {
         assert_eq!(figure(vec![learned]).levels(), None, "nothing is held out");
     }
 
+    /// Returns whether held-out values are apart from those of `learned`, and whether they are far more spread.
+    fn beside(learned: &RecordedPeriod, held_out: &[f64]) -> [bool; 2] {
+        let held_out = with(PeriodUse::Deployment, held_out);
+        let [learned, held_out] =
+            figure(vec![learned.clone(), held_out]).levels().expect("values of both");
+        [held_out.is_apart_from(&learned), held_out.is_far_more_spread_than(&learned)]
+    }
+
     #[test]
     fn excursions_are_no_other_level() {
         let quiet: Vec<f64> = (0_u32..100).map(|at| f64::from(at % 4)).collect();
         let learned = with(PeriodUse::Learning, &quiet);
-        let beside = |held_out: &[f64]| {
-            let held_out = with(PeriodUse::Deployment, held_out);
-            let [learned, held_out] =
-                figure(vec![learned.clone(), held_out]).levels().expect("values of both");
-            [held_out.is_apart_from(&learned), held_out.is_far_more_spread_than(&learned)]
-        };
         let excursions: Vec<f64> =
             (0..quiet.len()).map(|at| if at % 10 == 0 { -200.0 } else { quiet[at] }).collect();
         let shifted: Vec<f64> = quiet.iter().map(|value| value + 10.0).collect();
-        assert_eq!(beside(&excursions), [false, true]);
-        assert_eq!(beside(&shifted), [true, false]);
-        assert_eq!(beside(&quiet), [false, false]);
+        assert_eq!(beside(&learned, &excursions), [false, true]);
+        assert_eq!(beside(&learned, &shifted), [true, false]);
+        assert_eq!(beside(&learned, &quiet), [false, false]);
     }
 
     #[test]

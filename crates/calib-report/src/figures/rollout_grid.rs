@@ -43,11 +43,9 @@ impl RolloutGrid {
     /// If no trajectory has values, or a sample period is not positive.
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: recorded, and rolled out from the same starts", self.sensor);
-        let truths = || self.rows.iter().map(|row| &row.truth);
-        let rollouts = || self.rows.iter().flat_map(|row| row.rollouts.iter().flatten());
-        let length = checked_length(truths().chain(rollouts()), &title)?;
+        let length = checked_length(self.truths().chain(self.rollouts()), &title)?;
         let (unit_secs, unit_name) = time_unit(length);
-        let scale = scale_around(truths(), rollouts());
+        let scale = scale_around(self.truths(), self.rollouts());
         let rows = self
             .rows
             .iter()
@@ -84,6 +82,14 @@ impl RolloutGrid {
         let left = Axis { label, scale: scale.clone() };
         let head = Chart { title, description, ..Chart::of(x, left, Vec::new()) };
         Ok(Figure::with_grid(head, rows, HEIGHT))
+    }
+
+    fn truths(&self) -> impl Iterator<Item = &Trajectory> + Clone {
+        self.rows.iter().map(|row| &row.truth)
+    }
+
+    fn rollouts(&self) -> impl Iterator<Item = &Trajectory> {
+        self.rows.iter().flat_map(|row| row.rollouts.iter().flatten())
     }
 
     fn heading(&self, column: usize) -> String {

@@ -136,11 +136,16 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
             }
         })
         .collect();
-    let all = || report.rollouts.iter().zip(&details);
-    let captions: Vec<String> =
-        all().map(|(rollout, details)| rollout.caption(!details.is_empty())).collect();
+    let captions: Vec<String> = report
+        .rollouts
+        .iter()
+        .zip(&details)
+        .map(|(rollout, details)| rollout.caption(!details.is_empty()))
+        .collect();
     let common = shared(&captions);
-    for (index, ((rollout, details), caption)) in all().zip(&captions).enumerate() {
+    for (index, ((rollout, details), caption)) in
+        report.rollouts.iter().zip(&details).zip(&captions).enumerate()
+    {
         let caption = if caption == common { "" } else { caption.as_str() };
         let figure = rollout.figure()?;
         let id = format!("rollout-{index}");

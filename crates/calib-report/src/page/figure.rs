@@ -39,7 +39,9 @@ impl Drawn<'_> {
         let Self { chart, id, caption, .. } = *self;
         let scene = draw(chart, LegendPlace::Outside, WIDE);
         let narrow = draw(&chart.thinned(), LegendPlace::Outside, NARROW);
-        let picture = |scene, id: &str| svg(scene, id, &chart.title, &chart.description);
+        let wide_picture = svg(&scene, id, &chart.title, &chart.description);
+        let narrow_picture =
+            svg(&narrow, &format!("{id}-narrow"), &chart.title, &chart.description);
         html! {
             figure.chart id=(id) data-shown=(self.shown) {
                 div.figure-head {
@@ -52,7 +54,7 @@ impl Drawn<'_> {
                 div.plot tabindex="0" role="group" aria-label={
                     (chart.title) ". Arrow keys read the values, plus and minus zoom, 0 shows all."
                 } {
-                    (wide_and_narrow(&picture(&scene, id), &picture(&narrow, &format!("{id}-narrow"))))
+                    (wide_and_narrow(&wide_picture, &narrow_picture))
                     div.tip hidden {}
                 }
                 p.hidden aria-live="polite" {}

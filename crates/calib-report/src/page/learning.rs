@@ -63,10 +63,14 @@ pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
 /// Returns the most common caption, if several figures have it.
 /// Other figures state only what differs.
 fn usual(captions: &[String]) -> &str {
-    let times = |caption: &String| captions.iter().filter(|other| *other == caption).count();
     // `max_by_key` returns the last of equals, so the search runs backwards to find the first.
-    let most = captions.iter().rev().max_by_key(|caption| times(caption));
-    most.filter(|caption| times(caption) > 1).map_or("", String::as_str)
+    let most = captions.iter().rev().max_by_key(|caption| times(captions, caption));
+    most.filter(|caption| times(captions, caption) > 1).map_or("", String::as_str)
+}
+
+/// Returns how many of the captions are this one.
+fn times(captions: &[String], caption: &str) -> usize {
+    captions.iter().filter(|other| *other == caption).count()
 }
 
 impl LearningCurves {

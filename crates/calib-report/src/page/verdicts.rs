@@ -40,8 +40,7 @@ pub(super) fn verdicts(report: &Report) -> Section {
         } @else {
             (cards(report))
         }
-        @let has_costs = |verdict: &Verdict| verdict.has_costs() && !verdict.is_simpler_better();
-        @if judged && report.verdicts.iter().any(has_costs) {
+        @if judged && report.verdicts.iter().any(|verdict| verdict.has_costs() && !verdict.is_simpler_better()) {
             p.caption {
                 "Regret: how much larger the prediction error on held-out data is than with the best setting of each window. A bar is full at 50 %, and the line in it ends at the 95 % upper bound over windows. Another held-out window: the cost of choosing by one other window of the held-out period."
             }

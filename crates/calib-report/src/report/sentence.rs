@@ -372,9 +372,13 @@ impl Verdict {
         Some(format!("{name} ({value}) would have had a regret of {}.", with_interval(regret)))
     }
 
+    /// Formats the regret of another selection method, if it is known.
+    fn cost_of(&self, baseline: ChoiceBaseline) -> Option<String> {
+        self.regret_of(baseline).map(percent)
+    }
+
     fn window_sentence(&self, online: &HeldOutResult) -> String {
-        let cost = |baseline| self.regret_of(baseline).map(percent);
-        let Some(another) = cost(ChoiceBaseline::AnotherWindow) else {
+        let Some(another) = self.cost_of(ChoiceBaseline::AnotherWindow) else {
             let reason = match online.windows {
                 0 | 1 => "only one window was held out",
                 _ => "too few windows can be compared",
@@ -385,10 +389,12 @@ impl Verdict {
             "choosing by one other window of the held-out period would have cost {another}"
         )];
         each.extend(
-            cost(ChoiceBaseline::Hindsight).map(|cost| format!("the best fixed setting {cost}")),
+            self.cost_of(ChoiceBaseline::Hindsight)
+                .map(|cost| format!("the best fixed setting {cost}")),
         );
         each.extend(
-            cost(ChoiceBaseline::Random).map(|cost| format!("a random setting {cost} on average")),
+            self.cost_of(ChoiceBaseline::Random)
+                .map(|cost| format!("a random setting {cost} on average")),
         );
         format!("For scale: {}.", listed(&each))
     }

@@ -22,12 +22,9 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     if verdicts.len() < 2 {
         return Vec::new();
     }
-    let graded = |grades: &[Grade]| -> Vec<&Verdict> {
-        verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.grade)).collect()
-    };
-    let poor = graded(&[Grade::Poor]);
-    let not_learnt = graded(&[Grade::NotLearnt]);
-    let mut usable = graded(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
+    let poor = graded(&verdicts, &[Grade::Poor]);
+    let not_learnt = graded(&verdicts, &[Grade::NotLearnt]);
+    let mut usable = graded(&verdicts, &[Grade::Good, Grade::Fair, Grade::Unchecked]);
     let arbitrary: Vec<&Verdict> = usable.extract_if(.., |graded| graded.is_arbitrary()).collect();
     let frozen: Vec<&Verdict> =
         usable.extract_if(.., |graded| graded.is_simpler_better()).collect();
@@ -41,7 +38,7 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
             sensors(&arbitrary)
         ));
     }
-    let simpler = graded(&[Grade::Simpler]);
+    let simpler = graded(&verdicts, &[Grade::Simpler]);
     if simpler.len() + frozen.len() > 0 {
         let each: Vec<String> =
             simpler.iter().chain(&frozen).map(|graded| graded.instead()).collect();
@@ -55,16 +52,21 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
             not_learnt.iter().map(|verdict| verdict.sensor_and_error()).collect();
         sentences.push(format!("No setting learns {}.", listed(&each)));
     }
-    let online = || verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
+    let online = verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
     // The cost of an agent is irrelevant where the advice is a simple predictor.
     let compared: Vec<&Verdict> =
-        online().filter(|verdict| verdict.has_costs() && !verdict.is_simpler_better()).collect();
-    if online().next().is_none() {
+        online.filter(|verdict| verdict.has_costs() && !verdict.is_simpler_better()).collect();
+    if verdicts.iter().all(|verdict| verdict.online.is_none()) {
         sentences.push("No data was held out, so nothing here is checked.".to_owned());
     } else if let Some(costs) = costs(&compared, compared.len() == verdicts.len()) {
         sentences.push(costs);
     }
     vec![sentences.join(" ")]
+}
+
+/// Returns the verdicts with one of these grades.
+fn graded<'v>(verdicts: &[&'v Verdict], grades: &[Grade]) -> Vec<&'v Verdict> {
+    verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.grade)).collect()
 }
 
 /// Returns, per sensor, the choice of each model, and the best choice on held-out data. No model is preferred
@@ -208,10 +210,7 @@ fn choices(verdicts: &[&Verdict]) -> String {
 /// Returns the largest regrets over sensors, of the choices and of the
 /// alternatives. Sensors are named unless `are_all`.
 fn costs(verdicts: &[&Verdict], are_all: bool) -> Option<String> {
-    let largest = |regret: fn(&Verdict) -> Option<f64>| {
-        verdicts.iter().filter_map(|verdict| regret(verdict)).reduce(f64::max)
-    };
-    let chosen = largest(Verdict::regret)?;
+    let chosen = largest(verdicts, Verdict::regret)?;
     let about = if are_all { String::new() } else { format!(" for {}", sensors(verdicts)) };
     let mut text = match chosen {
         0.0 if are_all => "On held-out data these are the best settings of the grid".to_owned(),
@@ -225,8 +224,11 @@ fn costs(verdicts: &[&Verdict], are_all: bool) -> Option<String> {
         _ => "On held-out data at least one choice diverged".to_owned(),
     };
     let alternatives = [
-        ("the default", largest(|verdict| verdict.regret_of(ChoiceBaseline::Default))),
-        ("choosing by log replay", largest(|verdict| verdict.regret_of(ChoiceBaseline::LogReplay))),
+        ("the default", largest(verdicts, |verdict| verdict.regret_of(ChoiceBaseline::Default))),
+        (
+            "choosing by log replay",
+            largest(verdicts, |verdict| verdict.regret_of(ChoiceBaseline::LogReplay)),
+        ),
     ];
     let compared: Vec<String> = alternatives
         .into_iter()
@@ -244,6 +246,11 @@ fn costs(verdicts: &[&Verdict], are_all: bool) -> Option<String> {
     }
     text.push('.');
     Some(text)
+}
+
+/// Returns the largest of these regrets over sensors, as far as they are known.
+fn largest(verdicts: &[&Verdict], regret: fn(&Verdict) -> Option<f64>) -> Option<f64> {
+    verdicts.iter().filter_map(|verdict| regret(verdict)).reduce(f64::max)
 }
 
 #[cfg(test)]

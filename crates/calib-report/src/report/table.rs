@@ -65,9 +65,8 @@ impl Table {
             None => false,
             Some(Best::Cells(cells)) => cells.contains(&(row, column)),
             Some(Best::LargestOfColumn) => {
-                let score = |row: usize| self.cell(row, column).and_then(Cell::score);
-                let mut all = (0..self.rows.len()).filter_map(score);
-                score(row).is_some_and(|own| all.all(|other| other <= own))
+                let mut all = (0..self.rows.len()).filter_map(|row| self.score(row, column));
+                self.score(row, column).is_some_and(|own| all.all(|other| other <= own))
             }
         }
     }
@@ -81,16 +80,19 @@ impl Table {
                     .any(|row| self.cell(row, column).is_some_and(|cell| *cell != Cell::Missing))
             })
             .collect();
-        let keep = |column: usize| used.get(column).copied().unwrap_or(false);
         if let Some(Best::Cells(cells)) = &mut self.best {
-            cells.retain(|&(_, column)| keep(column));
+            cells.retain(|&(_, column)| is_used(&used, column));
             for (_, column) in cells {
-                *column = (0..*column).filter(|&before| keep(before)).count();
+                *column = (0..*column).filter(|&before| is_used(&used, before)).count();
             }
         }
-        self.columns = retained(self.columns, keep);
-        self.rows = self.rows.into_iter().map(|row| retained(row, keep)).collect();
+        self.columns = retained(self.columns, &used);
+        self.rows = self.rows.into_iter().map(|row| retained(row, &used)).collect();
         self
+    }
+
+    fn score(&self, row: usize, column: usize) -> Option<f64> {
+        self.cell(row, column).and_then(Cell::score)
     }
 
     fn cell(&self, row: usize, column: usize) -> Option<&Cell> {
@@ -98,8 +100,14 @@ impl Table {
     }
 }
 
-fn retained<T>(items: Vec<T>, keep: impl Fn(usize) -> bool) -> Vec<T> {
-    items.into_iter().enumerate().filter(|(place, _)| keep(*place)).map(|(_, item)| item).collect()
+fn retained<T>(items: Vec<T>, used: &[bool]) -> Vec<T> {
+    let items = items.into_iter().enumerate().filter(|(place, _)| is_used(used, *place));
+    items.map(|(_, item)| item).collect()
+}
+
+/// Whether a column is used. Cells beyond the last column are not.
+fn is_used(used: &[bool], column: usize) -> bool {
+    used.get(column).copied().unwrap_or(false)
 }
 
 #[cfg(test)]

@@ -10,8 +10,9 @@ use crate::fixture::{self, grid, learning, recorded, rollout, sensitivity};
 /// Reads width and height from the header of a PNG file.
 fn png_size(bytes: &[u8]) -> (u32, u32) {
     assert_eq!(bytes[..8], *b"\x89PNG\r\n\x1a\n");
-    let number = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
-    (number(16), number(20))
+    let [width, height] =
+        [16, 20].map(|at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()));
+    (width, height)
 }
 
 fn svg_size(figure: &Figure) -> (u32, u32) {
@@ -103,8 +104,8 @@ fn names_are_shown_in_grid_order() {
     let mut figure = sensitivity("PIT300");
     figure.values = ["adam", "sgd", "none", "other"].map(Setting::from).to_vec();
     let svg = figure.figure().unwrap().svg();
-    let place = |name: &str| svg.find(&format!(">{name}<")).unwrap();
-    assert!(place("adam") < place("sgd") && place("sgd") < place("other"));
+    let places = ["adam", "sgd", "other"].map(|name| svg.find(&format!(">{name}<")).unwrap());
+    assert!(places[0] < places[1] && places[1] < places[2]);
 }
 
 #[test]

@@ -100,9 +100,9 @@ impl Sensitivity {
 impl Surface {
     /// Whether the values differ by more than rounding.
     fn varies(&self) -> bool {
-        let known = || self.values.iter().copied().filter(|value| !value.is_nan());
-        let low = known().fold(f64::INFINITY, f64::min);
-        let high = known().fold(-f64::INFINITY, f64::max);
+        let known: Vec<f64> = self.values.iter().copied().filter(|value| !value.is_nan()).collect();
+        let low = known.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = known.iter().copied().fold(-f64::INFINITY, f64::max);
         high - low > 1e-9 * high.abs()
     }
 
@@ -110,13 +110,13 @@ impl Surface {
         let known = self.values.iter().zip(groups).filter(|(value, _)| !value.is_nan());
         let (values, groups): (Vec<f64>, Vec<usize>) =
             known.map(|(&value, &row)| (value, row)).unzip();
-        let finite = || values.iter().copied().filter(|value| value.is_finite());
-        let positive = finite().all(|value| value > 0.0);
-        let scaled = |value: f64| if positive { value.ln() } else { value };
-        let worst = finite().map(scaled).max_by(|a, b| LOWER.compare(*a, *b))?;
+        let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+        let logarithmic = finite.iter().all(|value| *value > 0.0);
+        let finite = finite.into_iter().map(|value| scaled(value, logarithmic));
+        let worst = finite.max_by(|a, b| LOWER.compare(*a, *b))?;
         let values: Vec<f64> = values
             .iter()
-            .map(|&value| if value.is_finite() { scaled(value) } else { worst })
+            .map(|&value| if value.is_finite() { scaled(value, logarithmic) } else { worst })
             .collect();
         importance(&groups, &values).ok().flatten()
     }
@@ -191,11 +191,15 @@ impl Places {
         if self.best == self.worst {
             return Some(0.0);
         }
-        let scaled = |value: f64| if self.logarithmic { value.ln() } else { value };
-        let best = scaled(self.best);
-        let worst = scaled(self.worst);
-        Some(((scaled(value) - best) / (worst - best)).clamp(0.0, 1.0))
+        let [value, best, worst] =
+            [value, self.best, self.worst].map(|value| scaled(value, self.logarithmic));
+        Some(((value - best) / (worst - best)).clamp(0.0, 1.0))
     }
+}
+
+/// Returns the value on a logarithmic or a linear scale.
+fn scaled(value: f64, logarithmic: bool) -> f64 {
+    if logarithmic { value.ln() } else { value }
 }
 
 #[cfg(test)]
@@ -284,18 +288,16 @@ mod tests {
             .map(|row| row.iter().flatten().map(|cell| cell.value).collect())
             .collect();
         assert_eq!(values, [[f64::INFINITY, 4.0], [1.0, 2.0], [2.0, 4.0]]);
-        let cell = |row: usize, column: usize| heat.cells[row][column].expect("in the grid");
-        assert_eq!(cell(0, 0).place, None);
-        assert_eq!(
-            (cell(1, 0).place, cell(1, 1).place, cell(2, 1).place),
-            (Some(0.0), Some(0.5), Some(1.0))
-        );
-        assert!(cell(1, 0).is_chosen && !cell(1, 1).is_chosen);
+        let [diverged, best, middle, worst] = [(0, 0), (1, 0), (1, 1), (2, 1)]
+            .map(|(row, column): (usize, usize)| heat.cells[row][column].expect("in the grid"));
+        assert_eq!(diverged.place, None);
+        assert_eq!([best.place, middle.place, worst.place], [Some(0.0), Some(0.5), Some(1.0)]);
+        assert!(best.is_chosen && !middle.is_chosen);
         let Importances { labels, shares } = grid().importances();
         assert_eq!(labels, ["held-out period, mean NRMSE"]);
-        let share = |place: usize| shares[place].1[0].expect("differs");
-        assert!(share(1) > share(0), "{shares:?}");
-        assert!(share(0) + share(1) <= 1.0);
+        let [first, second] = [0, 1].map(|place: usize| shares[place].1[0].expect("differs"));
+        assert!(second > first, "{shares:?}");
+        assert!(first + second <= 1.0);
     }
 
     #[test]

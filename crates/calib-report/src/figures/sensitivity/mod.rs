@@ -174,25 +174,30 @@ impl Sensitivity {
     }
 
     fn rules(&self, positions: &[f64]) -> Vec<Rule> {
-        let rule = |name: &str, index: usize, dash| {
-            let label = format!("{name} {}", self.values[index]);
-            Rule { x: positions[index], label, dash }
-        };
         let default = self.default.filter(|&index| Some(index) != self.chosen);
-        let chosen = self.chosen.map(|index| rule("chosen", index, Dash::Dashed));
+        let chosen = self.chosen.map(|index| self.rule("chosen", positions, index, Dash::Dashed));
         chosen
             .into_iter()
-            .chain(default.map(|index| rule("default", index, Dash::Dotted)))
+            .chain(default.map(|index| self.rule("default", positions, index, Dash::Dotted)))
             .collect()
     }
 
+    /// Returns the rule at setting `index`, with its name and value.
+    fn rule(&self, name: &str, positions: &[f64], index: usize, dash: Dash) -> Rule {
+        let label = format!("{name} {}", self.values[index]);
+        Rule { x: positions[index], label, dash }
+    }
+
     fn check(&self, title: &str) -> Result<(), ReportError> {
-        let empty = |missing| ReportError::Empty { figure: title.to_owned(), missing };
-        if self.values.is_empty() {
-            return Err(empty("values"));
-        }
-        if self.errors.is_empty() && self.worst_ranks.is_empty() {
-            return Err(empty("curves"));
+        let missing = if self.values.is_empty() {
+            Some("values")
+        } else if self.errors.is_empty() && self.worst_ranks.is_empty() {
+            Some("curves")
+        } else {
+            None
+        };
+        if let Some(missing) = missing {
+            return Err(ReportError::Empty { figure: title.to_owned(), missing });
         }
         let expected = self.values.len();
         let errors = self.errors.iter().map(|curve| (&curve.label, curve.summaries.len()));

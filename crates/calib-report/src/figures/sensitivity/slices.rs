@@ -1,7 +1,7 @@
 //! Sweeps of several hyperparameters: one plot per hyperparameter, through the choice.
 
 use super::{Dimension, ErrorCurve, LOWER, RankCurve, Sensitivity};
-use crate::chart::{Axis, GridCell};
+use crate::chart::{Axis, Chart, GridCell};
 use crate::{Figure, ReportError, Setting};
 
 const COLUMNS: usize = 3;
@@ -106,13 +106,14 @@ impl Sensitivity {
     /// Draws the plots of `slices` side by side with common vertical axes: a steep curve marks an important hyperparameter.
     pub(super) fn sliced(&self, title: String, slices: &[Self]) -> Result<Figure, ReportError> {
         let rows = self.slice_rows(slices, None);
-        let charts = || rows.iter().flatten().filter_map(|cell| cell.chart.as_ref());
-        let Some(mut head) = charts().next().cloned() else {
+        let charts: Vec<&Chart> =
+            rows.iter().flatten().filter_map(|cell| cell.chart.as_ref()).collect();
+        let Some(mut head) = charts.first().copied().cloned() else {
             return Err(ReportError::Empty { figure: title, missing: "slices" });
         };
         head.title = title;
         head.description = slices.iter().map(Self::description).collect::<Vec<_>>().join(" ");
-        if let Some(chart) = charts().find(|chart| chart.diverges()) {
+        if let Some(chart) = charts.iter().find(|chart| chart.diverges()) {
             head.series.clone_from(&chart.series);
         }
         Ok(Figure::with_grid(head, rows, HEIGHT))

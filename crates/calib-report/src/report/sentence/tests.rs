@@ -614,23 +614,30 @@ fn windows_in_which_the_agent_ran_away_are_told() {
     assert!(!verdict.headline().contains("ten times"), "{}", verdict.headline());
 }
 
+/// Formats a regret of 20 % with this upper bound.
+fn regret_up_to(upper: f64) -> String {
+    with_interval(Bounded { value: 0.2, upper: Some(upper) })
+}
+
 #[test]
 fn bounds_without_a_meaning_have_no_number() {
     assert_eq!(changed(2.71e19), "more than 1,000 times more");
-    let regret = |upper| with_interval(Bounded { value: 0.2, upper: Some(upper) });
-    assert_eq!(regret(2.71e19), "20 % (95 %: perhaps more than 1,000 times)");
-    assert_eq!(regret(180.0), "20 % (95 %: at most 180 times)");
+    assert_eq!(regret_up_to(2.71e19), "20 % (95 %: perhaps more than 1,000 times)");
+    assert_eq!(regret_up_to(180.0), "20 % (95 %: at most 180 times)");
+}
+
+fn told_between(low: f64, high: f64) -> String {
+    between(Interval { low, high })
 }
 
 #[test]
 fn large_bounds_are_factors() {
-    let told = |low, high| between(Interval { low, high });
-    assert_eq!(told(0.003, 55.98), "100 % less to 56 times as much");
-    assert_eq!(told(1.2, 55.0), "20 % more to 55 times as much");
-    assert_eq!(told(12.0, 55.0), "12 to 55 times as much");
-    assert_eq!(told(0.9, 2.71e19), "10 % less to more than 1,000 times as much");
-    assert_eq!(told(0.9, f64::INFINITY), "10 % less to divergence");
-    assert_eq!(told(0.9, 9.0), "10 % less to 800 % more");
+    assert_eq!(told_between(0.003, 55.98), "100 % less to 56 times as much");
+    assert_eq!(told_between(1.2, 55.0), "20 % more to 55 times as much");
+    assert_eq!(told_between(12.0, 55.0), "12 to 55 times as much");
+    assert_eq!(told_between(0.9, 2.71e19), "10 % less to more than 1,000 times as much");
+    assert_eq!(told_between(0.9, f64::INFINITY), "10 % less to divergence");
+    assert_eq!(told_between(0.9, 9.0), "10 % less to 800 % more");
 }
 
 #[test]
