@@ -117,11 +117,15 @@ impl Sample<'_> {
     }
 }
 
+/// Returns how many times as many these rows are.
+fn times(rows: usize, fewer: usize) -> f64 {
+    rows as f64 / fewer as f64
+}
+
 impl TimedBuild {
     /// Returns the processor seconds of a build of `rows` rows. They grow by a power of the rows, which follows from a
     /// build of fewer rows.
     fn secs_of(&self, rows: usize, before: Option<&Self>) -> f64 {
-        let times = |rows: usize, fewer: usize| rows as f64 / fewer as f64;
         let growth = before.map_or(USUAL_GROWTH, |before| {
             let growth = (self.secs / before.secs).ln() / times(self.rows, before.rows).ln();
             growth.clamp(1.0, 2.0)

@@ -63,6 +63,16 @@ pub(crate) enum Spilled {
 }
 
 impl Spilled {
+    /// Returns the memory of a build whose other arrays need this much, in bytes.
+    fn peak(self, need: &MemoryNeed) -> u64 {
+        match self {
+            Self::Nothing => need.peak(),
+            // A share of the states should stay in memory. Otherwise each is read from the disk again and again.
+            Self::States => need.working.saturating_add(need.states / 3),
+            Self::Everything => need.least,
+        }
+    }
+
     /// Returns the arrays to map for this option: with [`Spill::Auto`] as few as `fits` permits, or otherwise
     /// everything.
     fn chosen(asked: Spill, fits: impl Fn(Self) -> bool) -> Self {
@@ -124,19 +134,13 @@ impl BuildPlan {
         let threads = rayon::current_num_threads();
         let mut need = MemoryNeed::predict(rows, psi.unwrap_or(columns), model, threads);
         need.states = 4 * (rows * columns) as u64;
-        let taken = |spill: Spilled| {
-            data.making_bytes.max(match spill {
-                Spilled::Nothing => need.peak(),
-                // A share of the states should stay in memory. Otherwise each is read from the disk again and again.
-                Spilled::States => need.working.saturating_add(need.states / 3),
-                Spilled::Everything => need.least,
-            })
-        };
         let available = options.memory.or_else(memory::available);
-        let fits = |bytes: u64| available.is_none_or(|available| bytes <= available);
-        let spill = Spilled::chosen(options.spill, |spilled| fits(taken(spilled)));
-        let memory_bytes = taken(spill);
-        if let (false, Some(available)) = (fits(memory_bytes), available) {
+        let spill = Spilled::chosen(options.spill, |spilled| {
+            let taken = data.making_bytes.max(spilled.peak(&need));
+            available.is_none_or(|available| taken <= available)
+        });
+        let memory_bytes = data.making_bytes.max(spill.peak(&need));
+        if let Some(available) = available.filter(|available| memory_bytes > *available) {
             // The number of table entries per row is the number of neighbours in all members.
             let tables = model.neighbors.saturating_mul(model.members) > columns;
             bail!(

@@ -49,10 +49,6 @@ impl MemberRecurrence {
         seed: u64,
     ) -> Self {
         let seed = Seed::new(seed).child("walks").number(member as u64);
-        let time = |transition: u32| {
-            let row = knn.transitions().source(TransitionIndex(transition));
-            frames.timestamps()[row.get()]
-        };
         let left_out = knn.left_out(member);
         let mut walks = WalkStatistics::of(&knn.member(member), ends, weights, seed);
         if classes.after.count > 1 {
@@ -64,11 +60,15 @@ impl MemberRecurrence {
             left_out_times: longest(left_out.runs())
                 .into_iter()
                 .map(|(run, candidates): (Range<u32>, usize)| Stretch {
-                    times: [time(run.start), time(run.end - 1)],
+                    times: [run.start, run.end - 1].map(|transition| time(knn, frames, transition)),
                     candidates,
                 })
                 .collect(),
-            exit_times: left_out.exits().take(TOLD).map(|(row, _)| time(row)).collect(),
+            exit_times: left_out
+                .exits()
+                .take(TOLD)
+                .map(|(row, _)| time(knn, frames, row))
+                .collect(),
             walks,
         }
     }
@@ -77,6 +77,12 @@ impl MemberRecurrence {
     pub(super) fn covered(&self, transitions: usize) -> Option<f64> {
         self.walks.effective_rows.map(|rows| (rows / transitions as f64).min(1.0))
     }
+}
+
+/// Returns the time of the state at which a transition starts.
+fn time(knn: &KnnModel, frames: &Frames, transition: u32) -> Timestamp {
+    let row = knn.transitions().source(TransitionIndex(transition));
+    frames.timestamps()[row.get()]
 }
 
 /// Returns the longest of these runs, with the number of candidates in each, in order. Adjacent runs are merged first.

@@ -325,32 +325,33 @@ mod tests {
         ModelConfig { weights, temperature, remove_traps, ..ModelConfig::default() }
     }
 
+    fn key(search: u32, model: &ModelConfig) -> String {
+        key_of(search, &Fingerprint::of(b"states"), model, None).expect("a fingerprint")
+    }
+
     #[test]
     fn tables_without_traps_are_those_of_the_weights() {
-        let data = Fingerprint::of(b"states");
-        let key = |model: &ModelConfig| key_of(1, &data, model, None).expect("a fingerprint");
-        let linear = drawn(WeightsKind::Linear, 1.0, true);
-        assert_eq!(key(&linear), key(&drawn(WeightsKind::Linear, 2.0, true)));
+        let linear = key(1, &drawn(WeightsKind::Linear, 1.0, true));
+        assert_eq!(linear, key(1, &drawn(WeightsKind::Linear, 2.0, true)));
         for other in [
             drawn(WeightsKind::Uniform, 1.0, true),
             drawn(WeightsKind::Softmax, 1.0, true),
             drawn(WeightsKind::Softmax, 2.0, true),
             drawn(WeightsKind::Linear, 1.0, false),
         ] {
-            assert_ne!(key(&linear), key(&other), "{other:?}");
+            assert_ne!(linear, key(1, &other), "{other:?}");
         }
-        let as_found = |weights, temperature| key(&drawn(weights, temperature, false));
-        assert_eq!(as_found(WeightsKind::Linear, 1.0), as_found(WeightsKind::Softmax, 2.0));
-        let soft = |temperature| key(&drawn(WeightsKind::Softmax, temperature, true));
-        assert_ne!(soft(1.0), soft(2.0));
+        assert_eq!(
+            key(1, &drawn(WeightsKind::Linear, 1.0, false)),
+            key(1, &drawn(WeightsKind::Softmax, 2.0, false)),
+            "tables as found"
+        );
+        let soft = [1.0, 2.0].map(|temperature| drawn(WeightsKind::Softmax, temperature, true));
+        assert_ne!(key(1, &soft[0]), key(1, &soft[1]));
     }
 
     #[test]
     fn approximate_tables_are_those_of_one_version_of_the_search() {
-        let data = Fingerprint::of(b"states");
-        let key = |search: u32, model: &ModelConfig| {
-            key_of(search, &data, model, None).expect("a fingerprint")
-        };
         let exact = ModelConfig::default();
         assert_eq!(key(1, &exact), key(2, &exact));
         for approximate in [

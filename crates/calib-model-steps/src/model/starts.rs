@@ -267,17 +267,21 @@ fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> Result<RowIndex, S
     let timestamps = frames.timestamps();
     let after = timestamps.partition_point(|&time| time < instant);
     let candidates = [after.checked_sub(1), Some(after).filter(|&row| row < timestamps.len())];
-    let distance = |row: usize| timestamps[row].micros_since(instant).abs();
-    let Some(row) = candidates.into_iter().flatten().min_by_key(|&row| distance(row)) else {
+    let nearest = candidates
+        .into_iter()
+        .flatten()
+        .map(|row| (timestamps[row].micros_since(instant).abs(), row))
+        .min_by_key(|(distance, _)| *distance);
+    let Some((distance, row)) = nearest else {
         bail!("rollout.timestamps: the training range has no rows");
     };
     let neighbour = if row + 1 < timestamps.len() { row + 1 } else { row.saturating_sub(1) };
     let spacing = timestamps[neighbour].micros_since(timestamps[row]).abs();
-    if distance(row) > 2 * spacing.max(1_000_000) {
+    if distance > 2 * spacing.max(1_000_000) {
         bail!(
             "rollout.timestamps: no row of the training range is near {text}; \
              the nearest is {:.0} s away",
-            distance(row) as f64 / 1e6
+            distance as f64 / 1e6
         );
     }
     Ok(RowIndex::new(row))
@@ -301,40 +305,44 @@ mod tests {
         (summary.replaced, summary.mean_distance, summary.largest_distance)
     }
 
+    /// Returns hourly states from 1970-01-01 on.
+    fn hourly(rows: std::ops::Range<i64>) -> Frames {
+        let count = rows.end - rows.start;
+        let times = rows.map(|hour| Timestamp::from_micros(hour * 3_600_000_000)).collect();
+        let states = States::new(vec![0.0; count as usize], count as usize, 1).expect("finite");
+        let segments = Segments::from_lengths([count as usize]).expect("valid");
+        Frames::new(times, segments, states).expect("valid")
+    }
+
     /// Returns why start states of five hourly rows from 1970-01-01 are refused. Two more rows are held out.
     fn refusal(config: &RolloutConfig) -> Option<String> {
-        let frames = |rows: std::ops::Range<i64>| {
-            let count = rows.end - rows.start;
-            let times = rows.map(|hour| Timestamp::from_micros(hour * 3_600_000_000)).collect();
-            let states = States::new(vec![0.0; count as usize], count as usize, 1).expect("finite");
-            let segments = Segments::from_lengths([count as usize]).expect("valid");
-            Frames::new(times, segments, states).expect("valid")
-        };
-        let (train, held_out) = (frames(0..5), frames(5..7));
+        let (train, held_out) = (hourly(0..5), hourly(5..7));
         let checked = check(config, &DataConfig::default(), &train, Some(&held_out));
         checked.err().map(|reason| reason.to_string())
     }
 
+    fn refusal_of_rows(rows: [u32; 2]) -> Option<String> {
+        let rows = rows.map(RowIndex).to_vec();
+        refusal(&RolloutConfig { start: StartKind::Rows, rows, ..RolloutConfig::default() })
+    }
+
+    fn refusal_of_month(month: u8) -> Option<String> {
+        let start = StartKind::CalendarMonth;
+        refusal(&RolloutConfig { start, month: Some(month), ..RolloutConfig::default() })
+    }
+
     #[test]
     fn start_states_that_the_log_lacks_are_refused_without_a_model() {
-        let config = |start: StartKind| RolloutConfig { start, ..RolloutConfig::default() };
-        let rows = |rows: &[u32]| RolloutConfig {
-            rows: rows.iter().map(|&row| RowIndex(row)).collect(),
-            ..config(StartKind::Rows)
-        };
-        assert_eq!(refusal(&rows(&[0, 4])), None);
-        let told = refusal(&rows(&[0, 5])).expect("row 5 is held out");
+        assert_eq!(refusal_of_rows([0, 4]), None);
+        let told = refusal_of_rows([0, 5]).expect("row 5 is held out");
         let expected = "[rollout]: start row 5 does not exist: the data has rows 0 to 4";
         assert_eq!(told, expected);
-        let month = |month: u8| {
-            let month = Some(month);
-            refusal(&RolloutConfig { month, ..config(StartKind::CalendarMonth) })
-        };
-        let told = month(1).expect("the deployment is in the same year");
+        let told = refusal_of_month(1).expect("the deployment is in the same year");
         assert!(told.contains("no rows in month 1 of a year before 1970"), "{told}");
-        assert!(month(3).expect("no such month").contains("no rows in month 3"));
+        assert!(refusal_of_month(3).expect("no such month").contains("no rows in month 3"));
         for start in [StartKind::Random, StartKind::Nearest, StartKind::Recent] {
-            assert_eq!(refusal(&config(start)), None, "{start:?}");
+            let config = RolloutConfig { start, ..RolloutConfig::default() };
+            assert_eq!(refusal(&config), None, "{start:?}");
         }
     }
 

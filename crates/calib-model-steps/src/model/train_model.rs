@@ -354,10 +354,10 @@ pub(crate) fn open(
     kind: ModelKind,
     columns: usize,
 ) -> Result<Box<dyn Dynamics>, StepError> {
-    let weights = || read_tensors(&directory.join(WEIGHTS));
+    let weights = directory.join(WEIGHTS);
     Ok(match kind {
-        ModelKind::Nn => Box::new(FeedForward::from_tensors(&weights()?)?),
-        ModelKind::Gru => Box::new(Recurrent::from_tensors(&weights()?)?),
+        ModelKind::Nn => Box::new(FeedForward::from_tensors(&read_tensors(&weights)?)?),
+        ModelKind::Gru => Box::new(Recurrent::from_tensors(&read_tensors(&weights)?)?),
         ModelKind::Torchscript => torch::open_script(&directory.join(SCRIPT), columns)?,
         ModelKind::Knn | ModelKind::None => bail!("only a network has weights"),
     })
@@ -366,6 +366,11 @@ pub(crate) fn open(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Returns the size of the mini-batches that are timed for states of five columns.
+    fn timed_batch(kind: ModelKind, config: &DynamicsConfig) -> usize {
+        timeable(kind, config, 5).batch_size
+    }
 
     #[test]
     fn large_mini_batches_are_cut() {
@@ -376,11 +381,10 @@ mod tests {
             sequence_length: 10,
             ..DynamicsConfig::default()
         };
-        let batch = |kind: ModelKind, config: &DynamicsConfig| timeable(kind, config, 5).batch_size;
         // Two layers of 5 x 1000 weights.
-        assert_eq!(batch(ModelKind::Nn, &config), 200_000);
-        assert_eq!(batch(ModelKind::Gru, &config), 3_333);
+        assert_eq!(timed_batch(ModelKind::Nn, &config), 200_000);
+        assert_eq!(timed_batch(ModelKind::Gru, &config), 3_333);
         let small = DynamicsConfig { batch_size: 1, ..config };
-        assert_eq!(batch(ModelKind::Nn, &small), 1);
+        assert_eq!(timed_batch(ModelKind::Nn, &small), 1);
     }
 }

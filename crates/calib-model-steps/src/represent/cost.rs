@@ -147,7 +147,6 @@ impl CandidateTiming<'_> {
         monitor: &dyn Monitor,
     ) -> Result<Vec<CandidateCost>, StepError> {
         let columns = self.material.states.columns();
-        let weights = |config: &LaplacianConfig| parameters(config, columns) as f64;
         let clock = Stopwatch::start();
         let mut timed: Vec<TimedCandidate> = Vec::new();
         let mut costs = Vec::with_capacity(candidates.len());
@@ -156,8 +155,10 @@ impl CandidateTiming<'_> {
             let config = timed_like(candidate);
             let known = timed.iter().find(|other| other.config == config).map(|other| other.cost);
             let by_weights = timed.last().filter(|_| clock.elapsed() >= ALL_CANDIDATES);
-            let by_weights =
-                by_weights.map(|other| other.cost.times(weights(&config) / weights(&other.config)));
+            let by_weights = by_weights.map(|other| {
+                let weights = parameters(&config, columns) as f64;
+                other.cost.times(weights / parameters(&other.config, columns) as f64)
+            });
             let cost = if let Some(cost) = known.or(by_weights) {
                 cost
             } else {
@@ -287,9 +288,9 @@ pub(super) fn require_room(job: &Job, dataset: &Dataset) -> Result<(), StepError
 /// of all states.
 fn disk_bytes(candidates: &[LaplacianConfig], material: Material<'_>) -> u64 {
     let (rows, columns) = material.shape();
-    let encoders = || candidates.iter().map(|candidate| parameters(candidate, columns));
-    let largest = encoders().max().unwrap_or(0);
-    4 * (encoders().sum::<usize>() + largest + rows * widest(candidates)) as u64
+    let encoders = candidates.iter().map(|candidate| parameters(candidate, columns));
+    let largest = encoders.clone().max().unwrap_or(0);
+    4 * (encoders.sum::<usize>() + largest + rows * widest(candidates)) as u64
 }
 
 /// Returns the dimensions of the widest representation.

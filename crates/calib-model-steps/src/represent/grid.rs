@@ -151,15 +151,14 @@ fn train_missing(
     directory: &Path,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    let at = |key: &str| place(directory, key);
     let (there, missing): (Vec<_>, Vec<_>) =
-        grid.iter().partition(|(key, _)| read(&at(key), key).is_some());
+        grid.iter().partition(|(key, _)| read(&place(directory, key), key).is_some());
     // A process that was killed between the record and the end of a training has left its checkpoint.
-    there.iter().try_for_each(|(key, _)| checkpoint(&at(key), key).remove())?;
+    there.iter().try_for_each(|(key, _)| checkpoint(&place(directory, key), key).remove())?;
     let progress = printer.progress();
     progress.begin("training", missing.iter().map(|(_, config)| config.steps as u64).sum());
     missing.into_par_iter().try_for_each(|(key, config)| -> Result<(), StepError> {
-        let directory = at(key);
+        let directory = place(directory, key);
         let checkpoint = checkpoint(&directory, key);
         let trained = match device {
             None => train_one(config, task, Some(&checkpoint), &progress)?,

@@ -55,10 +55,10 @@ pub(super) fn read(job: &Job, dataset: &Dataset) -> Result<States, StepError> {
             path.display()
         ),
     };
-    let cannot = || format!("representation.path: cannot import {}", path.display());
-    let found = found.with_context(cannot)?;
-    check_origin(path, &found, dataset).with_context(cannot)?;
-    join(found, dataset).with_context(cannot)
+    let cannot = format!("representation.path: cannot import {}", path.display());
+    let found = found.context(&cannot)?;
+    check_origin(path, &found, dataset).context(&cannot)?;
+    join(found, dataset).context(&cannot)
 }
 
 fn npy(path: &Path) -> Result<ImportedRows, StepError> {

@@ -298,12 +298,11 @@ fn scored(
     split: &Split,
     trained: &[(Candidate, Option<Mlp>)],
 ) -> Result<TriedCandidates, StepError> {
-    let encoded = |encoder: &Mlp| encode(encoder, material.states);
     let candidates: Vec<Candidate> = trained
         .iter()
         .map(|(candidate, encoder)| {
             // ψ of a state outside the training data may overflow.
-            let psi = encoder.as_ref().and_then(|encoder| encoded(encoder).ok());
+            let psi = encoder.as_ref().and_then(|encoder| encode(encoder, material.states).ok());
             let scores = psi.as_ref().map(|psi| score_of(study, material, split, psi));
             Candidate { scores, ..candidate.clone() }
         })
@@ -311,7 +310,7 @@ fn scored(
     let scores: Vec<Option<Scores>> = candidates.iter().map(|candidate| candidate.scores).collect();
     let chosen = select(&scores);
     let encoder = chosen.and_then(|chosen| trained[chosen].1.clone());
-    let psi = encoder.as_ref().map(encoded).transpose()?;
+    let psi = encoder.as_ref().map(|encoder| encode(encoder, material.states)).transpose()?;
     Ok(TriedCandidates { candidates, chosen, psi, encoder })
 }
 
@@ -361,18 +360,18 @@ fn read(
     if manifest.chosen.is_none() {
         return Err(none_qualifies(directory, command));
     }
-    let again = || format!("{} is damaged; run `{command} --force`", directory.display());
+    let again = format!("{} is damaged; run `{command} --force`", directory.display());
     let used = [PSI, ENCODER].into_iter();
     let used = used.filter_map(|name| Some((name.to_owned(), manifest.files.get(name)?.clone())));
     let used: Files = used.collect();
     artefact::check_files(directory, &used, command)?;
-    let psi = frames::map_states(&directory.join(PSI)).with_context(again)?;
+    let psi = frames::map_states(&directory.join(PSI)).context(&again)?;
     let encoder = manifest
         .files
         .contains_key(ENCODER)
         .then(|| read_encoder(&directory.join(ENCODER)))
         .transpose()
-        .with_context(again)?;
+        .context(&again)?;
     Ok(Representation { key: artefact::key(&(&manifest.key, used))?, psi, encoder })
 }
 
@@ -406,9 +405,9 @@ pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
         RepresentationKind::Laplacian => config.candidates(),
         RepresentationKind::Import => Vec::new(),
     };
-    let dimensions = || candidates.iter().map(|candidate| candidate.dimension);
-    let widest = dimensions().max();
-    if let Some(only) = widest.filter(|_| dimensions().min() == widest) {
+    let dimensions = candidates.iter().map(|candidate| candidate.dimension);
+    let widest = dimensions.clone().max();
+    if let Some(only) = widest.filter(|_| dimensions.min() == widest) {
         return Width::Exactly(only);
     }
     let directory = paths.representation();
@@ -435,8 +434,9 @@ pub(crate) fn of_model(
     directory: &Path,
     files: &Files,
 ) -> Result<(Option<States>, Option<Mlp>), StepError> {
-    let has = |name: &str| files.contains_key(name).then(|| directory.join(name));
-    let psi = has(PSI).map(|path| frames::map_states(&path)).transpose()?;
-    let encoder = has(ENCODER).map(|path| read_encoder(&path)).transpose()?;
+    let psi =
+        files.contains_key(PSI).then(|| frames::map_states(&directory.join(PSI))).transpose()?;
+    let encoder =
+        files.contains_key(ENCODER).then(|| read_encoder(&directory.join(ENCODER))).transpose()?;
     Ok((psi, encoder))
 }

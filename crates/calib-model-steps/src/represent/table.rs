@@ -8,7 +8,7 @@ use calib_base::{
 };
 use calib_data::table::Table;
 use calib_report::{Best, Cell, Table as ReportTable};
-use calib_represent::{LEAST_UNIQUENESS, LaplacianConfig, RepresentationKind};
+use calib_represent::{LEAST_UNIQUENESS, LaplacianConfig, RepresentationKind, Scores};
 
 use super::{candidate::Candidate, manifest::RepresentationManifest};
 
@@ -28,6 +28,11 @@ const FIELDS: [Field; 11] = [
     ("batch_size", |config| config.batch_size as f64),
     ("steps", |config| config.steps as f64),
 ];
+
+/// Returns a score of each candidate.
+fn score(candidates: &[Candidate], value: fn(&Scores) -> f64) -> Vec<Option<f64>> {
+    candidates.iter().map(|candidate| candidate.scores.as_ref().map(value)).collect()
+}
 
 /// Writes `candidates.parquet`, one row per candidate, and `curves.parquet`, one row per point of a
 /// learning curve.
@@ -50,18 +55,15 @@ pub(super) fn write(
         let values = candidates.iter().map(|candidate| candidate.config.as_ref().map(value));
         table = table.with_optional(name, values.collect());
     }
-    let score = |value: fn(&calib_represent::Scores) -> f64| {
-        candidates
-            .iter()
-            .map(|candidate| candidate.scores.as_ref().map(value))
-            .collect::<Vec<Option<f64>>>()
-    };
     let table = table
-        .with_optional("dynamics_awareness", score(|scores| scores.dynamics_awareness))
-        .with_optional("uniqueness", score(|scores| scores.uniqueness))
-        .with_optional("live_dimensions", score(|scores| scores.live_dimensions as f64))
-        .with_optional("successive_distance", score(|scores| scores.successive_distance))
-        .with_optional("random_distance", score(|scores| scores.random_distance))
+        .with_optional("dynamics_awareness", score(candidates, |scores| scores.dynamics_awareness))
+        .with_optional("uniqueness", score(candidates, |scores| scores.uniqueness))
+        .with_optional("live_dimensions", score(candidates, |scores| scores.live_dimensions as f64))
+        .with_optional(
+            "successive_distance",
+            score(candidates, |scores| scores.successive_distance),
+        )
+        .with_optional("random_distance", score(candidates, |scores| scores.random_distance))
         .with_optional(
             "loss",
             candidates.iter().map(|candidate| Some(candidate.points.last()?.loss)).collect(),

@@ -123,13 +123,13 @@ struct Spread {
 
 impl Spread {
     fn of(states: &States, column: usize) -> Self {
-        let values = || (0..states.rows()).map(|row| f64::from(states.row(row)[column]));
+        let values = (0..states.rows()).map(|row| f64::from(states.row(row)[column]));
         let n = states.rows() as f64;
-        let mean = values().sum::<f64>() / n;
+        let mean = values.clone().sum::<f64>() / n;
         Self {
-            variance: values().map(|value| (value - mean).powi(2)).sum::<f64>() / n,
-            low: values().fold(f64::INFINITY, f64::min),
-            high: values().fold(f64::NEG_INFINITY, f64::max),
+            variance: values.clone().map(|value| (value - mean).powi(2)).sum::<f64>() / n,
+            low: values.clone().fold(f64::INFINITY, f64::min),
+            high: values.fold(f64::NEG_INFINITY, f64::max),
         }
     }
 

@@ -205,13 +205,14 @@ mod tests {
 
     #[test]
     fn rollouts_that_step_together_count_once() {
-        let cost = |lanes: usize| extent(0, lanes).cost(0.5).expect("no comparison");
-        assert_eq!(cost(1).processor_secs, 0.5 * 10.0 * 100.0);
+        let [alone, together] =
+            [1, 16].map(|lanes| extent(0, lanes).cost(0.5).expect("no comparison"));
+        assert_eq!(alone.processor_secs, 0.5 * 10.0 * 100.0);
         // 16 rollouts, and the other 4; a sixteenth of the steps is timed.
-        assert_eq!(cost(16).processor_secs, 0.5 * 160.0 * 10.0);
+        assert_eq!(together.processor_secs, 0.5 * 160.0 * 10.0);
         let rows = 100 * (10 * TIMED_STEPS as u64 + 1);
-        assert_eq!(cost(1).memory, rows * (4 + 88 + 2 * 56));
-        assert_eq!(cost(1).disk, rows * (36 + 2 * 20));
+        assert_eq!(alone.memory, rows * (4 + 88 + 2 * 56));
+        assert_eq!(alone.disk, rows * (36 + 2 * 20));
     }
 
     #[test]

@@ -179,6 +179,11 @@ impl FirstRollouts {
             .find(|pair| pair.time.is_some() && pair.time == start.time)
             .map(|pair| pair.values.as_slice())
     }
+
+    fn trajectory(&self, label: &str, values: &[f64]) -> Trajectory {
+        let label = label.to_owned();
+        Trajectory { label, period_secs: self.period_secs, values: values.to_vec() }
+    }
 }
 
 /// Returns small plots of one sensor: the start states that most models share, among equals those with the longest
@@ -188,15 +193,16 @@ pub fn grids(models: &[(&str, &FirstRollouts)]) -> Vec<RolloutGrid> {
     let mut grids: Vec<RolloutGrid> = Vec::new();
     let mut left = models.to_vec();
     while let Some(&(_, first)) = left.first() {
-        let usable = || first.pairs.iter().filter(|pair| pair.recorded.len() > 1);
+        let usable: Vec<&FirstRollout> =
+            first.pairs.iter().filter(|pair| pair.recorded.len() > 1).collect();
         let (together, apart): (Vec<_>, Vec<_>) = (left.iter())
-            .partition(|(_, starts)| usable().any(|start| starts.from(start).is_some()));
+            .partition(|(_, starts)| usable.iter().any(|start| starts.from(start).is_some()));
         if together.is_empty() {
             // There is no record after any start state of this model.
             left.remove(0);
             continue;
         }
-        let mut shown: Vec<(usize, &FirstRollout)> = usable().enumerate().collect();
+        let mut shown: Vec<(usize, &FirstRollout)> = usable.into_iter().enumerate().collect();
         shown.sort_by_key(|(_, start)| {
             let sharing = together.iter().filter(|(_, starts)| starts.from(start).is_some());
             Reverse((sharing.count(), start.recorded.len()))
@@ -219,17 +225,12 @@ fn grid(
     models: &[(&str, &FirstRollouts)],
     starts: &[&FirstRollout],
 ) -> RolloutGrid {
-    let trajectory = |label: &str, values: &[f64]| Trajectory {
-        label: label.to_owned(),
-        period_secs: first.period_secs,
-        values: values.to_vec(),
-    };
     let rows = starts.iter().enumerate().map(|(number, start)| RolloutRow {
         label: format!("start {}", number + 1),
-        truth: trajectory("recorded", &start.recorded),
+        truth: first.trajectory("recorded", &start.recorded),
         rollouts: models
             .iter()
-            .map(|(name, starts)| Some(trajectory(name, starts.from(start)?)))
+            .map(|(name, starts)| Some(first.trajectory(name, starts.from(start)?)))
             .collect(),
     });
     RolloutGrid {
@@ -297,9 +298,10 @@ mod tests {
             grids.iter().map(|grid| (grid.sensor.as_str(), grid.rows.len())).collect();
         assert_eq!(told, [("PIT300", 2), ("PIT300, network", 1)]);
         assert_eq!(grids[0].models, ["year", "week"]);
-        let shown = |row: usize| grids[0].rows[row].rollouts.iter().map(Option::is_some).collect();
-        let both: [Vec<bool>; 2] = [shown(0), shown(1)];
-        assert_eq!(both, [vec![true, false], vec![true, true]]);
+        let shown = [0, 1].map(|row: usize| {
+            grids[0].rows[row].rollouts.iter().map(Option::is_some).collect::<Vec<bool>>()
+        });
+        assert_eq!(shown, [vec![true, false], vec![true, true]]);
         let of_week = grids[0].rows[1].rollouts[1].as_ref().map(|trajectory| trajectory.values[0]);
         assert_eq!(
             of_week,

@@ -378,25 +378,22 @@ fn trajectories(
     all: &[Vec<Trajectory>],
     sensors: &[(String, usize)],
 ) -> Table {
-    let flat = || {
-        all.iter().enumerate().flat_map(|(member, rollouts)| {
-            rollouts.iter().enumerate().map(move |(number, rollout)| (member, number, rollout))
-        })
-    };
     let mut visited: Vec<Option<RowIndex>> = Vec::new();
     let mut wanted = Vec::new();
     let mut wanted_times = Vec::new();
     let mut members = Vec::new();
     let mut numbers = Vec::new();
     let mut steps = Vec::new();
-    for (member, number, rollout) in flat() {
-        for step in 0..=rollout.steps() {
-            members.push(member as u32);
-            numbers.push(number as u32);
-            steps.push(step as u32);
-            visited.push(rollout.row(step));
-            wanted.push(truth::row(rollout.start().0).0);
-            wanted_times.push(record.time(rollout.start().0));
+    for (member, rollouts) in all.iter().enumerate() {
+        for (number, rollout) in rollouts.iter().enumerate() {
+            for step in 0..=rollout.steps() {
+                members.push(member as u32);
+                numbers.push(number as u32);
+                steps.push(step as u32);
+                visited.push(rollout.row(step));
+                wanted.push(truth::row(rollout.start().0).0);
+                wanted_times.push(record.time(rollout.start().0));
+            }
         }
     }
     let times = model.frames.timestamps();
@@ -413,8 +410,10 @@ fn trajectories(
         .with_optional("wanted_timestamp", wanted_times);
     let names: Vec<&str> = sensors.iter().map(|(name, _)| name.as_str()).collect();
     for ((_, column), named) in sensors.iter().zip(Columns::of(&names)) {
-        let normalised: Vec<f32> = flat()
-            .flat_map(|(_, _, rollout)| rollout.values(states, *column, rollout.steps() + 1))
+        let normalised: Vec<f32> = all
+            .iter()
+            .flatten()
+            .flat_map(|rollout| rollout.values(states, *column, rollout.steps() + 1))
             .collect();
         let physical =
             |value: f32| model.manifest.normaliser.physical(*column, Normalised(value)).0;
@@ -423,8 +422,9 @@ fn trajectories(
             .with(named.normalised, normalised)
             .with_optional(
                 named.recorded,
-                flat()
-                    .flat_map(|(_, _, rollout): (usize, usize, &Trajectory)| {
+                all.iter()
+                    .flatten()
+                    .flat_map(|rollout: &Trajectory| {
                         let truth = record.after(rollout.start().0, rollout.steps());
                         let known: Vec<Option<f64>> =
                             truth.values(*column).map(|value| Some(physical(value))).collect();

@@ -81,15 +81,18 @@ mod tests {
         Frames::new(times, segments, states.expect("finite")).expect("valid")
     }
 
+    fn values(record: Record<'_>, wanted: RequestedStart, steps: usize) -> Vec<f32> {
+        record.after(wanted, steps).values(0).collect()
+    }
+
     #[test]
     fn a_true_trajectory_ends_with_its_segment() {
         let model = frames(0.0);
         let deployment = frames(10.0);
         let record = Record { model: &model, deployment: Some(&deployment) };
-        let values = |wanted, steps| record.after(wanted, steps).values(0).collect::<Vec<f32>>();
-        assert_eq!(values(RequestedStart::Recorded(RowIndex(1)), 1), [1.0, 2.0]);
-        assert_eq!(values(RequestedStart::Recorded(RowIndex(1)), 9), [1.0, 2.0, 3.0]);
-        assert_eq!(values(RequestedStart::Deployment(RowIndex(4)), 9), [14.0, 15.0]);
+        assert_eq!(values(record, RequestedStart::Recorded(RowIndex(1)), 1), [1.0, 2.0]);
+        assert_eq!(values(record, RequestedStart::Recorded(RowIndex(1)), 9), [1.0, 2.0, 3.0]);
+        assert_eq!(values(record, RequestedStart::Deployment(RowIndex(4)), 9), [14.0, 15.0]);
         let none = Record { model: &model, deployment: None };
         assert_eq!(none.after(RequestedStart::Deployment(RowIndex(4)), 9).len(), 0);
         assert_eq!(none.time(RequestedStart::Deployment(RowIndex(4))), None);

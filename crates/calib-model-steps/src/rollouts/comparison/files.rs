@@ -63,15 +63,13 @@ fn of_pairs(pairs: &[Pair], rows: usize) -> Table {
 }
 
 fn dtw(pairs: &[Pair]) -> Table {
-    let distances = || pairs.iter().flat_map(|pair| &pair.warping);
+    let (raw, normalised): (Vec<f64>, Vec<Option<f64>>) =
+        pairs.iter().flat_map(|pair| &pair.warping).copied().unzip();
     let patterns = pairs.iter().flat_map(|_| STEP_PATTERNS.map(str::to_owned));
     of_pairs(pairs, STEP_PATTERNS.len())
         .with("step_pattern", patterns.collect::<Vec<String>>())
-        .with("distance", distances().map(|distance| distance.0).collect::<Vec<f64>>())
-        .with_optional(
-            "normalized_distance",
-            distances().map(|distance| distance.1).collect::<Vec<Option<f64>>>(),
-        )
+        .with("distance", raw)
+        .with_optional("normalized_distance", normalised)
 }
 
 fn measures(pairs: &[Pair]) -> Table {
@@ -98,11 +96,10 @@ fn from_tables(dtw: &Table, others: &Table) -> Result<Vec<Pair>, StepError> {
     let warping = raw.iter().copied().zip(normalised).collect::<Vec<_>>();
     let measures = MEASURES.iter().map(|measure| others.optional::<f64>(measure.column));
     let measures = measures.collect::<Result<Vec<_>, _>>()?;
-    let whole = |name| others.column::<u32>(name);
-    let members = whole("member")?;
-    let rollouts = whole("rollout")?;
-    let wanted = whole("wanted_row")?;
-    let steps = whole("steps")?;
+    let members = others.column::<u32>("member")?;
+    let rollouts = others.column::<u32>("rollout")?;
+    let wanted = others.column::<u32>("wanted_row")?;
+    let steps = others.column::<u32>("steps")?;
     let starts = others.column::<Timestamp>("wanted_timestamp")?;
     let sensors = others.column::<String>("sensor")?;
     let of_warping = [dtw.column::<u32>("member")?, dtw.column::<u32>("rollout")?];

@@ -124,10 +124,9 @@ pub(super) fn secs_of_pair(steps: usize) -> Result<f64, StepError> {
     let set = PatternSet::new(step_patterns()?, Settings::default());
     let states = steps + 1;
     let timed = states.clamp(FEWEST_STEPS + 1, TIMED_STATES);
-    let series = |phase: f64| -> Vec<f64> {
+    let [query, reference] = [0.0, 1.0].map(|phase: f64| -> Vec<f64> {
         (0..timed).map(|state| (0.1 * state as f64 + phase).sin()).collect()
-    };
-    let (query, reference) = (series(0.0), series(1.0));
+    });
     let (compared, taken) = TimeTaken::by(|| -> Result<(), StepError> {
         set.distances(&query, &reference)?;
         MEASURES.iter().try_for_each(|measure| (measure.distance)(&query, &reference).map(drop))

@@ -92,9 +92,8 @@ impl<'a> ComparedModel<'a> {
         sensor: &str,
         distance: Distance,
     ) -> Result<Option<Difference>, StepError> {
-        let known = |model: &Self| model.known(sensor, distance);
-        let own = known(self);
-        let others = known(other);
+        let own = self.known(sensor, distance);
+        let others = other.known(sensor, distance);
         if own.is_empty() || others.is_empty() || !self.is_held_to_the_record_of(other) {
             return Ok(None);
         }
@@ -146,14 +145,13 @@ fn of_sensor(
     other: &ComparedModel<'_>,
     sensor: &str,
 ) -> Result<PairedSensor, StepError> {
-    let minus = |distance| one.minus(other, sensor, distance);
     let dtw = STEP_PATTERNS.iter().enumerate().map(|(place, step_pattern)| {
-        let distance = minus(Distance::Raw(place))?;
-        let normalized_distance = minus(Distance::Normalised(place))?;
+        let distance = one.minus(other, sensor, Distance::Raw(place))?;
+        let normalized_distance = one.minus(other, sensor, Distance::Normalised(place))?;
         Ok(PairedPattern { step_pattern, distance, normalized_distance })
     });
     let measures = MEASURES.iter().enumerate().map(|(place, measure)| {
-        let value = minus(Distance::Measure(place))?;
+        let value = one.minus(other, sensor, Distance::Measure(place))?;
         Ok(PairedMeasure { measure: measure.column, value })
     });
     Ok(PairedSensor {

@@ -27,7 +27,7 @@ pub(super) fn summary(
     counts: Counts,
     against: Against,
 ) -> Result<Comparison, StepError> {
-    let steps = || pairs.iter().map(|pair| pair.steps as usize);
+    let steps = pairs.iter().map(|pair| pair.steps as usize);
     let stretches = stretches(pairs);
     let sensors = sensors(pairs).into_iter().map(|name| {
         let own: Vec<&Pair> = pairs.iter().filter(|pair| pair.sensor == name).collect();
@@ -39,8 +39,8 @@ pub(super) fn summary(
         overlapping: overlapping(&stretches),
         left_out: counts.left_out,
         ended_early: counts.ended_early,
-        fewest_steps: steps().min().unwrap_or(0),
-        most_steps: steps().max().unwrap_or(0),
+        fewest_steps: steps.clone().min().unwrap_or(0),
+        most_steps: steps.max().unwrap_or(0),
         against,
         sensors: sensors.collect::<Result<_, StepError>>()?,
     })
@@ -64,18 +64,22 @@ fn stretches(pairs: &[Pair]) -> Vec<(u32, u32)> {
     starts.into_values().collect()
 }
 
+/// Returns the row after the last step of a stretch.
+fn end((row, steps): (u32, u32)) -> u32 {
+    row + steps
+}
+
 /// Returns how many of these stretches, in time order, share steps with another.
 fn overlapping(stretches: &[(u32, u32)]) -> usize {
     let mut shares = vec![false; stretches.len()];
     // The earlier stretch that reaches farthest: the longest one need not be the last.
     let mut farthest: Option<usize> = None;
     for (place, &(row, steps)) in stretches.iter().enumerate() {
-        let end = |place: usize| stretches[place].0 + stretches[place].1;
         match farthest {
-            Some(before) if row < end(before) => {
+            Some(before) if row < end(stretches[before]) => {
                 shares[before] = true;
                 shares[place] = true;
-                if row + steps > end(before) {
+                if row + steps > end(stretches[before]) {
                     farthest = Some(place);
                 }
             }

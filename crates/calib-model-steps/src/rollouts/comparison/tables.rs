@@ -47,30 +47,23 @@ pub fn report_tables(models: &[ComparedModel<'_>]) -> Result<Vec<Table>, StepErr
             others.add(leading, models, &sensor.sensor, Distance::Measure(place))?;
         }
     }
-    let table = |title: &str, how: &str, leading: &[&str], rows: Rows| Table {
-        title: title.to_owned(),
-        caption: caption(models, how),
-        columns: columns(models, leading),
-        rows: rows.cells,
-        best: Some(Best::Cells(rows.bold)),
-    };
     let equal =
         (models.iter()).all(|model| model.comparison.fewest_steps == model.comparison.most_steps);
     let raw = if equal { "" } else { " Raw distances grow with the number of steps." };
     let mut tables = vec![
-        table(
+        warping.into_table(
+            models,
             "Dynamic time warping",
             &format!(
                 "Lower is better. Compare models within a row, not step patterns with each other.{raw}"
             ),
             &OF_WARPING,
-            warping,
         ),
-        table(
+        others.into_table(
+            models,
             "Other distances of trajectories",
             "Lower is better. They compare distributions, memory and frequencies, so a rollout may be out of step and still score well.",
             &OF_OTHERS,
-            others,
         ),
     ];
     tables.extend(two_by_two(models, &first.comparison.sensors)?);
@@ -85,6 +78,23 @@ struct Rows {
 }
 
 impl Rows {
+    /// Returns the table with these columns before those of the models. `how` says how to read it.
+    fn into_table(
+        self,
+        models: &[ComparedModel<'_>],
+        title: &str,
+        how: &str,
+        leading: &[&str],
+    ) -> Table {
+        Table {
+            title: title.to_owned(),
+            caption: caption(models, how),
+            columns: columns(models, leading),
+            rows: self.cells,
+            best: Some(Best::Cells(self.bold)),
+        }
+    }
+
     /// Adds the means of all models for one distance.
     fn add(
         &mut self,

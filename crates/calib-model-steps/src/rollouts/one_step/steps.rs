@@ -121,9 +121,8 @@ impl SquaredErrors {
 
     /// Writes one row per transition and sensor. An empty sensor stands for all columns.
     pub(super) fn write(&self, directory: &Path) -> Result<(), StepError> {
-        let all = |values: fn(&SensorSquaredErrors) -> &Vec<f64>| -> Vec<f64> {
-            self.series.iter().flat_map(values).copied().collect()
-        };
+        let squares = self.series.iter().flat_map(|series| &series.squares).copied();
+        let of_no_change = self.series.iter().flat_map(|series| &series.of_no_change).copied();
         let times = self.series.iter().flat_map(|_| &self.times).copied();
         let table = Table::new()
             .with("timestamp", times.collect::<Vec<Timestamp>>())
@@ -134,8 +133,8 @@ impl SquaredErrors {
                     .flat_map(|series| vec![series.sensor.clone(); self.times.len()])
                     .collect(),
             )
-            .with("squared_error", all(|series| &series.squares))
-            .with("no_change_squared_error", all(|series| &series.of_no_change));
+            .with("squared_error", squares.collect::<Vec<f64>>())
+            .with("no_change_squared_error", of_no_change.collect::<Vec<f64>>());
         write_table(table, &Self::file(directory))
     }
 
