@@ -14,25 +14,23 @@ const VARIABLE: &str = "CALIB_FAULT";
 pub(crate) fn arm() -> Result<(), StepError> {
     let Some(text) = env::var_os(VARIABLE).filter(|text| !text.is_empty()) else { return Ok(()) };
     let text = text.to_string_lossy();
-    let expected = || {
-        format!(
-            "{VARIABLE} is for tests: expected fail:N, full:N, kill:N, free:BYTES, list:FILE or lockless, got '{text}'; \
-             remove it from the environment"
-        )
-    };
+    let expected = format!(
+        "{VARIABLE} is for tests: expected fail:N, full:N, kill:N, free:BYTES, list:FILE or lockless, got '{text}'; \
+         remove it from the environment"
+    );
     if text == "lockless" {
         faults::arm(Fault::Lockless);
         return Ok(());
     }
-    let (kind, what) = text.split_once(':').with_context(expected)?;
-    let number = || what.parse().with_context(expected);
+    let (kind, what) = text.split_once(':').context(&expected)?;
+    let number = what.parse::<u64>().context(&expected);
     faults::arm(match kind {
-        "fail" => Fault::Fail(number()?),
-        "full" => Fault::Full(number()?),
-        "kill" => Fault::Kill(number()?),
-        "free" => Fault::Free(number()?),
+        "fail" => Fault::Fail(number?),
+        "full" => Fault::Full(number?),
+        "kill" => Fault::Kill(number?),
+        "free" => Fault::Free(number?),
         "list" => Fault::List(File::create(what).with_context(|| format!("cannot write {what}"))?),
-        _ => bail!(expected()),
+        _ => bail!(expected),
     });
     Ok(())
 }

@@ -1,6 +1,10 @@
 //! calib's own agents that act, as objects: they choose actions, learn, and can be stored in a file.
 
-use std::{borrow::Cow, path::PathBuf, sync::Arc};
+use std::{
+    borrow::Cow,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use calib_control::{
     Actor, Agent, AgentConfig, Ending, Ensemble as _, Outcome, RunLength, run_agent,
@@ -40,6 +44,16 @@ struct Described {
     /// Names of the actions, and the values that each sets.
     actions: Vec<(String, Vec<f64>)>,
     seed: u64,
+}
+
+/// Lists the names of columns.
+fn listed(columns: &[(String, f64, f64)]) -> String {
+    columns.iter().map(|(name, ..)| name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// Returns the error that a stored agent cannot be used.
+fn refused(py: Python<'_>, path: &Path, reason: &str) -> PyErr {
+    errors::of_text(py, &format!("{}: {reason}", path.display()))
 }
 
 /// An agent that acts.
@@ -92,14 +106,11 @@ impl ControlAgent {
         let same_names = of_model.len() == columns.len()
             && of_model.iter().zip(columns).all(|(model, own)| model.0 == own.0);
         if !same_names {
-            let names = |columns: &[(String, f64, f64)]| {
-                columns.iter().map(|(name, ..)| name.as_str()).collect::<Vec<_>>().join(", ")
-            };
             return Err(PyValueError::new_err(format!(
                 "the columns of the model are {}, and those of the agent {}; build a model of the same columns, or make an agent for \
                  this one",
-                names(&of_model),
-                names(columns)
+                listed(&of_model),
+                listed(columns)
             )));
         }
         if model.described_actions() != *actions {
@@ -208,21 +219,24 @@ impl ControlAgent {
         let described: Described = serde_json::from_str(text).map_err(|error| {
             errors::of_text(py, &format!("{} is no agent of calib: {error}", path.display()))
         })?;
-        let refuse = |reason: &str| errors::of_text(py, &format!("{}: {reason}", path.display()));
         let Described { format, settings, ref columns, ref actions, seed } = described;
         if format != FORMAT {
-            return Err(refuse(&format!(
-                "its format is {format}, and this calib reads {FORMAT}; save the agent again"
-            )));
+            return Err(refused(
+                py,
+                &path,
+                &format!(
+                    "its format is {format}, and this calib reads {FORMAT}; save the agent again"
+                ),
+            ));
         }
         let has_scales = columns.iter().all(|&(_, _, scale)| scale.is_finite() && scale > 0.0);
         if actions.is_empty() || !has_scales {
-            return Err(refuse("it has no actions, or a column without a scale"));
+            return Err(refused(py, &path, "it has no actions, or a column without a scale"));
         }
         let seed = Seed::new(seed).child("loaded");
         let own = seed.child("agent");
         let agent = Agent::from_tensors(settings, columns.len(), actions.len(), own, &tensors);
-        let agent = agent.map_err(|error| refuse(&error.to_string()))?;
+        let agent = agent.map_err(|error| refused(py, &path, &error.to_string()))?;
         let rng = seed.child("actions").rng();
         Ok(Self { agent, rng, described, last: None, has_diverged: false })
     }

@@ -48,14 +48,14 @@ pub(crate) fn dtw<'py>(
     }
     let warped = watched(py, Needs::Threads, None, |watch| {
         let monitor = WatchMonitor(Arc::clone(watch));
-        let stop = || monitor.interrupted();
         let query = Series::with_channels(&query.0, channels(&query.1))?;
         let reference = Series::with_channels(&reference.0, channels(&reference.1))?;
         if path {
-            let aligned = dtw.align_until(query, reference, &stop)?;
+            let aligned = dtw.align_until(query, reference, &|| monitor.interrupted())?;
             Ok((aligned.distance, Some(aligned.path)))
         } else {
-            dtw.distance_until(query, reference, &stop).map(|distance| (distance, None))
+            let distance = dtw.distance_until(query, reference, &|| monitor.interrupted());
+            distance.map(|distance| (distance, None))
         }
     })?;
     let (distance, path) = warped.map_err(|error: calib_dtw::DtwError| refused(&error))?;

@@ -284,13 +284,11 @@ impl Model {
         if let Some(column) = columns.iter().chain([&reward]).find(|column| **column >= known) {
             return Err(PyIndexError::new_err(format!("column {column}: the model has {known}")));
         }
-        let maps = self.columns();
-        let map = |column: usize| {
-            let (_, offset, scale) = maps[column];
-            SeenColumn::new(column, Bounds { offset, scale }, physical)
-        };
-        let columns = columns.into_iter().map(map).collect();
-        Ok(Walkers::new(Arc::clone(&self.shared), members, columns, map(reward), steps))
+        let described = self.columns();
+        let seen: Vec<SeenColumn> =
+            columns.into_iter().map(|column| seen_column(&described, column, physical)).collect();
+        let reward = seen_column(&described, reward, physical);
+        Ok(Walkers::new(Arc::clone(&self.shared), members, seen, reward, steps))
     }
 
     /// Returns the smallest and the largest value of every column, `(float32 [d], float32 [d])`.
@@ -313,6 +311,12 @@ impl Model {
         let count = all.len();
         owned(py, all, &[count])
     }
+}
+
+/// Returns how a column is observed, of columns with these names, offsets and scales.
+fn seen_column(described: &[(String, f64, f64)], column: usize, physical: bool) -> SeenColumn {
+    let (_, offset, scale) = described[column];
+    SeenColumn::new(column, Bounds { offset, scale }, physical)
 }
 
 /// Returns the rows of the `k` sources of an ensemble member that are nearest to each of these states, and their distances.

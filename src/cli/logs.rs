@@ -71,17 +71,22 @@ pub(crate) struct InitArgs {
 
 /// Reads a time span such as `90s`, `10m`, `2h` or `1d`, and returns seconds. A number without a unit is ambiguous, and an error.
 fn seconds(text: &str) -> Result<f64, String> {
-    let expected = || format!("expected a time with a unit, such as 90s, 10m or 2h, got '{text}'");
+    known_seconds(text)
+        .ok_or_else(|| format!("expected a time with a unit, such as 90s, 10m or 2h, got '{text}'"))
+}
+
+/// Returns the seconds of a time span, if it has a known unit and is above 0.
+fn known_seconds(text: &str) -> Option<f64> {
     let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
-    let number: f64 = text[..text.len() - unit.len()].trim().parse().map_err(|_| expected())?;
+    let number: f64 = text[..text.len() - unit.len()].trim().parse().ok()?;
     let factor = match unit {
         "s" | "sec" => 1.0,
         "m" | "min" => 60.0,
         "h" => 3_600.0,
         "d" => 86_400.0,
-        _ => return Err(expected()),
+        _ => return None,
     };
-    if number > 0.0 { Ok(number * factor) } else { Err(expected()) }
+    (number > 0.0).then_some(number * factor)
 }
 
 #[derive(Debug, Args)]

@@ -190,14 +190,16 @@ fn allowed(schema: &Value, node: &Value) -> String {
     if let Some(values) = node["enum"].as_array() {
         return values.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     }
-    let bound = |key: &str, word: &str| node[key].as_f64().map(|bound| format!("{word} {bound}"));
     let bounds = [
-        bound("minimum", "at least"),
-        bound("exclusiveMinimum", "above"),
-        bound("maximum", "at most"),
-        bound("exclusiveMaximum", "below"),
+        ("minimum", "at least"),
+        ("exclusiveMinimum", "above"),
+        ("maximum", "at most"),
+        ("exclusiveMaximum", "below"),
     ];
-    let bounds: Vec<String> = bounds.into_iter().flatten().collect();
+    let bounds: Vec<String> = bounds
+        .into_iter()
+        .filter_map(|(key, word)| Some(format!("{word} {}", node[key].as_f64()?)))
+        .collect();
     let kind = match node["type"].as_str() {
         Some("integer") => "a whole number",
         Some("number") => "a number",

@@ -12,6 +12,14 @@ use crate::cli::InspectArgs;
 /// Most channels that are listed without `--all`.
 const LISTED: usize = 60;
 
+/// Tells how many of `total` channels are left after `shown` ones.
+fn show_more(shown: usize, total: usize, printer: &Printer) -> Result<(), StepError> {
+    match total.saturating_sub(shown) {
+        0 => Ok(()),
+        left => printer.result(&format!("… and {} more; --all shows them", count(left))),
+    }
+}
+
 /// Shows the dropped channels with their reasons, and the kept channels. Channels `beside` the states, such as actions, are read even if
 /// they miss many values, so they do not count as dropped.
 pub(super) fn show_channels(
@@ -28,17 +36,13 @@ pub(super) fn show_channels(
         .filter(|channel| channel.dropped.is_some() && !beside.contains(&channel.name));
     let (modes, dropped): (Vec<&ChannelProfile>, Vec<&ChannelProfile>) = without_column
         .partition(|channel| matches!(channel.dropped, Some(DropReason::OneHot { .. })));
-    let more = |shown: usize, total: usize| match total.saturating_sub(shown) {
-        0 => Ok(()),
-        left => printer.result(&format!("… and {} more; --all shows them", count(left))),
-    };
     if !dropped.is_empty() {
         printer.result("")?;
         printer.result(&format!("dropped: {}", counted(dropped.len(), "channel")))?;
         for channel in dropped.iter().take(limit) {
             printer.result(&format!("    {}", without_own_column(channel)))?;
         }
-        more(limit, dropped.len())?;
+        show_more(limit, dropped.len(), printer)?;
     }
     for channel in modes {
         printer.result("")?;
@@ -71,7 +75,7 @@ pub(super) fn show_channels(
             .collect();
         printer.result("")?;
         printer.lines(&table(&header[..columns], &rows))?;
-        more(limit, kept.len())?;
+        show_more(limit, kept.len(), printer)?;
         for channel in listed {
             let notes = notes(channel);
             if let Some(notes) = notes.strip_prefix("; ") {

@@ -101,15 +101,17 @@ fn from_npy(path: &Path, column: Option<&str>) -> Result<Samples, StepError> {
     Ok(Samples::of_column(array.values.into_iter().skip(number).step_by(channels).collect()))
 }
 
+/// Refuses a CSV file for which so many bytes of memory do not suffice.
+fn require_for_csv(path: &Path, bytes: u64) -> Result<(), StepError> {
+    let what = format!("reading {}", path.display());
+    Ok(require_memory(bytes, &what, "take fewer rows or columns of it")?)
+}
+
 fn from_csv(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError> {
-    let require = |bytes: u64| {
-        let what = format!("reading {}", path.display());
-        require_memory(bytes, &what, "take fewer rows or columns of it")
-    };
-    require(regular_bytes(path)?)?;
+    require_for_csv(path, regular_bytes(path)?)?;
     let text = read_regular(path)?;
     // A number has eight bytes.
-    require(8 * most_cells(&text) as u64)?;
+    require_for_csv(path, 8 * most_cells(&text) as u64)?;
     let mut columns = number_columns(&text).map_err(|reason| {
         StepError::message(format!("{} is not a usable CSV file: {reason}", path.display()))
     })?;
@@ -131,13 +133,13 @@ fn from_csv(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError> {
 }
 
 fn from_parquet(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError> {
-    let context = || path.display().to_string();
+    let context = path.display().to_string();
     if let Some(name) = column {
-        check_table(path, Some(&[name])).with_context(context)?;
-        let table = read_parquet_columns(path, &[name]).with_context(context)?;
-        return table.numbers(name).with_context(context);
+        check_table(path, Some(&[name])).context(&context)?;
+        let table = read_parquet_columns(path, &[name]).context(&context)?;
+        return table.numbers(name).context(&context);
     }
-    check_table(path, None).with_context(context)?;
+    check_table(path, None).context(&context)?;
     let table = read_parquet(path)?;
     let names: Vec<(&str, bool)> = table
         .names()
@@ -147,7 +149,7 @@ fn from_parquet(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError
         })
         .collect();
     let name = names[only_numeric(path, &names)?].0;
-    table.numbers(name).with_context(context)
+    table.numbers(name).context(&context)
 }
 
 /// Returns the position of the only numeric column.

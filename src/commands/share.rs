@@ -47,16 +47,14 @@ pub(super) fn share(
     typed: &str,
     environment: impl Fn(&str) -> Option<String>,
 ) -> Result<Share, StepError> {
-    let form = || {
-        format!(
-            "--share must be a share and how many there are, such as 0/8 or auto/8, got '{typed}'"
-        )
-    };
-    let (own, count) = typed.split_once('/').with_context(form)?;
-    let count: usize = count.parse().ok().filter(|count| *count > 0).with_context(form)?;
+    let form = format!(
+        "--share must be a share and how many there are, such as 0/8 or auto/8, got '{typed}'"
+    );
+    let (own, count) = typed.split_once('/').context(&form)?;
+    let count: usize = count.parse().ok().filter(|count| *count > 0).context(&form)?;
     let number: usize = match own {
         "auto" => number("--share", own, environment)?,
-        own => own.parse().ok().with_context(form)?,
+        own => own.parse().ok().context(&form)?,
     };
     Share::new(number, count)
         .with_context(|| {

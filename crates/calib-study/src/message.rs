@@ -182,12 +182,14 @@ pub(crate) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
 mod tests {
     use super::*;
 
+    /// Returns the message about wrong settings in JSON.
+    fn told(json: &str) -> String {
+        let read = serde_json::from_str::<calib_control::AgentConfig>(json);
+        setting_error(&read.expect_err("no setting"))
+    }
+
     #[test]
     fn a_setting_in_json_is_told_without_its_place() {
-        let told = |json: &str| {
-            let read = serde_json::from_str::<calib_control::AgentConfig>(json);
-            setting_error(&read.expect_err("no setting"))
-        };
         let unknown = told("{\"stepsize\": 1}");
         let start = "unknown setting `stepsize`; did you mean `step_size`? (known settings: ";
         assert!(unknown.starts_with(start) && unknown.ends_with(')'), "{unknown}");

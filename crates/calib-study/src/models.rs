@@ -98,9 +98,10 @@ pub(crate) fn check(table: &Table) -> Result<(), Problem> {
 
 /// Whether agents learn from all training rows before `model.period`.
 fn is_pretrained_before_the_model(table: &Table) -> bool {
-    let pretrain = |key| value(Some(table), "pretrain", key);
-    let trained = pretrain("epochs").and_then(Value::as_integer).is_some_and(|epochs| epochs > 0);
-    (trained || pretrain("checkpoint").is_some()) && pretrain("period").is_none()
+    let [epochs, checkpoint, period] =
+        ["epochs", "checkpoint", "period"].map(|key| value(Some(table), "pretrain", key));
+    let trained = epochs.and_then(Value::as_integer).is_some_and(|epochs| epochs > 0);
+    (trained || checkpoint.is_some()) && period.is_none()
 }
 
 fn value<'a>(table: Option<&'a Table>, section: &str, key: &str) -> Option<&'a Value> {

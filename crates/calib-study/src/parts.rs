@@ -92,23 +92,25 @@ impl Job {
 
     /// Lists the options that would choose one of several `parts`: `--model NAME (a, b)`.
     pub fn missing_names(&self, parts: &[Self]) -> Vec<String> {
-        let names = |name_of: fn(&Self) -> Option<&str>| {
-            let mut once: Vec<&str> = Vec::new();
-            for name in parts.iter().filter_map(name_of) {
-                if !once.contains(&name) {
-                    once.push(name);
-                }
-            }
-            once.join(", ")
-        };
-        let model = self.model.is_none().then(|| names(Self::model));
-        let deployment = self.deployment.is_none().then(|| names(Self::deployment));
+        let model = self.model.is_none().then(|| named_once(parts, Self::model));
+        let deployment = self.deployment.is_none().then(|| named_once(parts, Self::deployment));
         [("--model", model), ("--deployment", deployment)]
             .into_iter()
             .filter_map(|(option, names)| Some((option, names.filter(|names| !names.is_empty())?)))
             .map(|(option, names)| format!("{option} NAME ({names})"))
             .collect()
     }
+}
+
+/// Lists the names that the parts have, each once.
+fn named_once(parts: &[Job], name_of: fn(&Job) -> Option<&str>) -> String {
+    let mut once: Vec<&str> = Vec::new();
+    for name in parts.iter().filter_map(name_of) {
+        if !once.contains(&name) {
+            once.push(name);
+        }
+    }
+    once.join(", ")
 }
 
 /// Keeps the first of the parts that share their rollouts. It then has no deployment.

@@ -20,8 +20,9 @@ impl Share {
 
     /// Counts the pieces of this share among the pieces with these numbers.
     pub fn pieces(self, numbers: Range<usize>) -> usize {
-        let before = |end: usize| end.saturating_sub(self.number).div_ceil(self.count);
-        before(numbers.end).saturating_sub(before(numbers.start))
+        let [before, with_these] = [numbers.start, numbers.end]
+            .map(|end| end.saturating_sub(self.number).div_ceil(self.count));
+        with_these.saturating_sub(before)
     }
 }
 

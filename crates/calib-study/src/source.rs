@@ -125,16 +125,20 @@ mod tests {
         StudyText::new(Path::new("study.toml"), text.to_owned())
     }
 
+    /// Returns the line and the column of a key.
+    fn at(source: &StudyText, key: &str) -> Option<(usize, usize)> {
+        source.place_of(key).map(|place| (place.line, place.column))
+    }
+
     #[test]
     fn keys_are_found_wherever_they_are_written() {
         let text = "seed = 1\n[agent]\ngamma = 2\n[models.a]\nmodel.members = 3\nx = { y = 4 }\n";
         let parsed = source(text);
-        let at = |key: &str| parsed.place_of(key).map(|place| (place.line, place.column));
-        assert_eq!(at("seed"), Some((1, 1)));
-        assert_eq!(at("agent.gamma"), Some((3, 1)));
-        assert_eq!(at("models.a.model.members"), Some((5, 7)));
-        assert_eq!(at("models.a.x.y"), Some((6, 7)));
-        assert_eq!(at("agent.beta"), None);
+        assert_eq!(at(&parsed, "seed"), Some((1, 1)));
+        assert_eq!(at(&parsed, "agent.gamma"), Some((3, 1)));
+        assert_eq!(at(&parsed, "models.a.model.members"), Some((5, 7)));
+        assert_eq!(at(&parsed, "models.a.x.y"), Some((6, 7)));
+        assert_eq!(at(&parsed, "agent.beta"), None);
         assert!(parsed.renamed().is_empty());
         let old = source("[model]\nrecurrent = false\n[models.a.model]\nrecurrent = true\n");
         let told: Vec<(usize, &str)> =

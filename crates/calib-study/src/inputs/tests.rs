@@ -45,9 +45,13 @@ fn what_changes_no_byte_is_no_input() {
     }
 }
 
+/// Returns the keys of a study by which the result differs from that of an empty one.
+fn keys(result: StepKind, text: &str) -> String {
+    changed(result, "", text)
+}
+
 #[test]
 fn a_result_follows_from_its_own_keys_alone() {
-    let keys = |result, text: &str| changed(result, "", text);
     let gamma = "[agent]\ngamma = 0.5\n";
     assert_eq!(keys(StepKind::BuildModel, gamma), "");
     assert_eq!(keys(StepKind::Rollout, gamma), "");
@@ -71,41 +75,53 @@ fn a_result_follows_from_its_own_keys_alone() {
     );
 }
 
+/// Returns the differences of a verdict on agents that act, after `added` was added to a study.
+fn told_of_acting(study: &str, added: &str) -> String {
+    told(StepKind::Control, study, &format!("{study}{added}"))
+}
+
 #[test]
 fn a_verdict_about_agents_that_act_follows_from_what_they_learn_in() {
     let acting = "[control]\nactions = [\"valve\"]\n";
-    let changed = |before: &str, after: &str| told(StepKind::Control, before, after);
-    let other = |keys: &str| changed(acting, &format!("{acting}{keys}"));
-    assert_eq!(other("steps = 100\n"), "control.steps = 15000, now 100");
-    assert_eq!(other("[evaluate]\nresamples = 7\n"), "evaluate.resamples = 2000, now 7");
-    assert_eq!(other("[representation]\ndimension = 3\n[agent]\ngamma = 0.5\n"), "");
+    assert_eq!(told_of_acting(acting, "steps = 100\n"), "control.steps = 15000, now 100");
+    let resamples = told_of_acting(acting, "[evaluate]\nresamples = 7\n");
+    assert_eq!(resamples, "evaluate.resamples = 2000, now 7");
+    let unused = "[representation]\ndimension = 3\n[agent]\ngamma = 0.5\n";
+    assert_eq!(told_of_acting(acting, unused), "");
     let train = "[data]\ntrain = { end = 2022-01-01 }\n";
+    let trained = format!("{train}{acting}");
     let held_out = format!("{train}held_out = {{ start = 2022-01-01 }}\n{acting}");
-    let told = changed(&format!("{train}{acting}"), &held_out);
-    assert_eq!(told, "data.held_out.start = nothing, now \"2022-01-01\"");
+    let of_period = told(StepKind::Control, &trained, &held_out);
+    assert_eq!(of_period, "data.held_out.start = nothing, now \"2022-01-01\"");
     let deployed = format!("{train}{acting}[deployments.may]\nstart = 2022-05-01\n");
-    let told = changed(&format!("{train}{acting}"), &deployed);
-    assert_eq!(told, "deployments.may.start = nothing, now \"2022-05-01\"");
+    let of_deployment = told(StepKind::Control, &trained, &deployed);
+    assert_eq!(of_deployment, "deployments.may.start = nothing, now \"2022-05-01\"");
     let near = format!("{acting}[control.model]\ndistance = \"laplacian\"\n");
-    let dimension = changed(&near, &format!("{near}[representation]\ndimension = 3\n"));
+    let dimension = told_of_acting(&near, "[representation]\ndimension = 3\n");
     assert!(dimension.starts_with("representation.dimension = "), "{dimension}");
     let program = format!("{acting}[agent]\nkind = \"external\"\ncommand = [\"act\"]\n");
-    let gamma = changed(&program, &format!("{program}gamma = 0.5\n"));
+    let gamma = told_of_acting(&program, "gamma = 0.5\n");
     assert_eq!(gamma, "agent.gamma = 0.99, now 0.5");
 }
 
 #[test]
 fn a_network_follows_from_what_its_kind_uses() {
-    let differ = |one: &str, other: &str| changed(StepKind::BuildModel, one, other);
     let nn = "[model]\nkind = \"nn\"\n";
-    assert_eq!(differ(nn, &format!("{nn}neighbors = 9\n[dynamics]\nsequence_length = 9\n")), "");
     assert_eq!(
-        differ(nn, &format!("seed = 3\n{nn}[dynamics]\nepochs = 9\n")),
+        changed(
+            StepKind::BuildModel,
+            nn,
+            &format!("{nn}neighbors = 9\n[dynamics]\nsequence_length = 9\n")
+        ),
+        ""
+    );
+    assert_eq!(
+        changed(StepKind::BuildModel, nn, &format!("seed = 3\n{nn}[dynamics]\nepochs = 9\n")),
         "dynamics.epochs seed"
     );
     let gru = "[model]\nkind = \"gru\"\n";
     let sequences = format!("{gru}[dynamics]\nsequence_length = 9\n");
-    assert_eq!(differ(gru, &sequences), "dynamics.sequence_length");
+    assert_eq!(changed(StepKind::BuildModel, gru, &sequences), "dynamics.sequence_length");
 }
 
 /// Returns the inputs of the sweep of a study.

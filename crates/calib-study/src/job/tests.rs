@@ -70,15 +70,17 @@ fn a_job_is_what_the_file_was() {
     assert!(matches!(Job::resolve(Request::new(&path)), Err(StudyError::Unreadable { .. })));
 }
 
+/// Returns the folder of the results of a study with two profiles.
+fn root(change: fn(&mut Request)) -> String {
+    let text = "output = \"there\"\n[profiles.tiny]\nseed = 2\n[profiles.own]\noutput = \"own\"\n";
+    let mut request = Request::new("folder/s.toml");
+    change(&mut request);
+    let job = Job::of_text(request, text.to_owned()).expect("valid");
+    job.layout().root().display().to_string()
+}
+
 #[test]
 fn results_lie_where_they_are_asked_for() {
-    let text = "output = \"there\"\n[profiles.tiny]\nseed = 2\n[profiles.own]\noutput = \"own\"\n";
-    let root = |change: fn(&mut Request)| {
-        let mut request = Request::new("folder/s.toml");
-        change(&mut request);
-        let job = Job::of_text(request, text.to_owned()).expect("valid");
-        job.layout().root().display().to_string()
-    };
     assert_eq!(root(|_| ()), "folder/there");
     assert_eq!(root(|request| request.profile = Some("tiny".to_owned())), "folder/there/tiny");
     assert_eq!(root(|request| request.profile = Some("own".to_owned())), "folder/own");

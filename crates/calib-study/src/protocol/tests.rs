@@ -33,14 +33,10 @@ agent = [{ value_function = "linear" }, { hidden_units = 16 }]
 
 fn place() -> tempfile::TempDir {
     let place = tempfile::tempdir().expect("a directory");
-    let write = |name: &str, text: &str| {
+    let real = "[data]\npath = [\"logs/a\", \"${CALIB_DATA}/b\"]\n[sweep]\nsensors = [\"A\"]\n";
+    for (name, text) in [("simulated.toml", STUDY), ("real.toml", real)] {
         fs::write(place.path().join(name), text).expect("writable");
-    };
-    write("simulated.toml", STUDY);
-    write(
-        "real.toml",
-        "[data]\npath = [\"logs/a\", \"${CALIB_DATA}/b\"]\n[sweep]\nsensors = [\"A\"]\n",
-    );
+    }
     place
 }
 
@@ -54,6 +50,12 @@ fn drawn(place: &Path, protocol: &str, overrides: &[&str]) -> Result<Vec<DrawnSt
 
 fn named<'a>(all: &'a [DrawnStudy], plant: &str) -> &'a DrawnStudy {
     all.iter().find(|drawn| drawn.plant == plant).expect("it is drawn")
+}
+
+/// Returns the number of different values of a key.
+fn different(all: &[DrawnStudy], key: &str) -> usize {
+    let values = all.iter().map(|drawn| drawn.table()[key].to_string());
+    values.collect::<BTreeSet<String>>().len()
 }
 
 #[test]
@@ -76,14 +78,8 @@ fn studies_are_drawn_whole() {
         assert!((800..=4000).contains(&study.sweep.steps));
         assert_eq!(study.output, None);
     }
-    let different = |value: fn(&DrawnStudy) -> String| {
-        let mut values: Vec<String> = all.iter().map(value).collect();
-        values.sort();
-        values.dedup();
-        values.len()
-    };
-    assert_eq!(different(|drawn| drawn.table()["seed"].to_string()), 4);
-    assert!(different(|drawn| drawn.table()["agent"].to_string()) > 2);
+    assert_eq!(different(&all, "seed"), 4);
+    assert!(different(&all, "agent") > 2);
     let real = named(&all, "real");
     assert_eq!(real.table()["sweep"]["steps"].as_integer(), Some(300), "its own draw counts");
     let real = real.table();
@@ -142,17 +138,19 @@ fn sections_are_laid_before_the_keys_in_them_and_overrides_last() {
     assert_eq!(named(&all, "real").table()["data"]["path"].as_str(), Some("x"));
 }
 
+/// Returns why the protocol is refused with `to` in place of `from`.
+fn refused(from: &str, to: &str) -> String {
+    let text = PROTOCOL.replacen(from, to, 1);
+    assert_ne!(text, PROTOCOL);
+    drawn(place().path(), &text, &[]).expect_err("refused").to_string()
+}
+
 #[test]
 fn what_is_no_protocol_is_left_to_others_and_mistakes_are_named() {
     let place = place();
     let path = place.path().join("simulated.toml");
     assert_eq!(Protocol::find(&path).expect("a study"), None);
     assert_eq!(Protocol::find(&place.path().join("none.toml")).expect("nothing"), None);
-    let refused = |from: &str, to: &str| {
-        let text = PROTOCOL.replacen(from, to, 1);
-        assert_ne!(text, PROTOCOL);
-        format!("{}", drawn(place.path(), &text, &[]).expect_err("refused"))
-    };
     let key = refused("seed = 7", "sed = 7");
     assert!(key.contains("protocol.toml:3:1") && key.contains("did you mean `seed`"), "{key}");
     assert!(refused("\"real.toml\"", "\"reel.toml\"").contains("reel.toml"));
