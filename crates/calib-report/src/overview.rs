@@ -86,10 +86,3 @@ impl OverviewFigure {
         }
     }
 }
-
-impl Overview {
-    /// Returns the page as one HTML document that loads nothing.
-    pub fn html(&self) -> String {
-        crate::page::overview(self)
-    }
-}

@@ -169,13 +169,16 @@ fn quoted(text: &str) -> Vec<&str> {
 
 /// Returns the most similar word, or `None` if no word is similar enough.
 pub(crate) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
-    let similarity =
-        |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
     valid
         .iter()
         .copied()
-        .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
-        .filter(|best| similarity(best) > 0.7)
+        .max_by(|a, b| similarity(word, a).total_cmp(&similarity(word, b)))
+        .filter(|best| similarity(word, best) > 0.7)
+}
+
+/// Returns the similarity of two words, whatever their case: 1 for equal ones.
+fn similarity(word: &str, other: &str) -> f64 {
+    strsim::jaro_winkler(&word.to_lowercase(), &other.to_lowercase())
 }
 
 #[cfg(test)]

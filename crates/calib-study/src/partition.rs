@@ -22,11 +22,10 @@ pub enum Partition {
 impl Study {
     /// Returns the division of the training range.
     pub fn partition(&self) -> Partition {
-        let on_its_clock =
-            |period: &Option<TimeRange>| period.as_ref().map(|range| self.data.on_its_clock(range));
-        let model = on_its_clock(&self.model.period);
+        let model = self.model.period.as_ref().map(|range| self.data.on_its_clock(range));
         if self.pretrain.is_on() {
-            let pretrain = on_its_clock(&self.pretrain.period);
+            let pretrain = self.pretrain.period.as_ref();
+            let pretrain = pretrain.map(|range| self.data.on_its_clock(range));
             Partition::Divided { fraction: self.pretrain.fraction, pretrain, model }
         } else {
             Partition::Model(model)

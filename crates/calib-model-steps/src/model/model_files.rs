@@ -222,15 +222,13 @@ pub(crate) fn open_directory(directory: &Path) -> Result<OpenModel, StepError> {
 /// Opens and checks the files in the folder of this manifest, which the command `build` makes again.
 fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> Result<OpenModel, StepError> {
     artefact::check_files(directory, &manifest.files, build)?;
-    let again =
-        || format!("the model in {} is damaged; run `{build} --force`", directory.display());
-    let states = frames::map_states(&directory.join(STATES)).with_context(again)?;
-    let frames =
-        frames::open(&directory.join("rows.parquet"), states.clone()).with_context(again)?;
-    let (psi, encoder) = represent::of_model(directory, &manifest.files).with_context(again)?;
+    let again = format!("the model in {} is damaged; run `{build} --force`", directory.display());
+    let states = frames::map_states(&directory.join(STATES)).context(&again)?;
+    let frames = frames::open(&directory.join("rows.parquet"), states.clone()).context(&again)?;
+    let (psi, encoder) = represent::of_model(directory, &manifest.files).context(&again)?;
     let metric = psi.unwrap_or(states);
     let model = kinds::open(directory, &manifest.study, &frames, metric, None);
-    let model = model.with_context(again)?;
+    let model = model.context(&again)?;
     Ok(OpenModel { manifest, frames, model, encoder })
 }
 

@@ -67,7 +67,7 @@ impl Figure {
 
     /// Returns the figure as a stand-alone SVG document, 960 pixels wide, on white.
     pub fn svg(&self) -> String {
-        svg(&self.scene(LegendPlace::Inside), "figure", &self.chart.title, &self.chart.description)
+        self.element(&self.scene(LegendPlace::Inside), "figure")
     }
 
     /// Returns the figure without title as two SVG elements of a page, for wide and
@@ -77,9 +77,12 @@ impl Figure {
             Layout::Grid(rows, height) => draw_stacked(&self.chart, rows, *height),
             _ => draw(&self.chart.thinned(), LegendPlace::Outside, NARROW),
         };
-        let element =
-            |scene: &Scene, id: &str| svg(scene, id, &self.chart.title, &self.chart.description);
-        [element(&self.scene(LegendPlace::Outside), id), element(&narrow, &format!("{id}-narrow"))]
+        let wide = self.scene(LegendPlace::Outside);
+        [self.element(&wide, id), self.element(&narrow, &format!("{id}-narrow"))]
+    }
+
+    fn element(&self, scene: &Scene, id: &str) -> String {
+        svg(scene, id, &self.chart.title, &self.chart.description)
     }
 
     /// Returns the figure as the bytes of a PNG file, 1920 pixels wide, on white.

@@ -15,8 +15,6 @@ use document::{Section, document};
 
 use crate::{Report, ReportError};
 
-pub(crate) use overview::overview;
-
 impl Report {
     /// Returns the report as one self-contained HTML document: no network,
     /// with styles, script and figures inline.

@@ -17,8 +17,14 @@ fn own_caption(figures: &[OverviewFigure], number: usize) -> &str {
     if before == Some(caption) { "" } else { caption }
 }
 
-/// Renders `overview` as HTML.
-pub(crate) fn overview(overview: &Overview) -> String {
+impl Overview {
+    /// Returns the page as one HTML document that loads nothing.
+    pub fn html(&self) -> String {
+        html_of(self)
+    }
+}
+
+fn html_of(overview: &Overview) -> String {
     let Overview { title, subtitle, decision, findings, warnings, figures, tables, command } =
         overview;
     let mut sections = vec![Section {

@@ -134,18 +134,21 @@ pub fn pool(all: &[(&Comparison, &[Pair])]) -> Result<Option<(Comparison, Vec<Pa
     let Some((first, _)) = all.iter().find(|(own, _)| !own.sensors.is_empty()) else {
         return Ok(None);
     };
-    let sum =
-        |part: fn(&Comparison) -> usize| all.iter().map(|(comparison, _)| part(comparison)).sum();
     let counts = Counts {
-        rollouts: sum(|own| own.rollouts),
-        left_out: sum(|own| own.left_out),
-        ended_early: sum(|own| own.ended_early),
+        rollouts: sum(all, |own| own.rollouts),
+        left_out: sum(all, |own| own.left_out),
+        ended_early: sum(all, |own| own.ended_early),
     };
     let pairs: Vec<Pair> = all.iter().flat_map(|(_, pairs)| pairs.iter().cloned()).collect();
     let whole = summary(&pairs, counts, first.against)?;
     // Rows of each deployment are counted from its own beginning.
-    let overlapping = sum(|own| own.overlapping);
+    let overlapping = sum(all, |own| own.overlapping);
     Ok(Some((Comparison { overlapping, ..whole }, pairs)))
+}
+
+/// Sums one number of all comparisons.
+fn sum(all: &[(&Comparison, &[Pair])], part: fn(&Comparison) -> usize) -> usize {
+    all.iter().map(|(comparison, _)| part(comparison)).sum()
 }
 
 #[cfg(test)]

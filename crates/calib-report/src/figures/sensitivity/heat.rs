@@ -88,10 +88,8 @@ impl Sensitivity {
         let mut order = self.varied();
         let surfaces = self.surfaces();
         let Some(first) = surfaces.first() else { return Vec::new() };
-        let share =
-            |dimension: &&Dimension| first.explained(&dimension.distinct().1).unwrap_or(0.0);
         // The sort is stable: equally important ones stay in the order of the grid.
-        order.sort_by(|a, b| share(b).total_cmp(&share(a)));
+        order.sort_by(|a, b| first.importance_of(b).total_cmp(&first.importance_of(a)));
         let [rows, columns, ..] = order.as_slice() else { return Vec::new() };
         surfaces.iter().map(|surface| surface.heat(rows, columns, self.chosen)).collect()
     }
@@ -104,6 +102,10 @@ impl Surface {
         let low = known.iter().copied().fold(f64::INFINITY, f64::min);
         let high = known.iter().copied().fold(-f64::INFINITY, f64::max);
         high - low > 1e-9 * high.abs()
+    }
+
+    fn importance_of(&self, dimension: &Dimension) -> f64 {
+        self.explained(&dimension.distinct().1).unwrap_or(0.0)
     }
 
     fn explained(&self, groups: &[usize]) -> Option<f64> {

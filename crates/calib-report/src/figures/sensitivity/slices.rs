@@ -81,8 +81,8 @@ impl Sensitivity {
 
     /// Returns the combinations at `places`, which differ in the `values` of `field`.
     fn restricted(&self, field: String, values: Vec<Setting>, places: &[usize]) -> Self {
-        let among =
-            |candidate: Option<usize>| places.iter().position(|&place| Some(place) == candidate);
+        let [chosen, default] = [self.chosen, self.default]
+            .map(|candidate| places.iter().position(|&place| Some(place) == candidate));
         let errors = self.errors.iter().map(|curve| {
             let summaries = places.iter().map(|&place| curve.summaries[place]).collect();
             ErrorCurve { summaries, ..curve.clone() }
@@ -97,8 +97,8 @@ impl Sensitivity {
             values,
             errors: errors.collect(),
             worst_ranks: ranks.collect(),
-            chosen: among(self.chosen),
-            default: among(self.default),
+            chosen,
+            default,
             dimensions: Vec::new(),
         }
     }
