@@ -4,7 +4,7 @@ use calib_core::Cancelled;
 use calib_files::FileError;
 use calib_text::SignError;
 
-use crate::{BadRowsFound, ContradictionCause, names::hint};
+use crate::{BadRowsFound, ContradictionCause, similar_names::hint};
 
 /// The reason why a log cannot be used. Every message says what was found, where, and what to do.
 #[derive(Debug, thiserror::Error)]

@@ -41,6 +41,7 @@ mod angle;
 mod arrow;
 mod catch_panic;
 mod channel;
+mod channel_description;
 mod checksums;
 mod clock_changes;
 mod config;
@@ -65,6 +66,7 @@ mod sample;
 mod select;
 mod sentinels;
 mod shown_clock;
+mod similar_names;
 mod sketch;
 mod statistics;
 mod survey;
@@ -83,6 +85,7 @@ pub use angle::{AngleOf, AnglePart, angle_hint};
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
 pub use catch_panic::is_reading_parquet;
 pub use channel::is_same;
+pub use channel_description::Description;
 pub use config::{
     BadRows, Contradictions, DataConfig, MaxAge, Missing, Moment, Normalisation, Outliers, Paths,
     PreprocessConfig, Reduce, Resample, Shape, TimeRange,
@@ -92,16 +95,17 @@ pub use doubts::{contradicted_period, long_gap, many_gaps, without_times};
 pub use error::DataError;
 pub use import::{Dropped, Imported, import};
 pub use log::{BadRowsFound, ContradictionCause, Declared, log_files, text_left_alone};
-pub use names::{entry_of, hint, nearest_names};
+pub use names::entry_of;
 pub use outliers::Fences;
 pub use profile::{
-    BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,
-    Duplicates, FEW_CONTRADICT, FarOut, Gaps, PartProfile, Profile, ValueProfile,
+    BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Duplicates,
+    FEW_CONTRADICT, FarOut, Gaps, PartProfile, Profile, ValueProfile,
 };
 pub use recorded::{RecordedColumns, TextFound};
 pub use select::DropReason;
 pub use sentinels::Sentinel;
 pub use shown_clock::ShownClock;
+pub use similar_names::{hint, nearest_names};
 pub use sketch::{ChannelSketch, FEW_VALUES, Sketch, counts_on_evenly, sketch};
 pub use tags::read_tags;
 pub use unit_change::UnitChange;

@@ -8,7 +8,7 @@ use crate::{
     DataError, Missing, PreprocessConfig, angle_hint,
     impute::impute,
     log::{Codes, Log},
-    names::hint,
+    similar_names::hint,
 };
 
 /// Maximum number of distinct values that count as modes.

@@ -5,7 +5,7 @@ use calib_core::Monitor;
 use crate::{
     DataError, Surveyed, angle_hint,
     log::{Batch, Contradicting},
-    names::hint,
+    similar_names::hint,
 };
 
 /// Maximum number of columns that an error lists.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, btree_map::Entry};
 
-use super::Channel;
+use super::plant_log::Channel;
 use crate::{DataConfig, first_few::first_few, names::Chosen};
 
 /// What is said of such channels that the study reads, unless a file has both; none of none.

@@ -2,7 +2,7 @@
 
 use std::{collections::HashSet, iter::once};
 
-use super::{Channel, entries::Entries};
+use super::{entries::Entries, plant_log::Channel};
 use crate::{AngleOf, DataConfig, DataError, angle::AnglePart, names::Chosen};
 
 /// Returns the channels of a log, in which each angle is two channels.

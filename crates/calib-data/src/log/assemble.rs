@@ -2,25 +2,28 @@
 
 use std::collections::HashMap;
 
-use calib_core::Period;
+use calib_core::{Monitor, Period};
 use calib_text::format_time;
 
 use super::{
-    BadRowsFound, Channel, FileSummary, Log, Origin,
     alike_names::differing_in_case,
     angles::with_angles,
+    bad_rows_found::BadRowsFound,
     file::{FieldKind, LogFile},
     filename_tag::prefixes,
     gaps,
     max_ages::max_ages,
     memory_limit::MemoryLimit,
-    open::{Opened, Samples, Tables, refuse_pair},
+    open::{self, Opened, Samples, Tables, refuse_pair},
+    plant_log::{Channel, FileSummary, Log, Origin},
     resample::{Coverage, Grid},
-    row_ranges,
     rows::{Irregularities, NO_TIME, Rows},
-    split::{self, Split},
+    split::{self, Split, row_ranges},
 };
-use crate::{DataConfig, DataError, Description, Shape, names::Chosen};
+use crate::{
+    DataConfig, DataError, Description, Shape,
+    names::{Chosen, Names},
+};
 
 /// The rows of a log before they are split into ranges.
 struct Planned {
@@ -37,6 +40,31 @@ struct Planned {
     bad_rows: BadRowsFound,
     without_times: bool,
     read_as: Vec<String>,
+}
+
+impl Log {
+    pub(crate) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<Self, DataError> {
+        data.check()?;
+        let (opened, utc) = open::open(data, monitor)?;
+        opened.into_log(utc, data)
+    }
+
+    /// Opens the whole log without ranges. Also returns the channels that can be read and are chosen.
+    pub(crate) fn open_whole(
+        data: &DataConfig,
+        monitor: &dyn Monitor,
+    ) -> Result<(Self, Vec<usize>), DataError> {
+        let whole = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
+        let log = Self::open(&whole, monitor)?;
+        Names::new(&data.include).check(log.channels.iter().flat_map(Channel::names))?;
+        let chosen = Chosen::of(data);
+        let channels = log.channels.iter().enumerate();
+        let wanted = channels
+            .filter(|(_, channel)| channel.readable && chosen.has(&channel.names()))
+            .map(|(position, _)| position)
+            .collect();
+        Ok((log, wanted))
+    }
 }
 
 impl Opened {

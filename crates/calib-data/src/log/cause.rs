@@ -3,108 +3,24 @@
 use std::collections::HashMap;
 
 use calib_core::Monitor;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::{
-    Channel, Log, Origin,
-    column_aliases::{TAGS, plain},
+    column_aliases::names_plants,
+    contradiction_cause::ContradictionCause,
+    dedup::Contradicting,
     file::LogFile,
     filename_tag::prefixes,
+    plant_log::{Channel, Log, Origin},
     read::Labels,
     rows::Rows,
     shared_times::SharedTimes,
 };
-use crate::{DataError, clock_changes::comes_twice};
+use crate::{ContradictionsFound, DataError, clock_changes::comes_twice};
 
 /// Maximum number of plants in a log.
 const PLANTS: usize = 200;
-const NAMED: usize = 4;
 /// The share of the rows at the same time that a cause must explain.
 const EXPLAINED: f64 = 0.9;
-/// Names of numeric columns that may identify plants; other such names end in id, no or nr.
-const PLANT_NAMES: [&str; 18] = [
-    "asset", "unit", "turbine", "machine", "pump", "well", "site", "device", "station", "room",
-    "location", "plant", "line", "engine", "vehicle", "building", "meter", "id",
-];
-
-/// Why rows with the same time contradict each other.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ContradictionCause {
-    /// They come from several plants, which a column distinguishes.
-    Column {
-        /// Name of the column.
-        column: String,
-        /// Values of the column, in order.
-        values: Vec<String>,
-    },
-    /// They come from several files with the same columns.
-    Files {
-        /// Prefixes that the names of the channels would get, for the first files.
-        prefixes: Vec<String>,
-    },
-    /// A clock was set back in autumn, so that an hour occurs twice.
-    ClockSetBack {
-        /// The day.
-        date: String,
-    },
-    /// Most times are shared by an equal number of rows of one file: the export may have cut times to whole minutes
-    /// or hours.
-    SharedTimes {
-        /// Rows per time.
-        rows: u64,
-        /// Seconds from one time to the next.
-        step_secs: f64,
-    },
-}
-
-impl ContradictionCause {
-    /// Returns what to do about contradictions with this cause.
-    pub(crate) fn remedy(cause: Option<&Self>) -> String {
-        match cause {
-            Some(Self::Column { column, values }) if TAGS.contains(&plain(column).as_str()) => format!(
-                "They are of {} different {column:?} ({}): if these are tags, the log is a long table: set data.tag = {column:?}, data.value to the column of their \
-                 values and, if there is one, data.quality to that of their quality. If they are of different plants, choose one with data.where",
-                values.len(),
-                named(values)
-            ),
-            Some(Self::Column { column, values }) => format!(
-                "They are of {} different {column:?} ({}): choose one with data.where, on the command line as --set 'data.where={{ {column:?} = {:?} }}'. \
-                 If each row is a sample of what {column:?} names, set data.tag = {column:?} and data.value instead",
-                values.len(),
-                named(values),
-                values.first().map_or("", String::as_str)
-            ),
-            Some(Self::Files { prefixes }) => format!(
-                "They are in files with the same columns ({}): if each file is of a room or a machine, data.file_as_prefix = true names channels after both (on the command line, --set data.file_as_prefix=true). \
-                 If the files are exports of the same sensors, data.contradictions = \"first\" or \"last\" keeps one of the values",
-                named(prefixes)
-            ),
-            Some(Self::ClockSetBack { date }) => format!(
-                "The hour from 02:00 on {date} comes twice: on the last Sunday of October clocks in Europe are set back. Set data.time_zone to that of the log, such as \
-                 \"Europe/Berlin\", and both hours are read (on the command line, --set data.time_zone=Europe/Berlin)"
-            ),
-            Some(Self::SharedTimes { rows, step_secs }) => {
-                let spacing = (1e3 * step_secs / *rows as f64).round() / 1e3;
-                format!(
-                    "About {rows} rows share each time, and times are {step_secs} s apart. If the export cut the times, data.contradictions = \"spread\" puts these rows {spacing} s apart \
-                     (on the command line, --set data.contradictions=spread). If the rows are of different machines, export the column that names them, and choose one with data.where"
-                )
-            }
-            None => "If several rows of one time are of different sensors, the log is a long table: name the column that tells them apart with data.tag. \
-                 If they are of different plants, choose one with data.where. If a clock was set back, data.time_zone may tell the two hours apart. \
-                 Else data.contradictions = \"first\" or \"last\" keeps one of them"
-                .to_owned(),
-        }
-    }
-}
-
-/// Lists the first of some values.
-fn named(values: &[String]) -> String {
-    let more = if values.len() > NAMED { ", …" } else { "" };
-    format!("{}{more}", values.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", "))
-}
 
 /// Returns the file of each row of the log.
 fn owners(rows: &Rows) -> Vec<u32> {
@@ -120,6 +36,20 @@ fn owners(rows: &Rows) -> Vec<u32> {
 }
 
 impl Log {
+    /// Rejects contradictions in some channels, unless the study selects one of the values.
+    pub(crate) fn refuse_contradictions(
+        &self,
+        found: &[(usize, Contradicting)],
+        monitor: &dyn Monitor,
+    ) -> Result<(), DataError> {
+        let ContradictionsFound { count, examples, .. } = self.contradictions_of(found);
+        if count == 0 || !self.contradictions.refuses() {
+            return Ok(());
+        }
+        let cause = self.cause_of_contradictions(monitor)?;
+        Err(DataError::Contradictions { count, examples, cause })
+    }
+
     /// Counts the rows that were merged with a row of another file that has none of their channels.
     pub(crate) fn merged_rows(&self) -> u64 {
         let rows = self.recorded();
@@ -231,11 +161,4 @@ fn may_name_plants(channel: &Channel) -> bool {
     channel.readable
         && channel.angle.is_none()
         && (channel.type_name.contains("text") || names_plants(&channel.name))
-}
-
-pub(super) fn names_plants(column: &str) -> bool {
-    let name = plain(column);
-    TAGS.contains(&name.as_str())
-        || PLANT_NAMES.iter().any(|known| name.starts_with(known) || name.ends_with(known))
-        || ["no", "nr", "number"].iter().any(|end| name.ends_with(end))
 }

@@ -2,13 +2,14 @@
 
 use std::{
     collections::BTreeSet,
+    ops::Range,
     path::{Path, PathBuf},
 };
 
 use calib_core::Monitor;
 use calib_text::ParsedTime;
 
-use super::{head::Head, rows::NO_TIME, times::CALENDAR};
+use super::{head::Head, rows::NO_TIME};
 use crate::{
     DataConfig, DataError,
     text::{
@@ -16,6 +17,10 @@ use crate::{
         shown,
     },
 };
+
+/// Years 1 to 9998, in microseconds. Databases use the year 9999 and the largest number for "never". Such a row is not
+/// a row of the log.
+const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;
 
 /// How the times of a file are read.
 #[derive(Clone, Debug)]

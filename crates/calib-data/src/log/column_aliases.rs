@@ -209,8 +209,21 @@ pub(super) const MODES: [&str; 22] = [
     "tillstånd",
     "stan",
 ];
+/// Names of numeric columns that may identify plants; other such names end in id, no or nr.
+const PLANT_NAMES: [&str; 18] = [
+    "asset", "unit", "turbine", "machine", "pump", "well", "site", "device", "station", "room",
+    "location", "plant", "line", "engine", "vehicle", "building", "meter", "id",
+];
 
 /// Normalises a name: `_value`, `Tag Name` and `t_stamp` become value, tagname and tstamp.
 pub(crate) fn plain(name: &str) -> String {
     name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+}
+
+/// Whether a column of this name may tell plants apart.
+pub(super) fn names_plants(column: &str) -> bool {
+    let name = plain(column);
+    TAGS.contains(&name.as_str())
+        || PLANT_NAMES.iter().any(|known| name.starts_with(known) || name.ends_with(known))
+        || ["no", "nr", "number"].iter().any(|end| name.ends_with(end))
 }

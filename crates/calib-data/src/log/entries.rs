@@ -2,7 +2,7 @@
 
 use std::slice::from_ref;
 
-use crate::names::{Names, hint};
+use crate::{names::Names, similar_names::hint};
 
 pub(super) struct Entry<'a> {
     pub(super) written: &'a String,

@@ -154,7 +154,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{DataConfig, log::columns::Store, text::Cell};
+    use crate::{DataConfig, log::store::Store, text::Cell};
 
     /// Returns a sink with a sample at every microsecond from the first time of each file on.
     fn sink(files: &[(i64, &[f64])]) -> Sink {

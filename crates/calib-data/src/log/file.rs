@@ -13,8 +13,8 @@ use polars::prelude as pl;
 use rayon::prelude::*;
 
 use super::{
-    columns::Stored,
-    source::PartitionedFile,
+    partitioned_file::PartitionedFile,
+    store::Stored,
     values::{RawColumn, each_label},
 };
 use crate::{

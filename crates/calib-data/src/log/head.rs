@@ -4,7 +4,7 @@ use std::{fs::File, io::Read as _, path::Path};
 
 use super::{
     file::{FieldKind, LogFile},
-    source::PartitionedFile,
+    partitioned_file::PartitionedFile,
     values::each_label,
 };
 use crate::{

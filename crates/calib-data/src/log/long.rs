@@ -8,12 +8,13 @@ use polars::prelude as pl;
 
 use super::{
     clock::{Clock, Fractions, Instants},
-    columns::{Seen, cell, next_row, stamp},
+    columns::{cell, next_row, stamp},
     file::LogFile,
     head::Head,
     series::Sink,
     shape::{Roles, TagOf},
     side_labels::SideLabels,
+    store::Seen,
     times::Times,
     values::{RawColumn, each_label, to_cells},
 };

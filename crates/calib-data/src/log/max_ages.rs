@@ -2,7 +2,7 @@
 
 use calib_core::Period;
 
-use super::{Channel, entries::Entries};
+use super::{entries::Entries, plant_log::Channel};
 use crate::{DataConfig, DataError, MaxAge};
 
 /// Returns how long a recorded value of each channel stays valid, in microseconds.

@@ -9,18 +9,20 @@ use calib_core::{Monitor, Period};
 use calib_text::ParsedTime;
 
 use super::{
-    FileSummary,
-    bad_rows::BadRowsFound,
+    bad_rows_found::BadRowsFound,
     clock::{Clock, Fractions, Notations, notations},
     column_pairs::refuse_pairs,
-    columns::{Imported, Store, Stored, import},
+    columns::{Imported, import},
     file::{Field, FieldKind, LogFile},
     head::{Head, HeadColumn},
     long::{stream_annotated, stream_parquet, stream_text},
+    partitioned_file::PartitionedFile,
+    plant_log::FileSummary,
     series::Sink,
     shape::{Recognised, Roles, recognise, time_column, told_by_words, with_quality},
     shared_times::{self, SharedTimes},
-    source::{self, PartitionedFile},
+    source,
+    store::{Store, Stored},
     times,
 };
 use crate::{
@@ -304,10 +306,7 @@ fn tables(
     for (position, head) in heads.into_iter().enumerate() {
         files.push(match (head, imported.remove(&position)) {
             (Head::Text(file), Some(read)) => {
-                let source = PartitionedFile {
-                    path: file.path.clone(),
-                    partitions: source::partitions(&file.path),
-                };
+                let source = PartitionedFile::of(file.path.clone());
                 let columns = file.columns().iter().zip(&read.words_only);
                 let fields = columns.map(|(column, words)| field_of(column, *words)).collect();
                 let stored =

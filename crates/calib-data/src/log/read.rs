@@ -6,9 +6,9 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use super::{
-    Log, Origin,
     dedup::{Contradicting, agree},
     file::LogFile,
+    plant_log::{Log, Origin},
     resample::Grid,
     rows::{LEFT_OUT, RowMap, Rows},
     series::Series,

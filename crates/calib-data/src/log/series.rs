@@ -11,10 +11,10 @@ use std::{
 use calib_core::Timestamp;
 
 use super::{
-    columns::Store,
     dedup::{Deduplicated, deduplicate},
     rows::NO_TIME,
     side_labels::{SideLabels, mixed},
+    store::Store,
     union::Union,
 };
 use crate::{AngleOf, Contradictions, DataError, text::Cell};

@@ -4,8 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    cause::names_plants,
-    column_aliases::{REMARKS, plain},
+    column_aliases::{REMARKS, names_plants, plain},
     file::FieldKind,
     head::{Head, HeadColumn},
 };

@@ -8,15 +8,8 @@ use std::{
 
 use calib_files::FileError;
 
-use super::file::LogFile;
+use super::{file::LogFile, partitioned_file::PartitionedFile};
 use crate::{DataConfig, DataError, text};
-
-/// A file of the log, and the partitions (`key=value` folders) that contain it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct PartitionedFile {
-    pub(crate) path: PathBuf,
-    pub(crate) partitions: BTreeMap<String, String>,
-}
 
 /// Returns the files that `data.path` and `data.partitions` select, each once, in order of their names.
 pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<PartitionedFile>, DataError> {
@@ -37,10 +30,7 @@ pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<PartitionedFile>, Data
         }
         paths.extend(found);
     }
-    let mut sources: Vec<PartitionedFile> = paths
-        .into_iter()
-        .map(|path| PartitionedFile { partitions: partitions(&path), path })
-        .collect();
+    let mut sources: Vec<PartitionedFile> = paths.into_iter().map(PartitionedFile::of).collect();
     for (key, value) in &data.partitions {
         let available: BTreeSet<String> = sources
             .iter()
@@ -248,18 +238,6 @@ fn is_note(path: &Path) -> bool {
     let notes =
         ["readme", "read_me", "license", "licence", "copying", "changelog", "notes", "citation"];
     is_plain(path) && notes.iter().any(|known| name.starts_with(known))
-}
-
-pub(super) fn partitions(path: &Path) -> BTreeMap<String, String> {
-    path.parent()
-        .into_iter()
-        .flat_map(Path::components)
-        .filter_map(|component| {
-            let name = component.as_os_str().to_str()?;
-            let (key, value) = name.split_once('=')?;
-            Some((key.to_owned(), value.to_owned()))
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -82,6 +82,30 @@ pub(crate) fn rows_in(timestamps: &[Timestamp], range: &Range<i64>) -> Range<usi
     before(range.start)..before(range.end)
 }
 
+/// Returns the rows of the two ranges. The log runs from `first` to `last`, in microseconds.
+pub(super) fn row_ranges(
+    data: &DataConfig,
+    split: &Split,
+    timestamps: &[Timestamp],
+    (first, last): (i64, i64),
+) -> Result<(Range<usize>, Option<Range<usize>>), DataError> {
+    let rows = |key, configured: Option<String>, range: &Range<i64>| {
+        let rows = rows_in(timestamps, range);
+        if rows.is_empty() {
+            let range = configured.unwrap_or_default();
+            let [start, end] =
+                [first, last].map(|micros| format_time(Timestamp::from_micros(micros)));
+            return Err(DataError::OutsideData { key, range, start, end });
+        }
+        Ok(rows)
+    };
+    let train = rows("train", data.train.as_ref().map(ToString::to_string), &split.train)?;
+    let configured = data.held_out.as_ref().map(ToString::to_string);
+    let held_out =
+        split.held_out.as_ref().map(|range| rows("held_out", configured, range)).transpose()?;
+    Ok((train, held_out))
+}
+
 /// Rejects ranges by a fraction of the *time* that leave one range almost without rows, because most of the time lies
 /// in one gap. Rows at a placeholder date (1970, 2999) stretch the log, and all other rows fall into one range.
 pub(crate) fn refuse_lopsided(

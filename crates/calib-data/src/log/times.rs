@@ -1,7 +1,5 @@
 //! Reads the timestamps of one file.
 
-use std::ops::Range;
-
 use calib_text::{ParsedTime, unit_readings, units};
 use polars::prelude as pl;
 
@@ -421,7 +419,3 @@ pub(crate) fn read_timestamps(
     }
     Ok(Read { instants, undecided, left_out })
 }
-
-/// Years 1 to 9998, in microseconds. Databases use the year 9999 and the largest number for "never". Such a row is not
-/// a row of the log.
-pub(crate) const CALENDAR: Range<i64> = -62_135_596_800_000_000..253_370_764_800_000_000;

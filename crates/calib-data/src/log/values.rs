@@ -8,7 +8,7 @@ use std::{
 use calib_text::LARGEST;
 use polars::prelude as pl;
 
-use super::columns::Store;
+use super::store::Store;
 use crate::text::{Cell, Decimal, Switch, Words, cell_of};
 
 /// Maximum number of distinct words; all further words count as one.
