@@ -17,7 +17,7 @@ pub struct Array {
 /// If the file cannot be read, is not NumPy's, is truncated, or holds anything but numbers.
 pub fn read_array(path: &Path) -> Result<Array, FileError> {
     let bytes = read_regular(path)?;
-    parse(&bytes).map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
+    parse(&bytes).map_err(|reason| FileError::npy(path, reason))
 }
 
 /// Returns the memory that [`read_array`] takes for a file, in bytes, from its header alone.
@@ -25,17 +25,18 @@ pub fn read_array(path: &Path) -> Result<Array, FileError> {
 /// # Errors
 /// As [`read_array`].
 pub fn array_bytes(path: &Path) -> Result<u64, FileError> {
-    let refused = |source| FileError::io("read", path, source);
     let file = open_regular(path)?;
-    let length = file.metadata().map_err(refused)?.len();
+    let length = file.metadata().map_err(|source| FileError::io("read", path, source))?.len();
     let mut begin = Vec::new();
-    file.take(LONGEST_HEADER).read_to_end(&mut begin).map_err(refused)?;
+    file.take(LONGEST_HEADER)
+        .read_to_end(&mut begin)
+        .map_err(|source| FileError::io("read", path, source))?;
     let numbers = NpyHeader::parse(&begin).and_then(|header| {
         let size = Kind::of(header.description)?.size;
         count(&header, size, length.saturating_sub(header.data as u64))
     });
     let bytes = numbers.map(|count| length.saturating_add(8_u64.saturating_mul(count)));
-    bytes.map_err(|reason| FileError::Npy { path: path.to_owned(), reason })
+    bytes.map_err(|reason| FileError::npy(path, reason))
 }
 
 /// Bytes at the start of a file in which its header is searched. NumPy itself writes headers of some hundred bytes.
@@ -109,11 +110,11 @@ struct Kind {
 
 impl Kind {
     fn of(name: &str) -> Result<Self, String> {
-        let expected = || format!("expected real numbers of at most 64 bits, got type '{name}'");
         let mut characters = name.chars();
-        let order = characters.next().ok_or_else(expected)?;
-        let letter = characters.next().ok_or_else(expected)?;
-        let size = characters.as_str().parse().map_err(|_| expected())?;
+        let (Some(order), Some(letter)) = (characters.next(), characters.next()) else {
+            return Err(unknown_type(name));
+        };
+        let size = characters.as_str().parse().map_err(|_| unknown_type(name))?;
         let known = match letter {
             'f' => matches!(size, 4 | 8),
             'i' | 'u' => matches!(size, 1 | 2 | 4 | 8),
@@ -121,7 +122,7 @@ impl Kind {
             _ => false,
         };
         if !known || !matches!(order, '<' | '>' | '|' | '=') {
-            return Err(expected());
+            return Err(unknown_type(name));
         }
         Ok(Self { letter, size, big_endian: order == '>' })
     }
@@ -143,6 +144,11 @@ impl Kind {
             _ => bits as f64,
         }
     }
+}
+
+/// Returns why numbers of a type cannot be read.
+fn unknown_type(name: &str) -> String {
+    format!("expected real numbers of at most 64 bits, got type '{name}'")
 }
 
 /// Returns column-major values in row-major order.

@@ -149,15 +149,21 @@ pub enum Below {
 /// # Errors
 /// If it cannot be read, or a file cannot be removed.
 pub fn remove_temporaries(directory: &Path, below: Below) -> Result<(), FileError> {
-    let refused = |source| FileError::io("read the folder", directory, source);
-    for entry in fs::read_dir(directory).map_err(refused)? {
-        let entry = entry.map_err(refused)?;
+    let entries = fs::read_dir(directory)
+        .map_err(|source| FileError::unreadable_folder(directory, source))?;
+    for entry in entries {
+        let entry = entry.map_err(|source| FileError::unreadable_folder(directory, source))?;
         let path = entry.path();
-        if entry.file_type().map_err(refused)?.is_dir() {
+        let kind =
+            entry.file_type().map_err(|source| FileError::unreadable_folder(directory, source))?;
+        if kind.is_dir() {
             if below == Below::Ours {
                 remove_temporaries(&path, below)?;
             }
-        } else if is_temporary(&path) && is_abandoned(&path).map_err(refused)? {
+        } else if is_temporary(&path)
+            && is_abandoned(&path)
+                .map_err(|source| FileError::unreadable_folder(directory, source))?
+        {
             remove_file(&path)?;
         }
     }
@@ -209,11 +215,11 @@ pub fn write_output(
 ) -> Result<(), FileError> {
     match Target::of(path, existing)? {
         Target::File => write_whole(path, existing, fill),
-        Target::Device => {
-            let refused = |source| FileError::io("write", path, source);
-            let mut device = File::options().write(true).open(path).map_err(refused)?;
-            write_to(&mut device, path, fill).map_err(refused)
-        }
+        Target::Device => File::options()
+            .write(true)
+            .open(path)
+            .and_then(|mut device| write_to(&mut device, path, fill))
+            .map_err(|source| FileError::io("write", path, source)),
     }
 }
 
@@ -228,15 +234,17 @@ enum Target {
 
 impl Target {
     fn of(path: &Path, existing: ExistingFile) -> Result<Self, FileError> {
-        let refused = |source| FileError::io("write", path, source);
         match fs::metadata(path) {
             Ok(end) if end.is_dir() => {
-                Err(refused(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")))
+                let source = io::Error::new(io::ErrorKind::IsADirectory, "it is a folder");
+                Err(FileError::io("write", path, source))
             }
             Ok(end) if !end.is_file() => Ok(Self::Device),
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(refused(error)),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(FileError::io("write", path, error))
+            }
             end => {
-                refuse_link(path).map_err(refused)?;
+                refuse_link(path).map_err(|source| FileError::io("write", path, source))?;
                 match existing {
                     ExistingFile::Kept if end.is_ok() => {
                         Err(FileError::Occupied { path: path.to_owned() })

@@ -49,7 +49,7 @@ impl CheckpointFile {
     pub fn write(&self, mut content: Tensors) -> Result<(), FileError> {
         if content.metadata.insert(KEY.to_owned(), self.key.clone()).is_some() {
             let reason = format!("the text '{KEY}' names the work");
-            return Err(FileError::Tensors { path: self.path.clone(), reason });
+            return Err(FileError::tensors(&self.path, reason));
         }
         WRITING.fetch_add(1, Ordering::AcqRel);
         let written = write_tensors(&self.path, &content);

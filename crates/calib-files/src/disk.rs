@@ -130,11 +130,13 @@ fn remove_below(
     if !fs::symlink_metadata(folder).is_ok_and(|found| found.is_dir()) {
         return Ok(());
     }
-    let refused = |source| FileError::io("read the folder", folder, source);
-    for entry in fs::read_dir(folder).map_err(refused)? {
-        let entry = entry.map_err(refused)?;
+    let entries =
+        fs::read_dir(folder).map_err(|source| FileError::unreadable_folder(folder, source))?;
+    for entry in entries {
+        let entry = entry.map_err(|source| FileError::unreadable_folder(folder, source))?;
         let path = inside.join(entry.file_name());
-        let kind = entry.file_type().map_err(refused)?;
+        let kind =
+            entry.file_type().map_err(|source| FileError::unreadable_folder(folder, source))?;
         if kind.is_dir() {
             remove_below(&entry.path(), &path, is_ours)?;
         } else if kind.is_file() && is_ours(&path) {

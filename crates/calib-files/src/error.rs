@@ -85,6 +85,19 @@ impl FileError {
         Self::Io { action, path: path.to_owned(), source }
     }
 
+    /// Returns the error that the entries of a folder cannot be read.
+    pub fn unreadable_folder(folder: &Path, source: io::Error) -> Self {
+        Self::io("read the folder", folder, source)
+    }
+
+    pub(crate) fn npy(path: &Path, reason: String) -> Self {
+        Self::Npy { path: path.to_owned(), reason }
+    }
+
+    pub(crate) fn tensors(path: &Path, reason: String) -> Self {
+        Self::Tensors { path: path.to_owned(), reason }
+    }
+
     /// Whether the error means that nothing may be written there.
     pub fn is_refusal(&self) -> bool {
         let Self::Io { source, .. } = self else { return false };

@@ -43,7 +43,6 @@ pub fn lock(path: &Path) -> Result<Lock, FileError> {
 /// # Errors
 /// If it cannot be created, or something other than a file has its name.
 pub(crate) fn open_lock(path: &Path) -> Result<File, FileError> {
-    let refuse = |source| FileError::io("lock", path, source);
     let mut options = OpenOptions::new();
     options.read(true).append(true).create(true);
     #[cfg(unix)]
@@ -54,12 +53,13 @@ pub(crate) fn open_lock(path: &Path) -> Result<File, FileError> {
     }
     if fs::symlink_metadata(path).is_ok_and(|found| !found.is_file()) {
         let reason = "it is a link, a folder or a device, and calib keeps a file there; remove it";
-        return Err(refuse(io::Error::new(io::ErrorKind::InvalidInput, reason)));
+        let source = io::Error::new(io::ErrorKind::InvalidInput, reason);
+        return Err(FileError::io("lock", path, source));
     }
     if !path.exists() {
-        reach(Operation::Create, path).map_err(refuse)?;
+        reach(Operation::Create, path).map_err(|source| FileError::io("lock", path, source))?;
     }
-    options.open(path).map_err(refuse)
+    options.open(path).map_err(|source| FileError::io("lock", path, source))
 }
 
 #[cfg(test)]

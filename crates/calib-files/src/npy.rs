@@ -113,30 +113,34 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
     // so a map keeps the content that it was opened with.
     #[expect(unsafe_code, reason = "memory-mapping a file is unsafe by nature")]
     let map = unsafe { Mmap::map(&file) }.map_err(|source| FileError::io("map", path, source))?;
-    let bad = |reason: String| FileError::Npy { path: path.to_owned(), reason };
-    let header = NpyHeader::parse(&map).map_err(bad)?;
+    let header = NpyHeader::parse(&map).map_err(|reason| FileError::npy(path, reason))?;
     if header.description != T::DESCRIPTION {
         let expected = T::DESCRIPTION;
         let got = header.description;
-        return Err(bad(format!("expected elements of type '{expected}', got '{got}'")));
+        let reason = format!("expected elements of type '{expected}', got '{got}'");
+        return Err(FileError::npy(path, reason));
     }
     if header.is_column_major {
-        return Err(bad("expected row-major (C) order, got Fortran order".to_owned()));
+        let reason = "expected row-major (C) order, got Fortran order".to_owned();
+        return Err(FileError::npy(path, reason));
     }
     let &[rows, columns] = &header.shape[..] else {
-        return Err(bad(format!("expected a shape of two dimensions, got {:?}", header.shape)));
+        let reason = format!("expected a shape of two dimensions, got {:?}", header.shape);
+        return Err(FileError::npy(path, reason));
     };
     let offset = header.data;
     let expected = header.bytes(size_of::<T>());
     if Some(map.len() - offset) != expected {
         let got = map.len() - offset;
         let expected = expected.map_or_else(|| "more".to_owned(), |bytes| bytes.to_string());
-        return Err(bad(format!(
+        let reason = format!(
             "expected {expected} bytes of data for shape ({rows}, {columns}), got {got}: the file is truncated or damaged"
-        )));
+        );
+        return Err(FileError::npy(path, reason));
     }
     if !offset.is_multiple_of(align_of::<T>()) {
-        return Err(bad("the data is not aligned; save it again with NumPy".to_owned()));
+        let reason = "the data is not aligned; save it again with NumPy".to_owned();
+        return Err(FileError::npy(path, reason));
     }
     // Before the map is moved: its bytes keep their address.
     Ok(MappedNpy { _known: Known::of(&map), map, offset, rows, columns, element: PhantomData })

@@ -222,17 +222,18 @@ fn read(path: &Path) -> Result<String, FileError> {
 /// Returns the names of the files in a folder and its subfolders, without records and temporary files of killed
 /// processes.
 fn files(folder: &Path, before: &str) -> Result<Vec<String>, FileError> {
-    let refused = |source| FileError::io("read the folder", folder, source);
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.map_err(refused)?,
+        entries => entries.map_err(|source| FileError::unreadable_folder(folder, source))?,
     };
     let mut found = Vec::new();
     for entry in entries {
-        let entry = entry.map_err(refused)?;
+        let entry = entry.map_err(|source| FileError::unreadable_folder(folder, source))?;
+        let kind =
+            entry.file_type().map_err(|source| FileError::unreadable_folder(folder, source))?;
         let path = entry.path();
         let name = format!("{before}{}", entry.file_name().to_string_lossy());
-        if entry.file_type().map_err(refused)?.is_dir() {
+        if kind.is_dir() {
             found.extend(files(&path, &format!("{name}/"))?);
         } else if !(is_temporary(&path) || name == LOCK && read(&path)?.starts_with(TITLE)) {
             found.push(name);

@@ -34,10 +34,12 @@ pub fn write_new_sealed_json<T: Serialize>(path: &Path, value: &T) -> Result<(),
 
 /// Returns the text of the file.
 fn sealed<T: Serialize>(path: &Path, value: &T) -> Result<String, FileError> {
-    let invalid = |source: io::Error| FileError::io("write", path, source);
-    let text = serde_json::to_string_pretty(value).map_err(|error| invalid(error.into()))? + "\n";
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|error| FileError::io("write", path, error.into()))?
+        + "\n";
     let body = text.strip_suffix(END).ok_or_else(|| {
-        invalid(io::Error::other("only an object with entries has room for its fingerprint"))
+        let reason = "only an object with entries has room for its fingerprint";
+        FileError::io("write", path, io::Error::other(reason))
     })?;
     let seal = Fingerprint::of(body.as_bytes());
     Ok(format!("{body}{OPENS}{seal}{CLOSES}"))
@@ -49,21 +51,20 @@ fn sealed<T: Serialize>(path: &Path, value: &T) -> Result<String, FileError> {
 /// If it cannot be read, one byte of it has changed, or it does not have the form of `T`.
 pub fn read_sealed_json<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
     let bytes = read_regular(path)?;
-    let damaged = |reason: &'static str| FileError::Damaged { path: path.to_owned(), reason };
     let length = OPENS.len() + DIGITS + CLOSES.len();
     let (body, seal) = bytes
         .len()
         .checked_sub(length)
         .map(|place| bytes.split_at(place))
         .filter(|(_, seal)| seal.starts_with(OPENS.as_bytes()) && seal.ends_with(CLOSES.as_bytes()))
-        .ok_or_else(|| {
-            damaged(
-                "it does not end with its fingerprint: it is cut off, or another version wrote it",
-            )
+        .ok_or_else(|| FileError::Damaged {
+            path: path.to_owned(),
+            reason: "it does not end with its fingerprint: it is cut off, or another version wrote it",
         })?;
     let digits = &seal[OPENS.len()..OPENS.len() + DIGITS];
     if Fingerprint::of(body).as_str().as_bytes() != digits {
-        return Err(damaged("its content does not have the fingerprint at its end"));
+        let reason = "its content does not have the fingerprint at its end";
+        return Err(FileError::Damaged { path: path.to_owned(), reason });
     }
     let text = [body, END.as_bytes()].concat();
     serde_json::from_slice(&text)

@@ -50,21 +50,21 @@ impl Tensors {
 /// # Errors
 /// If a shape does not fit its values, a name is used twice, or the file cannot be written.
 pub fn write_tensors(path: &Path, content: &Tensors) -> Result<(), FileError> {
-    let refuse = |reason: String| FileError::Tensors { path: path.to_owned(), reason };
     let mut views = BTreeMap::new();
     for Tensor { name, shape, values } in &content.tensors {
         let view = TensorView::new(Dtype::F32, shape.clone(), bytemuck::cast_slice(values))
-            .map_err(|error| refuse(format!("'{name}' of shape {shape:?}: {error}")))?;
+            .map_err(|error| format!("'{name}' of shape {shape:?}: {error}"))
+            .map_err(|reason| FileError::tensors(path, reason))?;
         if views.insert(name.as_str(), view).is_some() {
-            return Err(refuse(format!("the name '{name}' is used twice")));
+            return Err(FileError::tensors(path, format!("the name '{name}' is used twice")));
         }
     }
     // The library keeps texts in a hash map, whose order differs between runs. A single text keeps the bytes equal.
     let mut own = content.metadata.clone();
     own.insert(SEAL.to_owned(), seal(&views, &content.metadata).to_string());
     let metadata = Some(HashMap::from([(METADATA.to_owned(), texts(&own))]));
-    let bytes =
-        safetensors::serialize(views, metadata).map_err(|error| refuse(error.to_string()))?;
+    let bytes = safetensors::serialize(views, metadata)
+        .map_err(|error| FileError::tensors(path, error.to_string()))?;
     write_atomically(path, |file| std::io::Write::write_all(file, &bytes))
 }
 
@@ -89,16 +89,18 @@ pub fn read_sealed_tensors(path: &Path) -> Result<Tensors, FileError> {
 
 /// Returns the content, and the verified fingerprint that the file carries, if it carries one.
 fn read(path: &Path) -> Result<(Tensors, Option<String>), FileError> {
-    let refuse = |reason: String| FileError::Tensors { path: path.to_owned(), reason };
     let bytes = read_regular(path)?;
-    let file = SafeTensors::deserialize(&bytes).map_err(|error| refuse(error.to_string()))?;
-    let (_, header) =
-        SafeTensors::read_metadata(&bytes).map_err(|error| refuse(error.to_string()))?;
+    let file = SafeTensors::deserialize(&bytes)
+        .map_err(|error| FileError::tensors(path, error.to_string()))?;
+    let (_, header) = SafeTensors::read_metadata(&bytes)
+        .map_err(|error| FileError::tensors(path, error.to_string()))?;
 
     let mut tensors = Vec::with_capacity(file.len());
     for (name, view) in file.iter() {
         let values = floats(view.dtype(), view.data()).ok_or_else(|| {
-            refuse(format!("'{name}' is {:?}, expected F32, F64, F16 or BF16", view.dtype()))
+            let got = view.dtype();
+            let reason = format!("'{name}' is {got:?}, expected F32, F64, F16 or BF16");
+            FileError::tensors(path, reason)
         })?;
         tensors.push(Tensor { name: name.to_owned(), shape: view.shape().to_vec(), values });
     }
@@ -244,12 +246,15 @@ mod tests {
         );
         fs::write(&path, foreign.unwrap()).unwrap();
         assert!(read_tensors(&path).is_ok() && read_sealed_tensors(&path).is_err());
-        let is_of_content = || read_sealed_tensors(&path).expect_err("not sealed").is_of_content();
-        assert!(is_of_content());
+        assert!(refused_sealed(&path).is_of_content());
         fs::write(&path, &whole[..whole.len() - 1]).unwrap();
-        assert!(is_of_content());
+        assert!(refused_sealed(&path).is_of_content());
         fs::remove_file(&path).unwrap();
-        assert!(!is_of_content(), "a missing file");
+        assert!(!refused_sealed(&path).is_of_content(), "a missing file");
+    }
+
+    fn refused_sealed(path: &Path) -> FileError {
+        read_sealed_tensors(path).expect_err("not sealed")
     }
 
     #[test]
@@ -279,14 +284,15 @@ mod tests {
     fn what_is_no_file_of_floats_is_refused_with_its_name() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("weights");
-        let message = || read_tensors(&path).unwrap_err().to_string();
 
         fs::write(&path, b"not a safetensors file").unwrap();
-        assert!(message().contains("weights is not a usable safetensors file"), "{}", message());
+        let refused = read_tensors(&path).unwrap_err().to_string();
+        assert!(refused.contains("weights is not a usable safetensors file"), "{refused}");
 
         let view = TensorView::new(Dtype::I64, vec![1], &[0; 8]).unwrap();
         fs::write(&path, safetensors::serialize([("steps", view)], None).unwrap()).unwrap();
-        assert!(message().contains("'steps' is I64, expected F32"), "{}", message());
+        let refused = read_tensors(&path).unwrap_err().to_string();
+        assert!(refused.contains("'steps' is I64, expected F32"), "{refused}");
 
         let mut wrong = content();
         wrong.tensors[0].shape = vec![3];

@@ -93,15 +93,17 @@ fn age(written: SystemTime, now: SystemTime) -> Duration {
 mod tests {
     use super::*;
 
+    /// Writes a file, and returns its path.
+    fn half_written(folder: &Path, name: &str) -> std::path::PathBuf {
+        let path = folder.join(name);
+        fs::write(&path, b"half").expect("written");
+        path
+    }
+
     #[test]
     fn files_of_others_are_theirs_until_they_are_old() {
         let directory = tempfile::tempdir().expect("a directory");
-        let at = |name: String| {
-            let path = directory.path().join(name);
-            fs::write(&path, b"half").expect("written");
-            path
-        };
-        let own = at(format!("{}x{SUFFIX}", prefix()));
+        let own = half_written(directory.path(), &format!("{}x{SUFFIX}", prefix()));
         assert!(is_temporary(&own));
         assert!(
             machine().is_none() || !is_abandoned(&own).expect("readable"),
@@ -109,11 +111,12 @@ mod tests {
         );
         if let Some(machine) = machine() {
             // No process has the largest possible number.
-            let dead = at(format!("{PREFIX}{machine}-{}-x{SUFFIX}", u32::MAX));
+            let name = format!("{PREFIX}{machine}-{}-x{SUFFIX}", u32::MAX);
+            let dead = half_written(directory.path(), &name);
             assert!(is_abandoned(&dead).expect("readable"));
         }
         for name in ["0123456789ab-7-x", "AbCdEf"] {
-            let other = at(format!("{PREFIX}{name}{SUFFIX}"));
+            let other = half_written(directory.path(), &format!("{PREFIX}{name}{SUFFIX}"));
             assert!(is_temporary(&other) && !is_abandoned(&other).expect("readable"), "{name}");
             let file = fs::File::options().write(true).open(&other).expect("writable");
             let written = file.metadata().and_then(|found| found.modified()).expect("known");
