@@ -39,8 +39,8 @@ pub fn has_decimals(cell: &str, decimals: usize, decimal: Decimal) -> bool {
 fn fraction(cell: &str, sign: char) -> Option<&str> {
     let number = cell.strip_prefix(['-', '+']).unwrap_or(cell);
     let (whole, fraction) = number.split_once(sign).unwrap_or((number, ""));
-    let are_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    (!whole.is_empty() && are_digits(whole) && are_digits(fraction)).then_some(fraction)
+    let are_digits = whole.bytes().chain(fraction.bytes()).all(|byte| byte.is_ascii_digit());
+    (!whole.is_empty() && are_digits).then_some(fraction)
 }
 
 #[cfg(test)]
@@ -54,19 +54,25 @@ mod tests {
         decimals_before_cut(last, &before, decimal)
     }
 
+    fn padded(value: f64) -> String {
+        format!("{value:.2}")
+    }
+
+    fn padded_with_comma(value: f64) -> String {
+        padded(value).replace('.', ",")
+    }
+
     #[test]
     fn padded_numbers_show_that_the_last_one_is_cut() {
-        let padded = |value: f64| format!("{value:.2}");
         for cut in ["12.3", "12.", "12", "1", "-1", "-12.3"] {
             assert_eq!(decimals(cut, padded, Decimal::Point), Some(2), "{cut}");
         }
         for whole in ["12.34", "-0.10", "12.345", "", "-", "NaN", "1e5", "."] {
             assert_eq!(decimals(whole, padded, Decimal::Point), None, "{whole}");
         }
-        let with_comma = |value: f64| format!("{value:.2}").replace('.', ",");
-        assert_eq!(decimals("12,3", with_comma, Decimal::Comma), Some(2));
-        assert_eq!(decimals("12,34", with_comma, Decimal::Comma), None);
-        assert_eq!(decimals("12,3", with_comma, Decimal::Unknown), None);
+        assert_eq!(decimals("12,3", padded_with_comma, Decimal::Comma), Some(2));
+        assert_eq!(decimals("12,34", padded_with_comma, Decimal::Comma), None);
+        assert_eq!(decimals("12,3", padded_with_comma, Decimal::Unknown), None);
     }
 
     #[test]

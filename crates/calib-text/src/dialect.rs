@@ -120,18 +120,20 @@ impl Dialect {
     }
 
     fn with_rows(table: CutTable, kind: TableKind) -> Result<Self, String> {
-        let CutTable { marks, rows, width } = table;
+        let CutTable { marks, mut rows, width } = table;
         // Titles above the table have fewer cells than the table.
-        let is_narrow = |row: &Row| {
-            let may_be_title = match kind {
-                TableKind::Log => true,
-                TableKind::Numbers => !is_data(&row.cells),
-            };
-            may_be_title && width_of(&row.cells) < width
-        };
-        let title = rows.iter().take_while(|row| is_narrow(row)).last();
-        let title = title.map(|row| row.cells.clone()).filter(|cells| !is_data(cells));
-        let rows: Vec<Row> = rows.into_iter().skip_while(is_narrow).collect();
+        let titles = rows
+            .iter()
+            .take_while(|row| {
+                let may_be_title = match kind {
+                    TableKind::Log => true,
+                    TableKind::Numbers => !is_data(&row.cells),
+                };
+                may_be_title && width_of(&row.cells) < width
+            })
+            .count();
+        let title = rows.drain(..titles).next_back();
+        let title = title.map(|row| row.cells).filter(|cells| !is_data(cells));
         let [first, below @ ..] = rows.as_slice() else { return Err("it has no rows".to_owned()) };
         let row_names = title.as_deref().filter(|title| are_names_of_r(title, &first.cells));
         let has_header = match kind {
@@ -307,8 +309,10 @@ fn is_finite_number(cell: &str) -> bool {
 fn is_header(first: &[String], below: &[Row]) -> bool {
     let mut columns = first.iter().enumerate();
     let is_above_values = columns.any(|(column, cell)| is_name(cell) && has_values(below, column));
-    let has_none_below = || (0..first.len()).all(|column| !has_values(below, column));
-    is_above_values || first.iter().any(|cell| is_name(cell)) && !is_data(first) && has_none_below()
+    is_above_values
+        || first.iter().any(|cell| is_name(cell))
+            && !is_data(first)
+            && (0..first.len()).all(|column| !has_values(below, column))
 }
 
 /// Whether a row without numbers has the units of a table of numbers, and not missing values: only columns of values

@@ -64,9 +64,12 @@ mod tests {
         }
     }
 
+    fn column(cells: &[&str]) -> bool {
+        are_values(cells.iter().copied())
+    }
+
     #[test]
     fn columns_of_values_may_have_gaps_and_some_words() {
-        let column = |cells: &[&str]| are_values(cells.iter().copied());
         assert!(column(&["", "NA", "1"]) && column(&["nan"]) && column(&["open", "1,5", "2"]));
         assert!(column(&["2024-01-01 00:00"]));
         assert!(!column(&[]) && !column(&["", "NA"]) && !column(&["a", "b", "1"]));

@@ -81,8 +81,7 @@ impl Notation {
     pub fn swaps_days(&self, other: &Self) -> bool {
         let (Self::Pattern(one), Self::Pattern(other)) = (self, other) else { return false };
         let [one, other] = [one, other].map(|pattern| date_of(pattern));
-        let alike = |date: &str| date.replace("%d", "%m");
-        one != other && alike(one) == alike(other)
+        one != other && one.replace("%d", "%m") == other.replace("%d", "%m")
     }
 
     /// Returns a readable name.

@@ -23,9 +23,9 @@ pub fn most_cells(text: &[u8]) -> usize {
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     let separators = separators(&text[..preamble(text)]);
     let counts = separators.into_iter().map(|mark| memchr::memchr_iter(mark, text).count());
-    let is_line_end = |at: &usize| text.get(at + 1) != Some(&b'\n');
+    let returns = memchr::memchr_iter(b'\r', text);
     let lines = memchr::memchr_iter(b'\n', text).count()
-        + memchr::memchr_iter(b'\r', text).filter(is_line_end).count();
+        + returns.filter(|at| text.get(at + 1) != Some(&b'\n')).count();
     // The last line may have no end.
     counts.max().unwrap_or(0) + lines + 1
 }

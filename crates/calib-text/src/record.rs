@@ -187,22 +187,25 @@ mod tests {
 
     #[test]
     fn only_a_last_record_lacks_its_line_break() {
-        let marks = Marks { separator: b';', quote: b'"' };
         // The second text has quotes, so the other code path reads it.
         for text in ["a;b\r\n1;2", "a;\"b\"\n1;2"] {
-            let lacking = |text: &str| {
-                let mut records = RecordReader::new(text.as_bytes(), marks);
-                let mut lacking = Vec::new();
-                while records.advance() {
-                    lacking.push(records.lacks_line_break());
-                }
-                lacking
-            };
-            assert_eq!(lacking(text), [false, true]);
+            assert_eq!(lack_line_breaks(text), [false, true]);
             for end in ["\n", "\r\n", "\n\n"] {
-                assert_eq!(lacking(&format!("{text}{end}")), [false, false], "{end:?}");
+                let text = format!("{text}{end}");
+                assert_eq!(lack_line_breaks(&text), [false, false], "{end:?}");
             }
         }
+    }
+
+    /// Returns for each record whether it lacks its line break.
+    fn lack_line_breaks(text: &str) -> Vec<bool> {
+        let marks = Marks { separator: b';', quote: b'"' };
+        let mut records = RecordReader::new(text.as_bytes(), marks);
+        let mut lacking = Vec::new();
+        while records.advance() {
+            lacking.push(records.lacks_line_break());
+        }
+        lacking
     }
 
     /// Returns for each record its cells, its line, and the offset of the next record.

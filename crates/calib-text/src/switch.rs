@@ -50,14 +50,11 @@ impl Switch {
             }
         }
         match distinct[..] {
-            [one] => {
-                let is = |side: usize| PAIRS.iter().any(|pair| is_same(pair[side], one));
-                match [is(0), is(1)] {
-                    [true, false] => Some(Self { on: Some(one.to_owned()), off: None }),
-                    [false, true] => Some(Self { on: None, off: Some(one.to_owned()) }),
-                    _ => None,
-                }
-            }
+            [one] => match [0, 1].map(|side| PAIRS.iter().any(|pair| is_same(pair[side], one))) {
+                [true, false] => Some(Self { on: Some(one.to_owned()), off: None }),
+                [false, true] => Some(Self { on: None, off: Some(one.to_owned()) }),
+                _ => None,
+            },
             [one, other] => [[one, other], [other, one]].into_iter().find_map(|[on, off]| {
                 PAIRS
                     .iter()
@@ -103,9 +100,12 @@ mod tests {
         Switch::of(words.iter().copied())
     }
 
+    fn told(words: &[&str]) -> Option<String> {
+        switch(words).and_then(|switch| switch.told("XV"))
+    }
+
     #[test]
     fn pairs_of_words_are_one_and_zero() {
-        let told = |words: &[&str]| switch(words).and_then(|switch| switch.told("XV"));
         assert_eq!(told(&["OFF", "ON"]).as_deref(), Some("XV (\"ON\" and \"OFF\")"));
         assert_eq!(told(&["Ein", "Aus"]).as_deref(), Some("XV (\"Ein\" and \"Aus\")"));
         let valve = switch(&["closed", "open"]).expect("a pair");

@@ -31,6 +31,11 @@ struct Fold {
     second: i64,
 }
 
+/// Returns the instant of a wall-clock time by a clock with this offset.
+fn instant_of(wall: i64, offset: Offset) -> i64 {
+    wall - i64::from(offset.seconds()) * 1_000_000
+}
+
 impl Zone {
     /// Returns the zone called `name`, such as `Europe/Paris` or `UTC`; `None` if it does not exist.
     pub fn new(name: &str) -> Option<Self> {
@@ -40,13 +45,13 @@ impl Zone {
     fn meaning(&self, wall: i64) -> Option<Meaning> {
         let clock = jiff::Timestamp::from_microsecond(wall).ok()?;
         let ambiguous = self.0.to_ambiguous_timestamp(TimeZone::UTC.to_datetime(clock));
-        let at = |offset: Offset| wall - i64::from(offset.seconds()) * 1_000_000;
         Some(match ambiguous.offset() {
-            AmbiguousOffset::Unambiguous { offset } => Meaning::Once(at(offset)),
-            AmbiguousOffset::Gap { before, .. } => Meaning::Never(at(before)),
-            AmbiguousOffset::Fold { before, after } => {
-                Meaning::Twice(Fold { first: at(before), second: at(after) })
-            }
+            AmbiguousOffset::Unambiguous { offset } => Meaning::Once(instant_of(wall, offset)),
+            AmbiguousOffset::Gap { before, .. } => Meaning::Never(instant_of(wall, before)),
+            AmbiguousOffset::Fold { before, after } => Meaning::Twice(Fold {
+                first: instant_of(wall, before),
+                second: instant_of(wall, after),
+            }),
         })
     }
 
@@ -256,13 +261,13 @@ impl Passes<'_> {
     /// is the only position that leaves no gap in rows that otherwise have no gap.
     fn split(&self) -> Option<usize> {
         let hour = self.folds[0].second - self.folds[0].first;
-        let back = |row: &usize| self.folds[row - 1].first - self.folds[*row].first;
-        let falls: Vec<usize> = (1..self.folds.len()).filter(|row| back(row) > 0).collect();
-        let Some(deepest) = falls.iter().copied().max_by_key(back) else {
+        let falls: Vec<usize> =
+            (1..self.folds.len()).filter(|&row| self.step_back(row) > 0).collect();
+        let Some(deepest) = falls.iter().copied().max_by_key(|&row| self.step_back(row)) else {
             // At the end of a log any row may be missing.
             self.before.zip(self.after)?;
             // A repeated time belongs to the second hour and is not a copy of a row. Otherwise the split is unknown.
-            let mut again = (1..self.folds.len()).filter(|row| back(row) == 0);
+            let mut again = (1..self.folds.len()).filter(|&row| self.step_back(row) == 0);
             let splits = match (again.next(), again.next()) {
                 (None, _) => 0..=self.folds.len(),
                 (Some(row), None) => row..=row,
@@ -271,13 +276,18 @@ impl Passes<'_> {
             let mut gapless = splits.filter(|&split| self.is_gapless(split));
             return gapless.next().filter(|_| gapless.next().is_none());
         };
-        if falls.iter().filter(|row| 2 * back(row) >= hour).count() > 1 {
+        if falls.iter().filter(|&&row| 2 * self.step_back(row) >= hour).count() > 1 {
             return None;
         }
-        let is_told = 2 * back(&deepest) >= hour
+        let is_told = 2 * self.step_back(deepest) >= hour
             || self.is_gapless(deepest)
             || falls.len() == 1 && self.repeats(deepest);
         is_told.then_some(deepest)
+    }
+
+    /// Returns by how much the clock of a row is behind that of the row before it.
+    fn step_back(&self, row: usize) -> i64 {
+        self.folds[row - 1].first - self.folds[row].first
     }
 
     /// Whether a row from `split` on repeats the time of a row before `split`.
@@ -289,18 +299,22 @@ impl Passes<'_> {
     /// Whether the rows have no gap if `split` of them belong to the first hour.
     fn is_gapless(&self, split: usize) -> bool {
         let Some(step) = self.step else { return false };
-        let is_short = |from: Option<i64>, to: Option<i64>| {
-            from.zip(to).is_none_or(|(from, to)| (to - from) as f64 <= GAP * step as f64)
-        };
         let rows = self.folds.len();
-        let instant = |row: usize| {
-            let fold = self.folds[row];
-            if row < split { fold.first } else { fold.second }
-        };
-        let at_split = (1..rows).contains(&split);
-        is_short(self.before, Some(instant(0)))
-            && is_short(Some(instant(rows - 1)), self.after)
-            && (!at_split || is_short(Some(instant(split - 1)), Some(instant(split))))
+        let mut pairs = vec![
+            (self.before, Some(self.instant(0, split))),
+            (Some(self.instant(rows - 1, split)), self.after),
+        ];
+        if (1..rows).contains(&split) {
+            pairs.push((Some(self.folds[split - 1].first), Some(self.folds[split].second)));
+        }
+        let mut steps = pairs.into_iter().filter_map(|(from, to)| Some(to? - from?));
+        steps.all(|length| length as f64 <= GAP * step as f64)
+    }
+
+    /// Returns the instant of a row if `split` of the rows belong to the first hour.
+    fn instant(&self, row: usize, split: usize) -> i64 {
+        let fold = self.folds[row];
+        if row < split { fold.first } else { fold.second }
     }
 }
 
@@ -453,12 +467,13 @@ mod tests {
         assert!(Zone::new("Europe/Atlantis").is_none());
     }
 
+    fn written(zone: &str, time: &str) -> String {
+        let Some(ParsedTime::Instant(instant)) = parse_stamp(time) else { panic!("{time}") };
+        Zone::new(zone).expect("a zone").written(Timestamp::from_micros(instant))
+    }
+
     #[test]
     fn moments_of_a_study_are_written_on_the_clock_of_the_place() {
-        let written = |zone: &str, time: &str| {
-            let Some(ParsedTime::Instant(instant)) = parse_stamp(time) else { panic!("{time}") };
-            Zone::new(zone).expect("a zone").written(Timestamp::from_micros(instant))
-        };
         let west = "America/Los_Angeles";
         assert_eq!(written(west, "2024-03-11T07:00:00Z"), "2024-03-11T00:00:00");
         assert_eq!(written("Asia/Kolkata", "2024-03-10T18:30:00.5Z"), "2024-03-11T00:00:00.5");

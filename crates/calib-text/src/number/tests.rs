@@ -176,10 +176,9 @@ fn thousands_may_be_set_apart_by_spaces_and_apostrophes() {
 #[test]
 fn what_is_no_number_is_a_word() {
     let mut words = Words::default();
-    let mut point = |text| cell_of(text, Decimal::Point, &mut words).expect("certain");
-    assert_eq!(point(" 7 "), Cell::Number(7.0));
-    assert_eq!((point(""), point("inf")), (Cell::Missing, Cell::NonFinite));
-    assert_eq!(point("Bad"), Cell::Word(0));
+    let cells = [" 7 ", "", "inf", "Bad"]
+        .map(|text| cell_of(text, Decimal::Point, &mut words).expect("certain"));
+    assert_eq!(cells, [Cell::Number(7.0), Cell::Missing, Cell::NonFinite, Cell::Word(0)]);
     assert_eq!(cell_of("1,234", Decimal::Unknown, &mut words), None);
     assert_eq!(words.word(0), "Bad");
 }
