@@ -161,8 +161,9 @@ mod tests {
 
     /// Returns the direction of the mean of some directions, in degrees from 0 to 360.
     fn mean_direction(angles: &[f64]) -> f64 {
-        let mean = |part| replaced(part, angles).iter().sum::<f64>() / angles.len() as f64;
-        mean(AnglePart::Sine).atan2(mean(AnglePart::Cosine)).to_degrees().rem_euclid(360.0)
+        let [sine, cosine] = AnglePart::ALL
+            .map(|part| replaced(part, angles).iter().sum::<f64>() / angles.len() as f64);
+        sine.atan2(cosine).to_degrees().rem_euclid(360.0)
     }
 
     #[test]

@@ -50,13 +50,16 @@ mod tests {
         parse_time(text).expect("a time")
     }
 
+    fn skipped(from: &str, to: &str) -> Option<String> {
+        was_left_out(time(from), time(to), 60.0)
+    }
+
     #[test]
     fn clocks_change_on_last_sundays() {
         assert_eq!(comes_twice(time("2024-10-27 02:59:00")).as_deref(), Some("2024-10-27"));
         for other in ["2024-10-27 03:00:00", "2024-10-20 02:00:00", "2024-10-26 02:00:00"] {
             assert_eq!(comes_twice(time(other)), None, "{other}");
         }
-        let skipped = |from: &str, to: &str| was_left_out(time(from), time(to), 60.0);
         for first in 1..=3 {
             let left_out = skipped(
                 &format!("2024-03-31 {:02}:59:00", first - 1),

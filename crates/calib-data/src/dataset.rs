@@ -159,10 +159,11 @@ impl Surveyed {
             held_out.map(|matrix| matrix.into_frames(timestamps, &columns)).transpose()?;
         let normaliser = Normaliser::new(columns);
         let period = sampled_period(survey.log.period, &preprocess);
-        let fingerprint_of = |part: &Frames| fingerprint(&normaliser, period, part);
         Ok(Dataset {
-            fingerprint: fingerprint_of(&train),
-            held_out_fingerprint: held_out.as_ref().map(fingerprint_of),
+            fingerprint: fingerprint(&normaliser, period, &train),
+            held_out_fingerprint: held_out
+                .as_ref()
+                .map(|held_out| fingerprint(&normaliser, period, held_out)),
             profile: survey.profile,
             normaliser,
             train,
@@ -186,18 +187,21 @@ pub fn inspect(
 }
 
 impl Survey {
+    /// Returns the name and the bounds of each sensor, in order.
+    fn bounds_by_name(&self) -> impl Iterator<Item = (String, Bounds)> {
+        self.sensors
+            .iter()
+            .map(move |sensor| (self.log.channels[sensor.channel].name.clone(), sensor.bounds))
+    }
+
     /// Returns the columns of the states, in order.
     fn columns(&self, preprocess: &PreprocessConfig) -> Vec<Column> {
-        let sensor_names = || {
-            self.sensors
-                .iter()
-                .map(move |sensor| (self.log.channels[sensor.channel].name.clone(), sensor.bounds))
-        };
-        let mut columns: Vec<Column> = sensor_names()
+        let mut columns: Vec<Column> = self
+            .bounds_by_name()
             .map(|(name, bounds)| Column { name, kind: ColumnKind::Sensor, bounds })
             .collect();
         for decay in &preprocess.traces {
-            columns.extend(sensor_names().map(|(name, bounds)| {
+            columns.extend(self.bounds_by_name().map(|(name, bounds)| {
                 let name = format!("trace({decay}) {name}");
                 Column { name, kind: ColumnKind::Feature, bounds }
             }));
@@ -266,19 +270,20 @@ impl Survey {
         preprocess: &PreprocessConfig,
         matrices: &mut [&mut Matrix<'_>],
     ) -> Result<(), DataError> {
-        let mut next = self.sensors.len() * (1 + preprocess.traces.len());
-        let mut add = |values: Vec<f64>| -> Result<(), DataError> {
+        let first = self.sensors.len() * (1 + preprocess.traces.len());
+        let times = preprocess
+            .time_of_day
+            .then(|| features::time_of_day(&self.log.rows.timestamps))
+            .into_iter()
+            .flatten();
+        let modes = self
+            .modes
+            .iter()
+            .flat_map(|modes| (0..modes.labels.len()).map(move |mode| modes.one_hot(mode)));
+        for (position, values) in times.chain(modes).enumerate() {
             for matrix in matrices.iter_mut() {
-                matrix.fill(next, &[(&values, Bounds::IDENTITY)])?;
+                matrix.fill(first + position, &[(&values, Bounds::IDENTITY)])?;
             }
-            next += 1;
-            Ok(())
-        };
-        if preprocess.time_of_day {
-            features::time_of_day(&self.log.rows.timestamps).into_iter().try_for_each(&mut add)?;
-        }
-        if let Some(modes) = &self.modes {
-            (0..modes.labels.len()).map(|mode| modes.one_hot(mode)).try_for_each(&mut add)?;
         }
         Ok(())
     }

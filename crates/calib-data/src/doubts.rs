@@ -426,12 +426,13 @@ fn most_first(
 mod tests {
     use super::*;
 
+    fn told(furthest: f64, trained: [f64; 2]) -> String {
+        let far_out = FarOut { furthest, trained: Some(trained), ..FarOut::default() };
+        far_out.furthest_value().expect("known")
+    }
+
     #[test]
     fn the_furthest_value_looks_different_from_the_end_of_the_training_range() {
-        let told = |furthest: f64, trained: [f64; 2]| {
-            let far_out = FarOut { furthest, trained: Some(trained), ..FarOut::default() };
-            far_out.furthest_value().expect("known")
-        };
         assert_eq!(told(2.0, [499.8, 500.0]), ", up to 500.4: the training maximum is 500");
         assert_eq!(told(-3.0, [10.0, 20.0]), ", up to -20: the training minimum is 10");
         assert_eq!(told(0.0, [500.0, 500.0]), ", which is 500 throughout");

@@ -418,6 +418,14 @@ impl DataError {
         }
     }
 
+    pub(crate) fn not_parquet(path: &Path, reason: String) -> Self {
+        Self::NotParquet { path: path.to_owned(), reason }
+    }
+
+    pub(crate) fn one_hot(name: &str, reason: String) -> Self {
+        Self::OneHot { name: name.to_owned(), reason }
+    }
+
     pub(crate) fn angle(entry: &str, reason: String) -> Self {
         Self::Angle { entry: entry.to_owned(), reason }
     }

@@ -38,23 +38,24 @@ impl Modes {
         let Some(name) = &preprocess.one_hot else {
             return Ok(None);
         };
-        let bad = |reason: String| DataError::OneHot { name: name.clone(), reason };
         let channel = log.channels.iter().position(|channel| channel.name == *name);
         let channel = channel.ok_or_else(|| {
             let names = log.channels.iter().map(|channel| channel.name.as_str());
             let angles = log.channels.iter().filter_map(|channel| channel.angle.as_ref());
             let hint = angle_hint(name, angles).unwrap_or_else(|| hint(name, names));
-            bad(format!("it is not a channel of the log{hint}"))
+            DataError::one_hot(name, format!("it is not a channel of the log{hint}"))
         })?;
         if let Some(angle) = &log.channels[channel].angle {
             let angle = &angle.channel;
-            return Err(bad(format!(
+            let reason = format!(
                 "it is of the angle {angle}, which has no modes; take {angle} out of data.angles, or name another channel"
-            )));
+            );
+            return Err(DataError::one_hot(name, reason));
         }
         if !log.channels[channel].readable {
             let got = &log.channels[channel].type_name;
-            return Err(bad(format!("it is of type {got}, expected numbers or text")));
+            let reason = format!("it is of type {got}, expected numbers or text");
+            return Err(DataError::one_hot(name, reason));
         }
         let Codes { codes, labels } = log.read_codes(channel, monitor)?;
         let mut occurs = vec![false; labels.len()];
@@ -63,10 +64,11 @@ impl Modes {
         }
         let mut modes: Vec<usize> = (0..labels.len()).filter(|&code| occurs[code]).collect();
         if modes.is_empty() || modes.len() > MODES {
-            return Err(bad(format!(
+            let reason = format!(
                 "it has {} values in the training range, expected modes: 1 to {MODES}",
                 modes.len()
-            )));
+            );
+            return Err(DataError::one_hot(name, reason));
         }
         modes.sort_by(|&left, &right| by_value(&labels[left], &labels[right]));
         let positions: HashMap<usize, usize> =

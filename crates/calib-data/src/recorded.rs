@@ -75,15 +75,15 @@ impl Surveyed {
             return Err(DataError::config("preprocess.subsample".to_owned(), got, expected));
         }
         let log = &self.survey.log;
-        let all = || log.channels.iter().map(|channel| channel.name.as_str());
+        let all = log.channels.iter().map(|channel| channel.name.as_str());
         let mut channels = Vec::with_capacity(names.len());
         for name in names {
             let found = log.channels.iter().position(|channel| channel.name == *name);
             let Some(channel) = found else {
                 let angles = log.channels.iter().filter_map(|channel| channel.angle.as_ref());
-                let mut hint = angle_hint(name, angles).unwrap_or_else(|| hint(name, all()));
+                let mut hint = angle_hint(name, angles).unwrap_or_else(|| hint(name, all.clone()));
                 if hint.is_empty() {
-                    let some: Vec<&str> = all().take(SHOWN).collect();
+                    let some: Vec<&str> = all.clone().take(SHOWN).collect();
                     hint = format!("; give one of its columns, such as {}", some.join(", "));
                 }
                 return Err(DataError::NoSuchColumn { name: name.clone(), hint });

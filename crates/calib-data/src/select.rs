@@ -185,12 +185,14 @@ mod tests {
     #[test]
     fn channels_are_dropped_with_a_reason() {
         let preprocess = PreprocessConfig { max_missing: 0.25, ..PreprocessConfig::default() };
-        let reason = |values: &[f64]| fitted(values, 0..4, &preprocess).expect_err("dropped");
-        assert_eq!(reason(&[2.0, NAN, 2.0, 2.0, 5.0]), constant(2.0));
-        assert_eq!(reason(&[NAN, NAN, NAN, NAN, 5.0]), DropReason::AllMissing);
-        let noise = reason(&[0.05, 0.050_000_000_000_000_01, 0.05, 0.05]);
+        let [one_value, nothing] = [[2.0, NAN, 2.0, 2.0, 5.0], [NAN, NAN, NAN, NAN, 5.0]]
+            .map(|values| fitted(&values, 0..4, &preprocess).expect_err("dropped"));
+        assert_eq!(one_value, constant(2.0));
+        assert_eq!(nothing, DropReason::AllMissing);
+        let noise = [0.05, 0.050_000_000_000_000_01, 0.05, 0.05];
+        let noise = fitted(&noise, 0..4, &preprocess).expect_err("dropped");
         assert_eq!(noise, constant(0.05), "as a controller writes 0.05");
-        let missing = reason(&[1.0, NAN, NAN, 2.0]);
+        let missing = fitted(&[1.0, NAN, NAN, 2.0], 0..4, &preprocess).expect_err("dropped");
         assert_eq!(
             missing.to_string(),
             "50.0 % missing in the training range, more than preprocess.max_missing = 0.25"

@@ -88,13 +88,14 @@ impl Extremes {
                 let bottom = self.low[low].0;
                 let top = self.high[high].0;
                 let width = top - bottom;
-                let ends = || self.low[..low].iter().chain(&self.high[..high]);
-                let far: Vec<(f64, f64)> = ends()
+                let mut ends = self.low[..low].iter().chain(&self.high[..high]);
+                let far: Vec<(f64, f64)> = ends
+                    .clone()
                     .map(|end: &(f64, u64)| (end.0, (bottom - end.0).max(end.0 - top) / width))
                     .collect();
                 if width > 0.0
                     && far.len() > best.len()
-                    && ends().all(|end| end.1 >= often)
+                    && ends.all(|end| end.1 >= often)
                     && far.iter().all(|(_, away)| *away >= NEAR)
                 {
                     best = far;

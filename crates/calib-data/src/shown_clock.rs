@@ -62,13 +62,14 @@ impl ShownClock {
 mod tests {
     use super::*;
 
+    fn clock(zone: Option<&str>, utc: bool) -> ShownClock {
+        let data = DataConfig { time_zone: zone.map(str::to_owned), ..DataConfig::default() };
+        ShownClock::of(&data, utc)
+    }
+
     #[test]
     fn times_are_shown_on_the_clock_of_the_study_with_its_name() {
         let noon = Timestamp::from_micros(1_709_294_400_000_000);
-        let clock = |zone: Option<&str>, utc| {
-            let data = DataConfig { time_zone: zone.map(str::to_owned), ..DataConfig::default() };
-            ShownClock::of(&data, utc)
-        };
         let berlin = clock(Some("Europe/Berlin"), true);
         assert_eq!(berlin.named(noon), "2024-03-01 13:00:00 (Europe/Berlin)");
         assert_eq!(berlin.told(), "in Europe/Berlin");

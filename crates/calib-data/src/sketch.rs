@@ -216,9 +216,9 @@ impl Sketcher<'_> {
         let (sketch, moments) =
             moving(source, &mut channel.values, timestamps, stretches, contradicting);
         let values = &channel.values;
-        let is_there = |row: &usize| !values[*row].is_nan();
         let there = stretches.iter().enumerate().flat_map(|(stretch, rows)| {
-            rows.clone().filter(is_there).map(move |row| (stretch, row))
+            let there = rows.clone().filter(move |&row| !values[row].is_nan());
+            there.map(move |row| (stretch, row))
         });
         ChannelSketch {
             text,
@@ -231,7 +231,7 @@ impl Sketcher<'_> {
             thinned: values.iter().step_by(self.every).copied().collect(),
             missing_run: missing_run(there),
             own_period_secs: own_period(
-                (0..values.len()).filter(is_there).map(|row| timestamps[row]),
+                (0..values.len()).filter(|&row| !values[row].is_nan()).map(|row| timestamps[row]),
             ),
             ..sketch
         }
@@ -253,12 +253,9 @@ impl Sketcher<'_> {
                 value: near.values[place],
             }));
         }
-        let inside = |bin: &Range<usize>| {
-            let before = |limit: usize| there.partition_point(|sample| sample.row < limit);
-            &there[before(bin.start)..before(bin.end)]
-        };
         let moves = self.bins.iter().map(|bin| {
-            let values: Vec<f64> = inside(bin).iter().map(|sample| sample.value).collect();
+            let values: Vec<f64> =
+                samples_in(&there, bin).iter().map(|sample| sample.value).collect();
             moves(&values)
         });
         let mut thinned = vec![f64::NAN; timestamps.len().div_ceil(self.every)];
@@ -269,7 +266,7 @@ impl Sketcher<'_> {
             present: self
                 .bins
                 .iter()
-                .map(|bin| inside(bin).len() as f64 / bin.len().max(1) as f64)
+                .map(|bin| samples_in(&there, bin).len() as f64 / bin.len().max(1) as f64)
                 .collect(),
             moves: moves.collect(),
             autocorrelation: moments.map_or_else(Vec::new, |moments| {
@@ -287,6 +284,13 @@ struct Sample {
     stretch: usize,
     row: usize,
     value: f64,
+}
+
+/// Returns the samples whose rows lie in a bin.
+fn samples_in<'a>(samples: &'a [Sample], bin: &Range<usize>) -> &'a [Sample] {
+    let from = samples.partition_point(|sample| sample.row < bin.start);
+    let to = samples.partition_point(|sample| sample.row < bin.end);
+    &samples[from..to]
 }
 
 /// Returns the part of the sketch that follows from the moments and changes of the values, and the moments. It replaces
@@ -377,10 +381,10 @@ impl Changes {
         let count = changes.len() as f64;
         let rises = changes.iter().filter(|change| **change > 0.0).count() as f64 / count;
         let [low, high] = moments.map_or([0.0; 2], |moments| [moments.min, moments.max]);
-        let falls = || changes.iter().filter(|change| **change < 0.0);
+        let mut falls = changes.iter().filter(|change| **change < 0.0);
         let restarts = rises >= TOTAL_RISES
-            && falls().count() >= 2
-            && falls().all(|fall| -fall >= TOTAL_FALLS * (high - low));
+            && falls.clone().count() >= 2
+            && falls.all(|fall| -fall >= TOTAL_FALLS * (high - low));
         let wraps = turn([low, high]).filter(|turn| goes_around(&changes, *turn));
         let middle = changes.len() / 2;
         let median = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
@@ -418,8 +422,10 @@ fn goes_around(changes: &[f64], turn: f64) -> bool {
 fn turn([low, high]: [f64; 2]) -> Option<f64> {
     [360.0, std::f64::consts::TAU].into_iter().find(|turn| {
         let slack = 0.01 * turn;
-        let inside = |from: f64| low >= from - slack && high <= from + turn + slack;
-        high - low >= TURN * turn && (inside(0.0) || inside(-turn / 2.0))
+        let is_inside = [0.0, -*turn / 2.0]
+            .into_iter()
+            .any(|from| low >= from - slack && high <= from + turn + slack);
+        high - low >= TURN * turn && is_inside
     })
 }
 

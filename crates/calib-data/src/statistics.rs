@@ -34,19 +34,12 @@ pub(crate) fn verify(
         let Some(Ok(said)) = chunk.statistics(&metadata.footer_buf) else { continue };
         let column = column.slice((inside.start - rows.start) as i64, inside.len());
         let is_whole = inside == all;
-        let told = |what: String| {
-            Err(format!(
-                "column {name} in row group {}: {what}; one of the two is damaged",
-                number + 1
-            ))
-        };
         if let (true, Some(nulls)) = (is_whole, said.null_count())
             && nulls != column.null_count() as i64
         {
-            return told(format!(
-                "{} values are missing, and the footer says {nulls}",
-                column.null_count()
-            ));
+            let missing = column.null_count();
+            let what = format!("{missing} values are missing, and the footer says {nulls}");
+            return Err(damaged(name, number, &what));
         }
         let extent = if let Some(said) = said.as_double() {
             Extent::of_floats(&column, said.min_value, said.max_value)
@@ -65,13 +58,19 @@ pub(crate) fn verify(
             None
         };
         if let Some(extent) = extent.filter(|extent| !extent.fits(is_whole)) {
-            return told(format!(
+            let what = format!(
                 "its values are from {} to {}, and the footer says from {} to {}",
                 extent.read[0], extent.read[1], extent.said[0], extent.said[1]
-            ));
+            );
+            return Err(damaged(name, number, &what));
         }
     }
     Ok(())
+}
+
+/// Returns the message that a column in row group `number`, from 0, contradicts the footer.
+fn damaged(name: &str, number: usize, what: &str) -> String {
+    format!("column {name} in row group {}: {what}; one of the two is damaged", number + 1)
 }
 
 /// The smallest and the largest value, as read and as stated in the footer.
@@ -124,28 +123,20 @@ impl Extent {
             _ => return None,
         };
         let integers = column.to_physical_repr();
-        let mut read: Option<[i128; 2]> = None;
-        let mut take = |number: i128| {
-            let [min, max] = read.get_or_insert([number; 2]);
-            (*min, *max) = ((*min).min(number), (*max).max(number));
-        };
-        if let D::UInt64 = integers.dtype() {
-            integers.u64().ok()?.iter().flatten().for_each(|number| take(number.into()));
+        let read = if let D::UInt64 = integers.dtype() {
+            range_of(integers.u64().ok()?.iter().flatten().map(i128::from))
         } else {
             let integers = integers.cast(&D::Int64).ok()?;
-            integers.i64().ok()?.iter().flatten().for_each(|number| take(number.into()));
-        }
+            range_of(integers.i64().ok()?.iter().flatten().map(i128::from))
+        };
         let read = read?;
         // Instants may be read in a finer unit than they are written in.
         let units: &[i128] =
             if let D::Datetime(..) = column.dtype() { &[1, 1_000, 1_000_000] } else { &[1] };
-        let said_in = |unit: i128| said.map(|number| number * unit);
+        let mut stated = units.iter().map(|unit| said.map(|number| number * unit));
         Some(Self {
-            is_same: units.iter().any(|&unit| said_in(unit) == read),
-            is_within: units.iter().any(|&unit| {
-                let [min, max] = said_in(unit);
-                min <= read[0] && read[1] <= max
-            }),
+            is_same: stated.clone().any(|stated| stated == read),
+            is_within: stated.any(|[min, max]| min <= read[0] && read[1] <= max),
             read: read.map(|number| number.to_string()),
             said: said.map(|number| number.to_string()),
         })
@@ -168,6 +159,14 @@ impl Extent {
             is_within,
         })
     }
+}
+
+/// Returns the smallest and the largest of some numbers; `None` without any.
+fn range_of(numbers: impl Iterator<Item = i128>) -> Option<[i128; 2]> {
+    numbers.fold(None, |range, number| {
+        let [min, max] = range.unwrap_or([number; 2]);
+        Some([min.min(number), max.max(number)])
+    })
 }
 
 /// Quotes the beginning of a text.

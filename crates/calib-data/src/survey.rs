@@ -64,8 +64,7 @@ impl Survey {
     ) -> Result<Self, DataError> {
         preprocess.check()?;
         let log = Log::open(data, monitor)?;
-        let names = || log.channels.iter().flat_map(Channel::names);
-        Names::new(&data.include).check(names())?;
+        Names::new(&data.include).check(log.channels.iter().flat_map(Channel::names))?;
         let unused_excludes = log.unused_excludes(data);
         let stretches = log.stretches();
         let modes = Modes::read(&log, preprocess, monitor)?;

@@ -33,28 +33,28 @@ pub fn read_tags(path: &Path) -> Result<BTreeMap<String, Description>, DataError
     if records.advance() {
         header = (0..records.count()).map(|at| plain(&decode(records.cell(at)))).collect();
     }
-    let find = |known: &[&str]| header.iter().position(|name| known.contains(&name.as_str()));
-    let tag = find(&TAGS);
-    let unit = find(&UNITS);
-    let label = find(&LABELS);
+    let [tag, unit, label] = [&TAGS[..], &UNITS, &LABELS]
+        .map(|known| header.iter().position(|name| known.contains(&name.as_str())));
     let (Some(tag), true) = (tag, unit.is_some() || label.is_some()) else {
         let reason = "expected a header with the names of tags (tag, name or point) and units (unit, uom) or descriptions (description, label)";
         return Err(DataError::NotText { path: path.to_owned(), reason: reason.to_owned() });
     };
     let mut tags = BTreeMap::new();
     while records.advance() {
-        let cell = |at: Option<usize>| {
-            let at = at.filter(|&at| at < records.count())?;
-            let text = decode(records.cell(at)).trim().to_owned();
-            (!text.is_empty()).then_some(text)
-        };
-        if let Some(name) = cell(Some(tag)) {
-            let unit = cell(unit).map(|unit| unbracketed(&unit).to_owned());
+        if let Some(name) = cell(&records, Some(tag)) {
+            let unit = cell(&records, unit).map(|unit| unbracketed(&unit).to_owned());
             let unit = unit.filter(|unit| !unit.is_empty());
-            tags.insert(name, Description { unit, label: cell(label) });
+            tags.insert(name, Description { unit, label: cell(&records, label) });
         }
     }
     Ok(tags)
+}
+
+/// Returns a cell of the record; `None` if it is empty or not there.
+fn cell(records: &RecordReader<'_>, at: Option<usize>) -> Option<String> {
+    let at = at.filter(|&at| at < records.count())?;
+    let text = decode(records.cell(at)).trim().to_owned();
+    (!text.is_empty()).then_some(text)
 }
 
 #[cfg(test)]

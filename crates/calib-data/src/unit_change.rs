@@ -92,12 +92,11 @@ impl UnitChange {
 
     /// What is said of it, without the name of its channel. Its time is `shown`.
     pub(crate) fn told(&self, shown: &str) -> String {
-        let range = |[low, high]: [f64; 2]| format!("{} to {}", number(low), number(high));
+        let [before, after] = [self.before, self.after]
+            .map(|[low, high]| format!("{} to {}", number(low), number(high)));
         format!(
-            "two ranges that do not overlap, mostly {} before {shown} and {} from then on; did its unit or its zero change? Let data.train and \
-             data.held_out begin after that time, correct the values, or leave the channel out with data.exclude",
-            range(self.before),
-            range(self.after)
+            "two ranges that do not overlap, mostly {before} before {shown} and {after} from then on; did its unit or its zero change? Let data.train and \
+             data.held_out begin after that time, correct the values, or leave the channel out with data.exclude"
         )
     }
 }
@@ -281,10 +280,16 @@ mod tests {
         assert_eq!(row_of(|row| level(row) * if row < 3_000 { 1.0 } else { 0.001 }), Some(3_000));
     }
 
+    fn celsius(row: usize) -> f64 {
+        12.0 + 5.0 * level(row)
+    }
+
+    fn is_early(row: usize) -> bool {
+        row < 2_000
+    }
+
     #[test]
     fn degrees_are_told() {
-        let celsius = |row: usize| 12.0 + 5.0 * level(row);
-        let is_early = |row: usize| row < 2_000;
         let row =
             row_of(|row| if is_early(row) { celsius(row) } else { 1.8 * celsius(row) + 32.0 });
         assert_eq!(row, Some(2_000));
@@ -306,7 +311,6 @@ mod tests {
 
     #[test]
     fn what_a_plant_does_is_no_unit() {
-        let is_early = |row: usize| row < 2_000;
         let none = [
             row_of(|row| level(row) + if is_early(row) { 8.0 } else { 14.0 }),
             // A drift.

@@ -364,8 +364,9 @@ impl DataConfig {
     /// Returns the same range, with its moments on the clock of the log.
     #[must_use]
     pub fn on_its_clock(&self, range: &TimeRange) -> TimeRange {
-        let moved = |at: &Option<Moment>| at.as_ref().map(|at| at.moved_to(self.instant(at)));
-        TimeRange { start: moved(&range.start), end: moved(&range.end) }
+        let [start, end] = [&range.start, &range.end]
+            .map(|at| at.as_ref().map(|at| at.moved_to(self.instant(at))));
+        TimeRange { start, end }
     }
 
     /// Returns how long a recorded value stays valid in a channel without an entry of its own, in microseconds.

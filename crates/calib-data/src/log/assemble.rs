@@ -86,8 +86,8 @@ fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> 
         tables;
     let total: usize = instants.iter().map(Vec::len).sum();
     MemoryLimit::of(data).require_rows(total as u64, None)?;
-    let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
-    let (Some(first), Some(last)) = (present().min(), present().max()) else {
+    let present = instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
+    let (Some(first), Some(last)) = (present.clone().min(), present.max()) else {
         let path = data.path.0.join(", ");
         let without_time = total as u64;
         return Err(DataError::NoRows { path, files: files.len(), without_time });

@@ -283,10 +283,10 @@ fn refuse_far_days(
         }
         true
     })?;
-    let counts = || found.left.iter().zip(&far);
+    let mut counts = found.left.iter().zip(&far);
+    let near = counts.clone().find(|(_, far)| **far == 0);
     let makes_gaps =
-        is_dense && counts().any(|(notation, &far)| *notation == told.notation && far > 0);
-    let near = counts().find(|(_, far)| **far == 0);
+        is_dense && counts.any(|(notation, &far)| *notation == told.notation && far > 0);
     match near.filter(|_| makes_gaps) {
         None => Ok(()),
         Some((near, _)) => Err(DataError::Shape {

@@ -16,14 +16,15 @@ fn paired_times(head: &Head, data: &DataConfig) -> Option<[String; 2]> {
         Head::Text(file) => &file.no_channels[..],
         Head::Parquet(_) | Head::Annotated(..) => &[],
     };
-    let is_time = |at: usize| {
-        columns[at].kind == FieldKind::Time
-            && !no_channels.contains(&at)
-            && excluded.matching(&columns[at].name).is_none()
-    };
     let values = (0..columns.len()).filter(|&at| columns[at].kind == FieldKind::Number);
     // Other tables may have a second column of times, but then some values are not beside one.
-    let times = values.map(|at| at.checked_sub(1).filter(|&before| is_time(before)));
+    let times = values.map(|at| {
+        at.checked_sub(1).filter(|&before| {
+            columns[before].kind == FieldKind::Time
+                && !no_channels.contains(&before)
+                && excluded.matching(&columns[before].name).is_none()
+        })
+    });
     match times.collect::<Option<Vec<usize>>>()?[..] {
         [first, next, ..] => Some([first, next].map(|at| columns[at].name.clone())),
         _ => None,

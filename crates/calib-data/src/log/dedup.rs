@@ -152,12 +152,12 @@ mod tests {
     #[test]
     fn of_two_words_the_first_or_the_last_is_kept() {
         let words = [3, 3, 4].map(|word| Cell::Word(word).encode());
-        let placed = |keep| deduplicate(&[7, 7, 7], &words, None, keep);
-        let first = placed(Contradictions::First);
+        let [first, last] = [Contradictions::First, Contradictions::Last]
+            .map(|keep| deduplicate(&[7, 7, 7], &words, None, keep));
         assert_eq!((first.cells, first.repeated), (vec![words[0]], 1));
         assert_eq!((first.contradictions.count, first.words.count), (0, 1));
         assert_eq!(first.words.first, [Contradiction { time: 7, values: [3.0, 4.0] }]);
-        assert_eq!(placed(Contradictions::Last).cells, [words[2]]);
+        assert_eq!(last.cells, [words[2]]);
         let then_nan = [words[0], Cell::NonFinite.encode()];
         assert_eq!(deduplicate(&[7, 7], &then_nan, None, Contradictions::Refuse).cells, [words[0]]);
     }

@@ -210,7 +210,8 @@ mod tests {
 
     #[test]
     fn files_with_few_shared_times_are_of_two_tags() {
-        let compared = |times: [i64; 5]| {
+        // Two of five rows are shared, and three of five.
+        for (times, expected) in [([0, 1, 3, 5, 8], (0, 0.0)), ([0, 2, 3, 5, 8], (3, 1.0))] {
             let mut sink = sink(&[]);
             for (name, times) in [("even", [0, 2, 4, 6, 8]), ("other", times)] {
                 let tag = sink.tag(name).expect("memory");
@@ -219,18 +220,17 @@ mod tests {
                 }
             }
             let found = sink.least_alike().expect("memory").expect("one beside the other");
-            (found.shared, found.equal)
-        };
-        assert_eq!(compared([0, 1, 3, 5, 8]), (0, 0.0), "two of five rows");
-        assert_eq!(compared([0, 2, 3, 5, 8]), (3, 1.0), "three of five");
+            assert_eq!((found.shared, found.equal), expected, "{times:?}");
+        }
+    }
+
+    fn told(equal: f64) -> Option<String> {
+        let names = ["a", "b"].map(str::to_owned);
+        ExportPair { names, shared: 200, equal }.doubt()
     }
 
     #[test]
     fn only_shares_between_hardly_any_and_nearly_all_leave_a_doubt() {
-        let told = |equal: f64| {
-            let names = ["a", "b"].map(str::to_owned);
-            ExportPair { names, shared: 200, equal }.doubt()
-        };
         assert_eq!([told(0.0), told(0.09), told(0.99), told(1.0)], [None, None, None, None]);
         let tags = told(0.1).expect("a doubt");
         assert!(tags.contains("in 10 % of their 200 shared rows"), "{tags}");

@@ -86,21 +86,20 @@ impl LogFile {
         let footer = file.file()?;
         let bytes =
             footer.metadata().map_err(|error| FileError::io("read", &source.path, error))?.len();
-        let not_parquet = |reason| DataError::NotParquet { path: source.path.clone(), reason };
         if bytes == 0 {
-            return Err(not_parquet("it is empty".to_owned()));
+            return Err(DataError::not_parquet(&source.path, "it is empty".to_owned()));
         }
         let (metadata, schema) = catch_panic(|| {
             let mut reader = pl::ParquetReader::new(footer);
             Ok((Arc::clone(reader.get_metadata()?), reader.schema()?))
         })
-        .map_err(not_parquet)?;
+        .map_err(|reason| DataError::not_parquet(&source.path, reason))?;
         let groups = metadata.row_groups.iter();
         let rows = groups.fold(0_usize, |rows, group| rows.saturating_add(group.num_rows()));
         if rows != metadata.num_rows {
             let declared = metadata.num_rows;
             let reason = format!("it declares {declared} rows and has {rows}");
-            return Err(not_parquet(reason));
+            return Err(DataError::not_parquet(&source.path, reason));
         }
         let fields = schema
             .iter()
@@ -281,7 +280,7 @@ impl LogFile {
     }
 
     fn not_parquet(&self, reason: String) -> DataError {
-        DataError::NotParquet { path: self.path().to_owned(), reason }
+        DataError::not_parquet(self.path(), reason)
     }
 }
 

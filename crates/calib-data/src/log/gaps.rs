@@ -144,9 +144,17 @@ mod tests {
         assert_eq!(period(&[0.0]), None);
     }
 
+    fn recorded(times: &[f64]) -> Option<f64> {
+        interval(&seconds(times)).map(Period::as_secs)
+    }
+
+    /// Returns times at steps of `secs`, cut to whole seconds.
+    fn cut(secs: f64) -> Vec<f64> {
+        (0..200).map(|row| (secs * f64::from(row)).floor()).collect()
+    }
+
     #[test]
     fn an_interval_is_what_nearly_all_steps_are() {
-        let recorded = |times: &[f64]| interval(&seconds(times)).map(Period::as_secs);
         let even: Vec<f64> = (0..20).map(f64::from).collect();
         assert_eq!(recorded(&even), Some(1.0));
         let drifting: Vec<f64> = even.iter().map(|row| 1.03 * row).collect();
@@ -156,9 +164,6 @@ mod tests {
         assert_eq!(recorded(&broken), Some(1.0), "one gap");
         assert_eq!(recorded(&[0.0, 1.0, 4.0, 5.0, 9.0, 10.0]), None, "as values change");
         assert_eq!(recorded(&[0.0]), None);
-        let cut = |secs: f64| -> Vec<f64> {
-            (0..200).map(|row| (secs * f64::from(row)).floor()).collect()
-        };
         assert_eq!(recorded(&cut(1.05)), Some(1.0));
         assert_eq!(recorded(&cut(1.4)), None, "whole seconds do not tell");
         let [one, other] = [1.0, 1.1].map(|secs| Period::from_secs(secs).expect("positive"));

@@ -53,11 +53,11 @@ impl<'a> SampleWriter<'a> {
 
     fn push(&mut self, tag: usize, stamp: Option<ParsedTime>, cell: u64) -> Result<(), DataError> {
         let Self { clock, sink, instants } = self;
-        let mut out = |cell, time| sink.push(tag, time, cell);
         if clock.has_zone() {
-            instants.entry(tag).or_insert_with(|| clock.rows()).push(stamp, cell, &mut out)
+            let rows = instants.entry(tag).or_insert_with(|| clock.rows());
+            rows.push(stamp, cell, &mut |cell, time| sink.push(tag, time, cell))
         } else {
-            clock.rows().push(stamp, cell, &mut out)
+            clock.rows().push(stamp, cell, &mut |cell, time| sink.push(tag, time, cell))
         }
     }
 

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use calib_core::{Period, Timestamp};
 
-use super::union::Union;
+use super::{split::rows_in, union::Union};
 use crate::{BridgedStops, Resample};
 
 /// The rows of a resampled log.
@@ -75,7 +75,7 @@ impl Grid {
     pub(crate) fn cover(&self, times: &[i64], coverage: &mut Coverage) {
         for range in &self.ranges {
             let end = self.row_from(range.end);
-            let runs = inside(times, range).iter().map(|&time| {
+            let runs = times[samples_in(times, range)].iter().map(|&time| {
                 let to =
                     time.saturating_add(self.max_age).div_euclid(self.period).saturating_add(1);
                 (self.row_from(time), to.min(end))
@@ -100,14 +100,11 @@ impl Grid {
     pub(crate) fn values(&self, times: &[i64], values: &[f64], rows: &[Timestamp]) -> Vec<f64> {
         let mut out = vec![f64::NAN; rows.len()];
         for range in &self.ranges {
-            let sample_at = |limit: i64| times.partition_point(|&time| time < limit);
-            let samples = sample_at(range.start)..sample_at(range.end);
-            let row_at = |limit: i64| rows.partition_point(|row| row.as_micros() < limit);
-            let from = row_at(range.start);
-            let to = row_at(range.end);
+            let samples = samples_in(times, range);
             let times = &times[samples.clone()];
             let values = &values[samples];
-            for (row, out) in rows[from..to].iter().zip(&mut out[from..to]) {
+            let inside = rows_in(rows, range);
+            for (row, out) in rows[inside.clone()].iter().zip(&mut out[inside]) {
                 let row = row.as_micros();
                 // Samples up to and including the row.
                 let before = times.partition_point(|&time| time <= row);
@@ -122,16 +119,16 @@ impl Grid {
     pub(crate) fn bridged(&self, times: &[i64]) -> BridgedStops {
         let mut bridged = BridgedStops::default();
         for range in &self.ranges {
-            let times = inside(times, range);
-            let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
-            let mut sorted: Vec<i64> = steps().collect();
+            let times = &times[samples_in(times, range)];
+            let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+            let mut sorted: Vec<i64> = steps.clone().collect();
             let middle = sorted.len() / 2;
             if sorted.is_empty() {
                 continue;
             }
             let usual = *sorted.select_nth_unstable(middle).1;
             let least = usual.max(self.period).saturating_mul(STOP);
-            for stop in steps().filter(|step| *step > least && *step <= self.max_age) {
+            for stop in steps.filter(|step| *step > least && *step <= self.max_age) {
                 bridged.count += 1;
                 bridged.longest_secs = bridged.longest_secs.max(stop as f64 / 1e6);
                 bridged.usual_secs = bridged.usual_secs.max(usual as f64 / 1e6);
@@ -194,10 +191,11 @@ impl Grid {
     }
 }
 
-fn inside<'a>(times: &'a [i64], range: &Range<i64>) -> &'a [i64] {
-    let row_at = |limit: i64| times.partition_point(|&time| time < limit);
-    let from = row_at(range.start);
-    &times[from..row_at(range.end).max(from)]
+/// Returns the positions of the times in a range.
+fn samples_in(times: &[i64], range: &Range<i64>) -> Range<usize> {
+    let from = times.partition_point(|&time| time < range.start);
+    let to = times.partition_point(|&time| time < range.end);
+    from..to.max(from)
 }
 
 #[cfg(test)]

@@ -222,8 +222,8 @@ fn note_steps(file: usize, times: &[i64], irregularities: &mut Irregularities) {
 fn note_overlaps(files: &[Vec<i64>], order: &[usize], irregularities: &mut Irregularities) {
     let mut latest: Option<(i64, usize)> = None;
     for &file in order {
-        let times = || files[file].iter().copied().filter(|&time| time != NO_TIME);
-        let (Some(first), Some(last)) = (times().min(), times().max()) else {
+        let times = files[file].iter().copied().filter(|&time| time != NO_TIME);
+        let (Some(first), Some(last)) = (times.clone().min(), times.max()) else {
             continue;
         };
         if let Some((end, earlier)) = latest
@@ -239,10 +239,14 @@ fn note_overlaps(files: &[Vec<i64>], order: &[usize], irregularities: &mut Irreg
 
 /// Returns the files in order of their first timestamp, then of their position in the list.
 fn file_order(files: &[Vec<i64>]) -> Vec<usize> {
-    let first = |file: &usize| files[*file].iter().copied().find(|&time| time != NO_TIME);
-    let mut order: Vec<usize> = (0..files.len()).filter(|file| first(file).is_some()).collect();
-    order.sort_by_key(first);
+    let mut order: Vec<usize> =
+        (0..files.len()).filter(|&file| first_time(&files[file]).is_some()).collect();
+    order.sort_by_key(|&file| first_time(&files[file]));
     order
+}
+
+fn first_time(times: &[i64]) -> Option<i64> {
+    times.iter().copied().find(|&time| time != NO_TIME)
 }
 
 fn increasing(files: &[Vec<i64>], order: &[usize]) -> bool {

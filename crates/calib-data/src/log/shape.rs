@@ -185,28 +185,26 @@ fn named(head: &Head, columns: &[HeadColumn], key: &str, name: &str) -> Result<u
 /// Returns the roles of the columns, if the file is a long table.
 fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Roles>, DataError> {
     let columns = head.columns();
-    let others = || (0..columns.len()).filter(|&column| column != time);
-    let is = |column: usize, known: &[&str]| known.contains(&plain(&columns[column].name).as_str());
+    let others = (0..columns.len()).filter(|&column| column != time);
     let values: Vec<usize> = match &data.value {
         Some(name) => vec![named(head, &columns, "value", name)?],
         None => {
-            others().filter(|&column| is(column, &VALUES) || is(column, &FOREIGN_VALUES)).collect()
+            let known = [&VALUES[..], &FOREIGN_VALUES].concat();
+            others.clone().filter(|&column| is_called(&columns[column], &known)).collect()
         }
     };
     let tag = match &data.tag {
         Some(name) => Some(named(head, &columns, "tag", name)?),
-        None => others()
+        None => others
+            .clone()
             .filter(|column| !values.contains(column))
             .find(|&column| names_tags(&columns[column])),
     };
     if let (Some(tag), false) = (tag, values.is_empty()) {
-        let rest: Vec<&str> = others()
+        let rest: Vec<&str> = others
             .filter(|&column| column != tag && !values.contains(&column))
             .filter(|&column| {
-                columns[column].kind == FieldKind::Number
-                    && !is(column, &QUALITIES)
-                    && !is(column, &REMARKS)
-                    && !is(column, &ORIGINS)
+                columns[column].kind == FieldKind::Number && !is_aside(&columns[column].name)
             })
             .map(|column| columns[column].name.as_str())
             .collect();
@@ -238,6 +236,11 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
     unnamed_roles(head, &columns, time, data)
 }
 
+/// Whether a column has one of the known names.
+fn is_called(column: &HeadColumn, known: &[&str]) -> bool {
+    known.contains(&plain(&column.name).as_str())
+}
+
 pub(super) fn names_tags(column: &HeadColumn) -> bool {
     let name = plain(&column.name);
     let known = TAGS.contains(&name.as_str());
@@ -252,17 +255,17 @@ fn unnamed_roles(
     time: usize,
     data: &DataConfig,
 ) -> Result<Option<Roles>, DataError> {
-    let with_kind = |kind: FieldKind| {
+    let [numbers, texts] = [FieldKind::Number, FieldKind::Text].map(|kind| {
         let others = (0..columns.len()).filter(|&column| column != time);
         others
             .filter(|&column| columns[column].kind == kind && !is_aside(&columns[column].name))
             .collect::<Vec<usize>>()
-    };
-    let &[value] = &with_kind(FieldKind::Number)[..] else { return Ok(None) };
+    });
+    let [value] = numbers[..] else { return Ok(None) };
     let is_narrow = columns.len() <= 3;
     let (mut alternating, mut staying) = (Vec::new(), Vec::new());
     let mut has_states = false;
-    for words in with_kind(FieldKind::Text) {
+    for words in texts {
         if MODES.contains(&plain(&columns[words].name).as_str()) {
             has_states = true;
             continue;
@@ -344,14 +347,14 @@ fn quality_of(
     let sample = head.sample(column)?;
     let codes: Vec<&str> = sample.iter().map(String::as_str).collect();
     let columns = head.columns();
-    let name = &columns[column].name;
-    let told = |reason: String| format!("{}, column {name:?}: {reason}", head.path().display());
+    let place = format!("{}, column {:?}", head.path().display(), columns[column].name);
     match Quality::of(&codes, &data.good_quality) {
         Ok(Quality::UnknownWords(reason)) => {
-            Ok(Some((column, Quality::UnknownWords(told(reason)))))
+            let quality = Quality::UnknownWords(format!("{place}: {reason}"));
+            Ok(Some((column, quality)))
         }
         Ok(quality) => Ok(Some((column, quality))),
-        Err(reason) => refuse(told(reason)),
+        Err(reason) => refuse(format!("{place}: {reason}")),
     }
 }
 

@@ -97,12 +97,14 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
     if path.is_dir() {
         return logs_in(path);
     }
-    let no_file = |reason: String| DataError::NoFile { pattern: pattern.to_owned(), reason };
     if !pattern.contains(['*', '?', '[']) {
-        return Err(no_file("there is no such file or folder".to_owned()));
+        let reason = "there is no such file or folder".to_owned();
+        return Err(DataError::NoFile { pattern: pattern.to_owned(), reason });
     }
-    let matches = glob::glob(pattern)
-        .map_err(|error| no_file(format!("the glob pattern is malformed: {error}")))?;
+    let matches = glob::glob(pattern).map_err(|error| DataError::NoFile {
+        pattern: pattern.to_owned(),
+        reason: format!("the glob pattern is malformed: {error}"),
+    })?;
     let mut found = Vec::new();
     for matched in matches {
         let matched = matched.map_err(|error| {
@@ -188,17 +190,20 @@ pub fn text_left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
 }
 
 fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), DataError> {
-    let refused = |source| FileError::io("read the folder", folder, source);
-    for entry in fs::read_dir(folder).map_err(refused)? {
-        let entry = entry.map_err(refused)?;
+    let entries =
+        fs::read_dir(folder).map_err(|source| FileError::unreadable_folder(folder, source))?;
+    for entry in entries {
+        let entry = entry.map_err(|source| FileError::unreadable_folder(folder, source))?;
         // Hidden files and names with an underscore are temporary and administrative files of other programs.
         let name = entry.file_name();
         if name.to_string_lossy().starts_with(['.', '_']) {
             continue;
         }
         let path = entry.path();
+        let kind =
+            entry.file_type().map_err(|source| FileError::unreadable_folder(folder, source))?;
         // Linked folders are not followed: they could lead back here.
-        if entry.file_type().map_err(refused)?.is_dir() {
+        if kind.is_dir() {
             walk(&path, found)?;
         } else if path.is_file() && (is_parquet(&path) || is_text(&path)) {
             found.push(path);
@@ -282,26 +287,32 @@ mod tests {
             "_log/e.parquet",
             "x[1].parquet",
         ]);
-        let names = |patterns| names(folder.path(), patterns).expect("found");
-        assert_eq!(names(&["."]), ["a.parquet", "b.PQ", "day/d.parquet", "x[1].parquet"]);
         let data = DataConfig::at(folder.path().to_owned());
         assert_eq!(text_left_alone(&data).expect("readable"), [folder.path().join("c.csv")]);
-        assert_eq!(names(&["*.parquet", "a.parquet"]), ["a.parquet", "x[1].parquet"]);
-        assert_eq!(names(&["d*"]), ["day/d.parquet"]);
-        assert_eq!(names(&["x[1].parquet"]), ["x[1].parquet"]);
-        assert_eq!(names(&["c.csv"]), ["c.csv"], "a named file is taken whatever its name");
+        let cases: [(&[&str], &[&str]); 5] = [
+            (&["."], &["a.parquet", "b.PQ", "day/d.parquet", "x[1].parquet"]),
+            (&["*.parquet", "a.parquet"], &["a.parquet", "x[1].parquet"]),
+            (&["d*"], &["day/d.parquet"]),
+            (&["x[1].parquet"], &["x[1].parquet"]),
+            // A named file is taken whatever its name.
+            (&["c.csv"], &["c.csv"]),
+        ];
+        for (patterns, expected) in cases {
+            assert_eq!(names(folder.path(), patterns).expect("found"), expected, "{patterns:?}");
+        }
     }
 
     #[test]
     fn the_pattern_that_finds_nothing_is_named() {
         let folder = folder(&["a.parquet", "c.csv"]);
-        let message = |pattern: &str| {
+        for (pattern, part) in [
+            ("z.parquet", "z.parquet: there is no such file or folder"),
+            ("q*", "q*: nothing matches"),
+            ("[", "malformed"),
+        ] {
             let error = names(folder.path(), &["a.parquet", pattern]).expect_err("nothing there");
-            error.to_string()
-        };
-        assert!(message("z.parquet").contains("z.parquet: there is no such file or folder"));
-        assert!(message("q*").contains("q*: nothing matches"));
-        assert!(message("[").contains("malformed"));
+            assert!(error.to_string().contains(part), "{error}");
+        }
         let none = find_files(&DataConfig::default()).expect_err("no path");
         assert!(none.to_string().contains("data.path is empty"));
     }

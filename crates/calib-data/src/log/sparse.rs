@@ -47,8 +47,9 @@ impl SparseValues {
 
     /// Returns the positions of the rows that lie in `range`.
     pub(crate) fn positions(&self, range: &Range<usize>) -> Range<usize> {
-        let before = |limit: usize| self.rows.partition_point(|&row| (row as usize) < limit);
-        before(range.start)..before(range.end)
+        let start = self.rows.partition_point(|&row| (row as usize) < range.start);
+        let end = self.rows.partition_point(|&row| (row as usize) < range.end);
+        start..end
     }
 
     /// Returns the rows with a value and their neighbours without one in the same of `stretches`. In the result, a run
@@ -94,8 +95,9 @@ pub(crate) struct Neighbourhood {
 impl Neighbourhood {
     /// Returns the positions of the rows that lie in `range`.
     pub(crate) fn positions(&self, range: &Range<usize>) -> Range<usize> {
-        let before = |limit: usize| self.rows.partition_point(|row| *row < limit);
-        before(range.start)..before(range.end)
+        let start = self.rows.partition_point(|row| *row < range.start);
+        let end = self.rows.partition_point(|row| *row < range.end);
+        start..end
     }
 
     /// Adds a row without a value, unless it exists; `from` is the first position of its stretch.

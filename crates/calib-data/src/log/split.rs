@@ -20,23 +20,11 @@ impl Split {
         let Some(train) = &data.train else {
             return Ok(Self::by_fraction(data.train_fraction, first, last));
         };
-        let range = |key: &'static str, range: &TimeRange| {
-            let start = range.start.as_ref().map_or(first, |at| data.instant(at).as_micros());
-            let end = range.end.as_ref().map_or(last + 1, |at| data.instant(at).as_micros());
-            if start > last || end <= first || start >= end {
-                let range = range.to_string();
-                let [start, end] =
-                    [first, last].map(|micros| format_time(Timestamp::from_micros(micros)));
-                return Err(DataError::OutsideData { key, range, start, end });
-            }
-            Ok(start..end)
-        };
+        let held_out = data.held_out.as_ref();
         let split = Self {
-            train: range("train", train)?,
-            held_out: data
-                .held_out
-                .as_ref()
-                .map(|held_out| range("held_out", held_out))
+            train: instants("train", train, data, (first, last))?,
+            held_out: held_out
+                .map(|held_out| instants("held_out", held_out, data, (first, last)))
                 .transpose()?,
         };
         if let (Some(instants), Some(held_out)) = (&split.held_out, &data.held_out)
@@ -77,32 +65,53 @@ impl Split {
     }
 }
 
-pub(crate) fn rows_in(timestamps: &[Timestamp], range: &Range<i64>) -> Range<usize> {
-    let before = |limit: i64| timestamps.partition_point(|time| time.as_micros() < limit);
-    before(range.start)..before(range.end)
+/// Returns the instants of a range of the study, in a log from `first` to `last`.
+fn instants(
+    key: &'static str,
+    range: &TimeRange,
+    data: &DataConfig,
+    (first, last): (i64, i64),
+) -> Result<Range<i64>, DataError> {
+    let start = range.start.as_ref().map_or(first, |at| data.instant(at).as_micros());
+    let end = range.end.as_ref().map_or(last + 1, |at| data.instant(at).as_micros());
+    if start > last || end <= first || start >= end {
+        return Err(outside_data(key, Some(range), (first, last)));
+    }
+    Ok(start..end)
 }
 
-/// Returns the rows of the two ranges. The log runs from `first` to `last`, in microseconds.
+/// Returns the error that a range holds no rows of a log from `first` to `last`.
+fn outside_data(
+    key: &'static str,
+    range: Option<&TimeRange>,
+    (first, last): (i64, i64),
+) -> DataError {
+    let range = range.map_or_else(String::new, ToString::to_string);
+    let [start, end] = [first, last].map(|micros| format_time(Timestamp::from_micros(micros)));
+    DataError::OutsideData { key, range, start, end }
+}
+
+pub(crate) fn rows_in(timestamps: &[Timestamp], range: &Range<i64>) -> Range<usize> {
+    let start = timestamps.partition_point(|time| time.as_micros() < range.start);
+    let end = timestamps.partition_point(|time| time.as_micros() < range.end);
+    start..end
+}
+
+/// Returns the rows of the two ranges. `span` has the first and the last instant of the log, in microseconds.
 pub(super) fn row_ranges(
     data: &DataConfig,
     split: &Split,
     timestamps: &[Timestamp],
-    (first, last): (i64, i64),
+    span: (i64, i64),
 ) -> Result<(Range<usize>, Option<Range<usize>>), DataError> {
-    let rows = |key, configured: Option<String>, range: &Range<i64>| {
-        let rows = rows_in(timestamps, range);
-        if rows.is_empty() {
-            let range = configured.unwrap_or_default();
-            let [start, end] =
-                [first, last].map(|micros| format_time(Timestamp::from_micros(micros)));
-            return Err(DataError::OutsideData { key, range, start, end });
-        }
-        Ok(rows)
-    };
-    let train = rows("train", data.train.as_ref().map(ToString::to_string), &split.train)?;
-    let configured = data.held_out.as_ref().map(ToString::to_string);
-    let held_out =
-        split.held_out.as_ref().map(|range| rows("held_out", configured, range)).transpose()?;
+    let train = rows_in(timestamps, &split.train);
+    if train.is_empty() {
+        return Err(outside_data("train", data.train.as_ref(), span));
+    }
+    let held_out = split.held_out.as_ref().map(|range| rows_in(timestamps, range));
+    if held_out.as_ref().is_some_and(Range::is_empty) {
+        return Err(outside_data("held_out", data.held_out.as_ref(), span));
+    }
     Ok((train, held_out))
 }
 
@@ -119,8 +128,10 @@ pub(crate) fn refuse_lopsided(
     let last = timestamps[timestamps.len() - 1];
     let most_of_it = step(longest) > last.as_micros().saturating_sub(first.as_micros()) / 2;
     let rows = (train.len() + held_out.len()) as f64;
-    let lacks = |part: &Range<usize>, share: f64| (part.len() as f64) < LEAST_SHARE * share * rows;
-    if most_of_it && (lacks(train, fraction) || lacks(held_out, 1.0 - fraction)) {
+    let lacks_rows = [(train, fraction), (held_out, 1.0 - fraction)]
+        .into_iter()
+        .any(|(part, share)| (part.len() as f64) < LEAST_SHARE * share * rows);
+    if most_of_it && lacks_rows {
         return Err(DataError::Lopsided {
             train: train.len(),
             held_out: held_out.len(),

@@ -97,12 +97,13 @@ mod tests {
         assert!(!differ(&[]));
     }
 
+    fn course(words: &[&str]) -> Course {
+        let sample = (0..30).map(|row: usize| words[row % words.len()].to_owned());
+        Course::of(&sample.collect::<Vec<String>>())
+    }
+
     #[test]
     fn words_of_a_switch_and_words_that_stay_are_no_tags() {
-        let course = |words: &[&str]| {
-            let sample = (0..30).map(|row: usize| words[row % words.len()].to_owned());
-            Course::of(&sample.collect::<Vec<String>>())
-        };
         assert_eq!(course(&["ON", "OFF"]), Course::Switches);
         assert_eq!(course(&["EIN"]), Course::Switches);
         assert_eq!(course(&["plant 1"]), Course::Constant);

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     DataConfig, DataError, TimestampUnit,
-    text::{Candidates, Notation, compact_pattern, is_time_of_day, shown},
+    text::{Candidates, Notation, TextFile, compact_pattern, is_time_of_day, shown},
 };
 
 /// Returns the columns of a file that may hold its times, by their kind or name.
@@ -114,21 +114,21 @@ fn are_whole_in([low, high]: [f64; 2], cells: &[&str]) -> bool {
 /// column of dates.
 pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataError> {
     let Head::Text(file) = head else { return Ok(time) };
-    let cells = |column: usize| file.dialect.cells(column);
-    let has_clock = |column: usize| mostly(&cells(column), is_time_of_day);
-    let others = || (0..file.columns().len()).filter(|&column| column != time);
-    let (date, clock) = if time < file.columns().len() && has_clock(time) {
-        let date = others().find(|&column| mostly(&cells(column), is_date) && !has_clock(column));
+    let mut others = (0..file.columns().len()).filter(|&column| column != time);
+    let (date, clock) = if time < file.columns().len() && has_clock(file, time) {
+        let date = others.find(|&column| {
+            mostly(&file.dialect.cells(column), is_date) && !has_clock(file, column)
+        });
         let Some(date) = date else { return Ok(time) };
         (date, time)
     } else {
         // A log with one row per day may have durations beside its dates.
-        let dates = cells(time);
+        let dates = file.dialect.cells(time);
         let repeats = dates.windows(2).any(|pair| pair[0] == pair[1]);
         if !repeats || !mostly(&dates, |cell| !cell.contains(':')) {
             return Ok(time);
         }
-        let clocks: Vec<usize> = others().filter(|&column| has_clock(column)).collect();
+        let clocks: Vec<usize> = others.filter(|&column| has_clock(file, column)).collect();
         match (
             &clocks[..],
             clocks
@@ -153,6 +153,11 @@ pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataErro
     };
     file.join_times(date, clock);
     Ok(date)
+}
+
+/// Whether most cells of a column are times of day.
+fn has_clock(file: &TextFile, column: usize) -> bool {
+    mostly(&file.dialect.cells(column), is_time_of_day)
 }
 
 /// Whether a cell is a date without a time of day, and not a number.
@@ -185,11 +190,6 @@ impl Times {
         data: &DataConfig,
         start: usize,
     ) -> Result<Self, DataError> {
-        let bad = |column: &pl::Column, reason: String| DataError::BadTimestamp {
-            path: file.path().to_owned(),
-            column: column.name().to_string(),
-            reason,
-        };
         let RawColumn::Polars(column) = column else {
             return Ok(Self::Stamps(Vec::new()));
         };
@@ -213,13 +213,15 @@ impl Times {
             pl::DataType::String | pl::DataType::Categorical(..) | pl::DataType::Enum(..) => {
                 let text = column.cast(&pl::DataType::String).map_err(damaged)?;
                 let stamps = text_stamps(text.str().map_err(damaged)?, data, start);
-                Self::Stamps(stamps.map_err(|reason| bad(column, reason))?)
+                Self::Stamps(stamps.map_err(|reason| unreadable_column(file, column, reason))?)
             }
             dtype if dtype.is_integer() => {
                 let column = column.cast(&pl::DataType::Int64).map_err(damaged)?;
                 let values = column.i64().map_err(damaged)?;
                 let numbers: Vec<Option<i64>> = values.iter().collect();
-                match dates(&numbers, data).map_err(|reason| bad(&column, reason))? {
+                match dates(&numbers, data)
+                    .map_err(|reason| unreadable_column(file, &column, reason))?
+                {
                     Some(dates) => Self::Stamps(dates),
                     None => Self::Integers(
                         numbers.into_iter().map(|number| number.unwrap_or(NO_TIME)).collect(),
@@ -232,7 +234,9 @@ impl Times {
                 // Missing values turn whole numbers into floats.
                 let numbers: Vec<Option<f64>> =
                     values.iter().map(|value| value.filter(|value| value.is_finite())).collect();
-                match dates(&numbers, data).map_err(|reason| bad(&column, reason))? {
+                match dates(&numbers, data)
+                    .map_err(|reason| unreadable_column(file, &column, reason))?
+                {
                     Some(dates) => Self::Stamps(dates),
                     None => Self::Floats(
                         numbers.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect(),
@@ -241,13 +245,11 @@ impl Times {
             }
             _ => {
                 let field = file.field(column.name()).map(|field| &file.fields[field].type_name);
-                return Err(bad(
-                    column,
-                    format!(
-                        "it is of type {}; expected a datetime, a date, numbers or text",
-                        field.map_or("", String::as_str)
-                    ),
-                ));
+                let reason = format!(
+                    "it is of type {}; expected a datetime, a date, numbers or text",
+                    field.map_or("", String::as_str)
+                );
+                return Err(unreadable_column(file, column, reason));
             }
         })
     }
@@ -259,17 +261,12 @@ impl Times {
         file: &LogFile,
         field: usize,
     ) -> Result<Vec<Option<ParsedTime>>, DataError> {
-        let mut known = |numbers: &dyn Fn() -> Vec<f64>| -> Result<TimestampUnit, DataError> {
-            let known = unit.map_or_else(|| unit_of(&numbers(), file, field), Ok)?;
-            Ok(*unit.insert(known))
-        };
         Ok(match self {
             Self::Stamps(stamps) => stamps,
             Self::Integers(integers) => {
-                let unit = known(&|| {
-                    let there = integers.iter().filter(|&&number| number != NO_TIME);
-                    there.map(|&number| number as f64).collect()
-                })?;
+                let there = integers.iter().filter(|&&number| number != NO_TIME);
+                let numbers = there.map(|&number| number as f64);
+                let unit = known_unit(unit, || numbers.collect(), file, field)?;
                 integers
                     .into_iter()
                     .map(|number: i64| {
@@ -278,7 +275,7 @@ impl Times {
                     .collect()
             }
             Self::Floats(floats) => {
-                let unit = known(&|| floats.clone())?;
+                let unit = known_unit(unit, || floats.clone(), file, field)?;
                 floats
                     .into_iter()
                     .map(|number: f64| {
@@ -288,6 +285,26 @@ impl Times {
             }
         })
     }
+}
+
+/// Returns the error that a column of a Parquet file does not hold timestamps.
+fn unreadable_column(file: &LogFile, column: &pl::Column, reason: String) -> DataError {
+    DataError::BadTimestamp {
+        path: file.path().to_owned(),
+        column: column.name().to_string(),
+        reason,
+    }
+}
+
+/// Returns `unit` if it is known. Otherwise the numbers in the column `field` determine it.
+fn known_unit(
+    unit: &mut Option<TimestampUnit>,
+    numbers: impl FnOnce() -> Vec<f64>,
+    file: &LogFile,
+    field: usize,
+) -> Result<TimestampUnit, DataError> {
+    let known = unit.map_or_else(|| unit_of(&numbers(), file, field), Ok)?;
+    Ok(*unit.insert(known))
 }
 
 /// Returns the unit of the numbers in the column `field`, if they determine it.

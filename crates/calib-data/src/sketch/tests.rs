@@ -95,12 +95,13 @@ fn totals_only_rise_and_clocks_rise_evenly() {
     assert!((changes_of(&wave).rises - 0.5).abs() < 0.1);
 }
 
+fn counts(value: impl Fn(f64) -> f64) -> bool {
+    let values: Vec<f64> = (0..2_000).map(|row| value(f64::from(row))).collect();
+    counts_on_evenly(&values)
+}
+
 #[test]
 fn numbers_of_rows_steps_and_episodes_count_on_evenly() {
-    let counts = |value: fn(f64) -> f64| {
-        let values: Vec<f64> = (0..2_000).map(|row| value(f64::from(row))).collect();
-        counts_on_evenly(&values)
-    };
     assert!(counts(|row| row));
     assert!(counts(|row| row % 50.0), "steps of episodes");
     assert!(counts(|row| (row / 50.0).floor()), "episodes");

@@ -131,15 +131,7 @@ impl Annotated {
                 format!("{} cells, and the header names {}", cells.len(), table.names.len());
             return Err(self.refused(line, reason));
         }
-        let text = |column: usize| -> &str {
-            let cell = cells[column].trim();
-            if cell.is_empty() {
-                table.defaults.get(column).map_or("", |default| default.trim())
-            } else {
-                cell
-            }
-        };
-        let time = table.position("_time").map_or("", text);
+        let time = table.position("_time").map_or("", |column| table.text(cells, column));
         let time = match time {
             "" => None,
             time => Some(parse_stamp(time).ok_or_else(|| {
@@ -149,13 +141,14 @@ impl Annotated {
                 )
             })?),
         };
-        let key = table.key(&text);
+        let key = table.key(cells);
         for column in table.values() {
             let mut key = key.clone();
             if table.names[column] != "_value" {
                 key.insert("column".to_owned(), table.names[column].clone());
             }
-            let cell = cell_of(text(column), Decimal::Point, words).unwrap_or(Cell::Missing);
+            let cell = cell_of(table.text(cells, column), Decimal::Point, words);
+            let cell = cell.unwrap_or(Cell::Missing);
             each(Sample { key: &key, time, cell }, words)?;
         }
         Ok(())
@@ -207,9 +200,21 @@ impl Table {
         ["double", "long", "unsignedLong", "boolean"].contains(&kind)
     }
 
-    fn key<'a>(&self, text: &dyn Fn(usize) -> &'a str) -> Key {
+    /// Returns the cell of a column, or the default if it is empty.
+    fn text<'a>(&'a self, cells: &'a [String], column: usize) -> &'a str {
+        let cell = cells[column].trim();
+        if cell.is_empty() {
+            self.defaults.get(column).map_or("", |default| default.trim())
+        } else {
+            cell
+        }
+    }
+
+    fn key(&self, cells: &[String]) -> Key {
         let columns = (0..self.names.len()).filter(|&column| self.is_key(column));
-        columns.map(|column| (self.names[column].clone(), text(column).to_owned())).collect()
+        columns
+            .map(|column| (self.names[column].clone(), self.text(cells, column).to_owned()))
+            .collect()
     }
 
     /// Returns the columns of values: `_value`, or all numbers of a pivoted table.

@@ -100,19 +100,14 @@ impl Blocks {
 /// Returns the ends of records about `every` bytes apart, and the end of the last record.
 fn record_ends(bytes: &[u8], marks: Marks, every: usize) -> Vec<usize> {
     let mut ends = Vec::new();
-    let mut note = |end: usize, next: &mut usize| {
-        if end >= *next {
-            ends.push(end);
-            *next = end + every;
-        }
-    };
     let mut at = 0;
     let mut next = every;
     let mut last = 0;
     if memchr::memchr(marks.quote, bytes).is_none() {
         while let Some(step) = memchr::memchr(b'\n', &bytes[next.min(bytes.len())..]) {
             let end = next + step + 1;
-            note(end, &mut next);
+            ends.push(end);
+            next = end + every;
         }
         last = memchr::memrchr(b'\n', bytes).map_or(0, |at| at + 1);
     } else {
@@ -123,7 +118,10 @@ fn record_ends(bytes: &[u8], marks: Marks, every: usize) -> Vec<usize> {
             at = found + 1;
             if bytes[found] == b'\n' {
                 last = at;
-                note(at, &mut next);
+                if at >= next {
+                    ends.push(at);
+                    next = at + every;
+                }
                 continue;
             }
             let begins = found == 0 || [marks.separator, b'\n', b'\r'].contains(&bytes[found - 1]);

@@ -42,11 +42,11 @@ impl TextFile {
     pub(crate) fn open(path: &Path, data: &DataConfig) -> Result<Self, DataError> {
         let bytes = input::size(path)?;
         let (head, compression) = head(path)?;
-        let refused = |reason: String| DataError::NotText { path: path.to_owned(), reason };
         if let Some(reason) = no_text(&head) {
-            return Err(refused(reason.to_owned()));
+            return Err(DataError::NotText { path: path.to_owned(), reason: reason.to_owned() });
         }
-        let dialect = Dialect::of(&head, data.separator).map_err(refused)?;
+        let dialect = Dialect::of(&head, data.separator)
+            .map_err(|reason| DataError::NotText { path: path.to_owned(), reason })?;
         let (skip, _) = dialect.skip;
         let lines = memchr::memchr_iter(b'\n', &head[skip as usize..]).count().max(1);
         let packed = match compression {
@@ -79,18 +79,18 @@ impl TextFile {
 
     /// Returns sentences about columns that are not read independently.
     pub(crate) fn read_as(&self) -> Vec<String> {
-        let name = |column: usize| self.columns()[column].name.as_str();
         let mut read_as = Vec::new();
         if self.dialect.has_row_names {
             read_as.push(format!(
                 "the header has {} names and rows have {} values, as R writes tables: the first column has the names of the rows, and is left out as {:?}",
                 self.columns().len() - 1,
                 self.columns().len(),
-                name(0)
+                self.columns()[0].name
             ));
         }
         if let TimeParts::Fields(fields) = &self.time_parts {
-            let names: Vec<&str> = fields.iter().map(|&field| name(field)).collect();
+            let names: Vec<&str> =
+                fields.iter().map(|&field| self.columns()[field].name.as_str()).collect();
             read_as.push(format!("times are joined from the columns {}", names.join(", ")));
         }
         read_as

@@ -23,9 +23,9 @@ pub(crate) enum Compression {
 /// Opens a text file, decompressed and without a byte order mark of UTF-8.
 pub(crate) fn open(path: &Path) -> Result<(Input, Compression), DataError> {
     let mut file = open_regular(path)?;
-    let refused = |source| FileError::io("read", path, source);
     let mut magic = [0; 4];
-    let length = fill(&mut file, &mut magic).map_err(refused)?;
+    let length =
+        fill(&mut file, &mut magic).map_err(|source| FileError::io("read", path, source))?;
     let file = Cursor::new(magic).take(length as u64).chain(file);
     let file = BufReader::with_capacity(1 << 18, file);
     let (mut input, compression): (Input, _) = match magic {
@@ -33,7 +33,8 @@ pub(crate) fn open(path: &Path) -> Result<(Input, Compression), DataError> {
             (Box::new(flate2::bufread::MultiGzDecoder::new(file)), Compression::Gzip)
         }
         [0x28, 0xB5, 0x2F, 0xFD] => {
-            let decoder = zstd::Decoder::with_buffer(file).map_err(refused)?;
+            let decoder = zstd::Decoder::with_buffer(file)
+                .map_err(|source| FileError::io("read", path, source))?;
             (Box::new(decoder), Compression::Zstandard)
         }
         _ => (Box::new(file), Compression::Plain),
@@ -98,17 +99,17 @@ mod tests {
 
     use super::*;
 
+    fn read(path: &Path) -> Result<String, DataError> {
+        let (mut input, _) = open(path)?;
+        let mut text = String::new();
+        input.read_to_string(&mut text).map_err(|error| unreadable(path, &error))?;
+        Ok(text)
+    }
+
     #[test]
     fn packed_and_marked_files_are_the_same_text() {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("a.csv");
-        let read = || {
-            let mut text = String::new();
-            open(&path).and_then(|(mut input, _)| {
-                input.read_to_string(&mut text).map_err(|error| unreadable(&path, &error))
-            })?;
-            Ok::<String, DataError>(text)
-        };
         let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         gzip.write_all(b"time,a\n").expect("memory");
         let gzip = gzip.finish().expect("memory");
@@ -116,13 +117,13 @@ mod tests {
         let zstd = zstd::encode_all(&b"time,a\n"[..], 1).expect("memory");
         for bytes in [&b"time,a\n"[..], b"\xEF\xBB\xBFtime,a\n", &gzip, &zstd] {
             fs::write(&path, bytes).expect("written");
-            assert_eq!(read().expect("text"), "time,a\n");
+            assert_eq!(read(&path).expect("text"), "time,a\n");
         }
         fs::write(&path, two_members).expect("written");
-        assert_eq!(read().expect("text"), "time,a\ntime,a\n");
+        assert_eq!(read(&path).expect("text"), "time,a\ntime,a\n");
         for bytes in ["", "a", "ab"] {
             fs::write(&path, bytes).expect("written");
-            assert_eq!(read().expect("text"), bytes);
+            assert_eq!(read(&path).expect("text"), bytes);
         }
         assert!(!is_empty(&path).expect("readable"));
         let packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
@@ -131,8 +132,8 @@ mod tests {
             assert!(is_empty(&path).expect("readable"));
         }
         fs::write(&path, b"\xFF\xFEt\0").expect("written");
-        assert!(read().expect_err("UTF-16").to_string().contains("UTF-16"));
+        assert!(read(&path).expect_err("UTF-16").to_string().contains("UTF-16"));
         fs::write(&path, &gzip[..gzip.len() - 9]).expect("written");
-        assert!(read().is_err(), "a truncated file");
+        assert!(read(&path).is_err(), "a truncated file");
     }
 }
