@@ -117,7 +117,13 @@ fn owned(names: &[&str]) -> Vec<String> {
 #[test]
 fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
     let folder = Folder::of_text("station.csv", &station());
-    let chosen = |include: &[&str], exclude: &[&str]| {
+    let cases: [(&[&str], &[&str], &str); 4] = [
+        (&["Windrichtung"], &[], "Windrichtung_sin Windrichtung_cos"),
+        (&["*_cos", "Windg*"], &[], "Windrichtung_cos Windgeschwindigkeit"),
+        (&[], &["Windrichtung"], "Windgeschwindigkeit"),
+        (&[], &["*_sin"], "Windrichtung_cos Windgeschwindigkeit"),
+    ];
+    for (include, exclude, expected) in cases {
         let data = DataConfig {
             include: owned(include),
             exclude: owned(exclude),
@@ -125,12 +131,8 @@ fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
         };
         let found = profile(&data);
         assert!(found.unused_excludes.is_empty(), "{:?}", found.unused_excludes);
-        kept(&found).join(" ")
-    };
-    assert_eq!(chosen(&["Windrichtung"], &[]), "Windrichtung_sin Windrichtung_cos");
-    assert_eq!(chosen(&["*_cos", "Windg*"], &[]), "Windrichtung_cos Windgeschwindigkeit");
-    assert_eq!(chosen(&[], &["Windrichtung"]), "Windgeschwindigkeit");
-    assert_eq!(chosen(&[], &["*_sin"]), "Windrichtung_cos Windgeschwindigkeit");
+        assert_eq!(kept(&found).join(" "), expected);
+    }
 }
 
 #[test]
@@ -180,27 +182,29 @@ fn all_shapes_give_the_same_states() {
     assert_eq!(again.fingerprint, datasets[0].fingerprint);
 }
 
+/// Returns the sines and the cosines of the channel `wind` on another clock.
+fn resampled(folder: &Folder, resample: Resample, period: f64) -> [Vec<f64>; 2] {
+    let data = DataConfig {
+        resample: Some(resample),
+        period_secs: Some(period),
+        ..with(folder, &[("wind", 360.0)])
+    };
+    let dataset = load_with(&data, &PreprocessConfig::default());
+    ["wind_sin", "wind_cos"].map(|column| train_values(&dataset, column))
+}
+
 /// The mean of 359° and 1° is 0°, and so is the point halfway between them.
 #[test]
 fn angles_are_resampled_as_directions() {
     let wind = [359.0, 1.0, 359.0, 1.0, 170.0, 190.0, 350.0, 10.0, 90.0];
     let folder = Folder::of("log.parquet", &log_at((0..9).map(|row| 30 * row), &[("wind", &wind)]));
-    let resampled = |resample: Resample, period: f64| {
-        let data = DataConfig {
-            resample: Some(resample),
-            period_secs: Some(period),
-            ..with(&folder, &[("wind", 360.0)])
-        };
-        let dataset = load_with(&data, &PreprocessConfig::default());
-        ["wind_sin", "wind_cos"].map(|column| train_values(&dataset, column))
-    };
     let degree = 1.0 / 360.0 * TAU;
-    let [sines, cosines] = resampled(Resample::Mean, 60.0);
+    let [sines, cosines] = resampled(&folder, Resample::Mean, 60.0);
     // A mean covers the minute before; at 0 there is only the first value.
     assert_eq!(sines, rounded([-degree.sin(), 0.0, 0.0, 0.0, 0.0]));
     let expected = [degree, degree, degree, std::f64::consts::PI - 10.0 * degree, 10.0 * degree];
     assert_eq!(cosines, rounded(expected.map(f64::cos)));
-    let [sines, cosines] = resampled(Resample::Linear, 45.0);
+    let [sines, cosines] = resampled(&folder, Resample::Linear, 45.0);
     let halfway = [0.5 * (-degree.sin() + degree.sin()), degree.cos()];
     assert_eq!([sines[1], cosines[1]], rounded(halfway)[..]);
 }
@@ -222,18 +226,20 @@ fn means_over_states_and_filled_values_are_of_directions() {
     assert!((cosines[1] + 1.0).abs() < 1e-4, "{cosines:?}");
 }
 
+/// Converts degrees to a unit with `turn` to a full turn, and adds `by`.
+fn turned(degrees: &[f64], turn: f64, by: f64) -> Vec<f64> {
+    degrees.iter().map(|angle| angle.rem_euclid(360.0) / 360.0 * turn + by).collect()
+}
+
 #[test]
 fn values_outside_of_a_turn_and_other_turns_are_fine() {
     let around: Vec<f64> = (0..40).map(|row| f64::from(row) * 31.0).collect();
-    let turned = |turns: f64, by: f64| -> Vec<f64> {
-        around.iter().map(|angle| angle.rem_euclid(360.0) / 360.0 * turns + by).collect()
-    };
     let columns = [
-        ("wide", turned(360.0, 720.0)),
+        ("wide", turned(&around, 360.0, 720.0)),
         ("around", around.clone()),
         ("signed", around.iter().map(|angle| (angle + 180.0).rem_euclid(360.0) - 180.0).collect()),
-        ("radians", turned(TAU, 0.0)),
-        ("hours", turned(24.0, 0.0)),
+        ("radians", turned(&around, TAU, 0.0)),
+        ("hours", turned(&around, 24.0, 0.0)),
     ];
     let columns: Vec<(&str, &[f64])> =
         columns.iter().map(|(name, values)| (*name, values.as_slice())).collect();

@@ -85,19 +85,19 @@ fn gaps_end_segments() {
     assert_eq!(dataset.profile.short_steps, 5);
 }
 
+fn clock_doubts(folder: &Folder, period_secs: Option<f64>) -> Vec<String> {
+    profile(&DataConfig { period_secs, ..folder.data() }).clock_doubts()
+}
+
 #[test]
 fn a_clock_that_is_not_as_meant_is_doubted() {
     let start = 1_700_000_000;
     let values: Vec<f64> = (0..20).map(f64::from).collect();
     let seconds = (0..20).map(|row| start + 10 * row);
     let folder = Folder::of("a.parquet", &log_at(seconds, &[("x", &values)]));
-    let doubts = |period_secs| {
-        let data = DataConfig { period_secs, ..folder.data() };
-        profile(&data).clock_doubts()
-    };
-    assert_eq!(doubts(None), Vec::<String>::new());
-    assert_eq!(doubts(Some(10.0)), Vec::<String>::new());
-    let [short] = &doubts(Some(1.0))[..] else { panic!("one doubt") };
+    assert_eq!(clock_doubts(&folder, None), Vec::<String>::new());
+    assert_eq!(clock_doubts(&folder, Some(10.0)), Vec::<String>::new());
+    let [short] = &clock_doubts(&folder, Some(1.0))[..] else { panic!("one doubt") };
     let told = "the rows are recorded every 10 s, and data.period_secs asks for one every 1 s: \
         set data.period_secs = 10, or set data.resample to put them on the other clock";
     assert_eq!(short, told);
@@ -109,7 +109,7 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
     assert_eq!(dataset.profile.clock_doubts(), Vec::<String>::new());
     // A step of 10 s is not a gap for 7 s, and not short for 12 s. Still all times would be wrong.
     for period in [7.0, 12.0, 60.0] {
-        let [told] = &doubts(Some(period))[..] else { panic!("one doubt") };
+        let [told] = &clock_doubts(&folder, Some(period))[..] else { panic!("one doubt") };
         let both = format!("every 10 s, and data.period_secs asks for one every {period} s");
         assert!(told.contains(&both), "{told}");
         assert_refused(&DataConfig { period_secs: Some(period), ..folder.data() }, &[&both]);
@@ -135,6 +135,12 @@ fn counts(dataset: &calib_data::Dataset) -> (u64, u64, u64) {
     (channel.imputed, channel.unfilled, dataset.profile.train.dropped_rows)
 }
 
+fn filled(folder: &Folder, missing: Missing, fill_limit: usize) -> calib_data::Dataset {
+    let preprocess =
+        PreprocessConfig { max_missing: 0.5, missing, fill_limit, ..PreprocessConfig::default() };
+    load_with(&folder.data(), &preprocess)
+}
+
 #[test]
 fn missing_values_are_filled_or_split() {
     let a: Vec<f64> = (0..30_i32)
@@ -142,23 +148,14 @@ fn missing_values_are_filled_or_split() {
         .collect();
     let b: Vec<f64> = (0..30_i32).map(|i| f64::from(i % 4)).collect();
     let folder = Folder::of("a.parquet", &log(0, &[("a", &a), ("b", &b)]));
-    let with = |missing: Missing, fill_limit: usize| {
-        let preprocess = PreprocessConfig {
-            max_missing: 0.5,
-            missing,
-            fill_limit,
-            ..PreprocessConfig::default()
-        };
-        load_with(&folder.data(), &preprocess)
-    };
-    let dropped = with(Missing::DropRow, 10);
+    let dropped = filled(&folder, Missing::DropRow, 10);
     assert_eq!(segment_lengths(&dropped), [5, 7, 10]);
     assert_eq!(counts(&dropped), (0, 8, 8));
-    let forward = with(Missing::ForwardFill, 3);
+    let forward = filled(&folder, Missing::ForwardFill, 3);
     assert_eq!(segment_lengths(&forward), [18, 10]);
     assert_eq!(counts(&forward), (6, 2, 2));
     assert_eq!(train_values(&forward, "a")[4..9], [4.0, 4.0, 4.0, 4.0, 8.0]);
-    let linear = with(Missing::Linear, 3);
+    let linear = filled(&folder, Missing::Linear, 3);
     assert_eq!(segment_lengths(&linear), [15, 10]);
     assert_eq!(counts(&linear), (3, 5, 5));
     assert_eq!(train_values(&linear, "a")[4..9], [4.0, 5.0, 6.0, 7.0, 8.0]);
@@ -230,21 +227,23 @@ fn inputs_that_change_in_the_held_out_period_are_told() {
     assert!(profile.has_inputs_elsewhere("level") && !profile.has_inputs_elsewhere("height"));
 }
 
+/// Whether an input counts as elsewhere that is higher by `held_out` in the held-out period.
+fn is_elsewhere(held_out: f64) -> bool {
+    let mut rows = String::from("time,level,height\n");
+    for row in 0..1_000_i32 {
+        // The training range is 6 wide. Five held-out values are 99 widths beyond it.
+        let added = if row < 800 { 0.0 } else { held_out };
+        let is_far = (985..990).contains(&row);
+        let height = if is_far { 600.0 } else { added + f64::from(row % 7) };
+        writeln!(rows, "{},{},{height}", 1_704_067_200 + row, row % 11).expect("memory");
+    }
+    let folder = Folder::of_text("a.csv", &rows);
+    let profile = profile(&DataConfig { train_fraction: 0.8, ..folder.data() });
+    profile.has_inputs_elsewhere("level")
+}
+
 #[test]
 fn a_few_values_far_away_do_not_put_an_input_elsewhere() {
-    let is_elsewhere = |held_out: f64| {
-        let mut rows = String::from("time,level,height\n");
-        for row in 0..1_000_i32 {
-            // The training range is 6 wide. Five held-out values are 99 widths beyond it.
-            let added = if row < 800 { 0.0 } else { held_out };
-            let is_far = (985..990).contains(&row);
-            let height = if is_far { 600.0 } else { added + f64::from(row % 7) };
-            writeln!(rows, "{},{},{height}", 1_704_067_200 + row, row % 11).expect("memory");
-        }
-        let folder = Folder::of_text("a.csv", &rows);
-        let profile = profile(&DataConfig { train_fraction: 0.8, ..folder.data() });
-        profile.has_inputs_elsewhere("level")
-    };
     assert!(!is_elsewhere(30.0), "all others are 5 widths away");
     assert!(is_elsewhere(300.0));
 }
@@ -332,21 +331,24 @@ fn files_of_two_periods_are_told_to_go_on_one_clock() {
     days.write("c.parquet", &log(START + 1_199, &[("level", &later)]));
     let shared = days.inspect();
     assert_eq!((shared.overlapping_files, shared.clock_doubts()), (1, Vec::new()));
-    let seldom = |folder: &Folder| sketch(&folder.data(), &Silent).expect("a log").seldom_doubt();
-    assert_eq!(seldom(&days), None);
-    assert!(seldom(&folder).is_some_and(|told| told.contains("flow has no value in most rows")));
+    let [of_days, of_folder] = [&days, &folder]
+        .map(|folder| sketch(&folder.data(), &Silent).expect("a log").seldom_doubt());
+    assert_eq!(of_days, None);
+    assert!(of_folder.is_some_and(|told| told.contains("flow has no value in most rows")));
+}
+
+/// Returns a log with a row for each minute of some hours of a day.
+fn minutes_of(day: &str, hours: &[u32]) -> String {
+    let each = hours.iter().flat_map(|hour| (0..60).map(move |minute| (hour, minute)));
+    let rows = each
+        .enumerate()
+        .map(|(row, (hour, minute))| format!("{day} {hour:02}:{minute:02}:00,{row}\n"));
+    format!("time,a\n{}", rows.collect::<String>())
 }
 
 #[test]
 fn changes_of_european_clocks_are_named() {
-    let rows = |day: &str, hours: &[u32]| -> String {
-        let each = hours.iter().flat_map(|hour| (0..60).map(move |minute| (hour, minute)));
-        let rows = each
-            .enumerate()
-            .map(|(row, (hour, minute))| format!("{day} {hour:02}:{minute:02}:00,{row}\n"));
-        format!("time,a\n{}", rows.collect::<String>())
-    };
-    let autumn = Folder::of_text("a.csv", &rows("2024-10-27", &[0, 1, 2, 2, 3]));
+    let autumn = Folder::of_text("a.csv", &minutes_of("2024-10-27", &[0, 1, 2, 2, 3]));
     assert_refused(
         &autumn.data(),
         &["The hour from 02:00 on 2024-10-27 comes twice", "Europe/Berlin"],
@@ -354,9 +356,9 @@ fn changes_of_european_clocks_are_named() {
     let zone = Some("Europe/Berlin".to_owned());
     let data = DataConfig { time_zone: zone.clone(), ..autumn.data() };
     assert_eq!(profile(&data).gaps.count, 0);
-    let other = Folder::of_text("a.csv", &rows("2024-10-20", &[0, 1, 2, 2, 3]));
+    let other = Folder::of_text("a.csv", &minutes_of("2024-10-20", &[0, 1, 2, 2, 3]));
     assert_refused(&other.data(), &["If a clock was set back"]);
-    let spring = Folder::of_text("a.csv", &rows("2024-03-31", &[0, 1, 3, 4]));
+    let spring = Folder::of_text("a.csv", &minutes_of("2024-03-31", &[0, 1, 3, 4]));
     let told = spring.inspect().clock_doubts().join("\n");
     assert!(told.contains("the hour from 02:00 on 2024-03-31 is missing"), "{told}");
     let data = DataConfig { time_zone: zone, ..spring.data() };
@@ -372,12 +374,12 @@ fn names_that_differ_in_capital_letters_are_told() {
     assert!(told.contains("differ only in capital letters: \"FT101\" and \"ft101\"."), "{told}");
     let one = DataConfig { exclude: vec!["ft101".to_owned()], ..folder.data() };
     assert_eq!(profile(&one).clock_doubts(), Vec::<String>::new());
-    let row = |second: usize| {
+    let mut long = String::from("time,tag,value\n");
+    for second in 0..20 {
         let time = format!("2024-03-01 00:00:{second:02}");
-        format!("{time},FT101,{second}\n{time},ft101,{}\n", second % 7)
-    };
-    let samples: String = (0..20).map(row).collect();
-    let long = Folder::of_text("a.csv", &format!("time,tag,value\n{samples}"));
+        writeln!(long, "{time},FT101,{second}\n{time},ft101,{}", second % 7).expect("memory");
+    }
+    let long = Folder::of_text("a.csv", &long);
     assert_eq!(long.inspect().clock_doubts(), Vec::<String>::new());
     let both = Folder::of("a.parquet", &log(START, &[("FT101", &values), ("ft101", &values)]));
     assert_eq!(both.inspect().clock_doubts(), Vec::<String>::new());

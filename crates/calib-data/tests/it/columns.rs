@@ -1,14 +1,16 @@
 //! Tests of the columns of the states and their values.
 
+use std::fmt::Write as _;
+
 use calib_core::{Bounds, ColumnKind, Silent};
 use calib_data::{
-    Contradictions, DataConfig, DropReason, Normalisation, PreprocessConfig, Reduce, inspect,
-    table::Table,
+    Contradictions, DataConfig, Dataset, DropReason, Normalisation, PreprocessConfig, Reduce,
+    inspect, table::Table,
 };
 
 use crate::support::{
     Folder, NAN, assert_refused, assert_refused_with, kept, load_with, log, log_at, one_hot,
-    seconds, segment_lengths, train_seconds, train_values,
+    seconds, segment_lengths, train_seconds, train_values, values_of_contradicting,
 };
 
 fn rising(rows: u8) -> Vec<f64> {
@@ -35,13 +37,17 @@ fn every_dropped_channel_has_its_reason() {
     };
     let dataset = load_with(&data, &PreprocessConfig::default());
     let profile = &dataset.profile;
-    let reason = |name| profile.channel(name).expect("a channel").dropped.clone();
-    assert_eq!(reason("FIT1"), None);
-    assert_eq!(reason("FIT2"), Some(DropReason::Excluded { pattern: "*2".to_owned() }));
-    assert_eq!(reason("constant"), Some(DropReason::Constant { value: 2.0, word: None }));
-    assert_eq!(reason("dead"), Some(DropReason::AllMissing));
-    assert!(matches!(reason("gappy"), Some(DropReason::Missing { limit: 0.1, .. })));
-    assert_eq!(reason("other"), Some(DropReason::NotIncluded));
+    for (name, reason) in [
+        ("FIT1", None),
+        ("FIT2", Some(DropReason::Excluded { pattern: "*2".to_owned() })),
+        ("constant", Some(DropReason::Constant { value: 2.0, word: None })),
+        ("dead", Some(DropReason::AllMissing)),
+        ("other", Some(DropReason::NotIncluded)),
+    ] {
+        assert_eq!(profile.channel(name).expect("a channel").dropped, reason, "{name}");
+    }
+    let gappy = &profile.channel("gappy").expect("a channel").dropped;
+    assert!(matches!(gappy, Some(DropReason::Missing { limit: 0.1, .. })));
     assert_eq!(profile.unused_excludes, ["nothing"]);
     assert_eq!(profile.kept().count(), 1);
     assert_eq!((profile.columns, profile.state_bytes), (1, 40));
@@ -87,17 +93,20 @@ fn selection_and_bounds_come_from_the_training_range() {
 #[test]
 fn normalisation_has_three_forms() {
     let folder = Folder::of("a.parquet", &log(0, &[("a", &rising(11))]));
-    let with = |normalise, quantiles| {
-        let preprocess = PreprocessConfig { normalise, quantiles, ..PreprocessConfig::default() };
-        load_with(&folder.data(), &preprocess).normaliser.columns()[0].bounds
-    };
     let min_max = Bounds { offset: 0.0, scale: 10.0 };
-    assert_eq!(with(Normalisation::MinMax, [0.0, 1.0]), min_max);
-    assert_eq!(with(Normalisation::Quantile, [0.0, 1.0]), min_max);
     let inner = Bounds { offset: 1.0, scale: 8.0 };
-    assert_eq!(with(Normalisation::Quantile, [0.1, 0.9]), inner);
     let standard = Bounds { offset: 5.0, scale: 10.0_f64.sqrt() };
-    assert_eq!(with(Normalisation::Standard, [0.0, 1.0]), standard);
+    for (normalise, quantiles, expected) in [
+        (Normalisation::MinMax, [0.0, 1.0], min_max),
+        (Normalisation::Quantile, [0.0, 1.0], min_max),
+        (Normalisation::Quantile, [0.1, 0.9], inner),
+        (Normalisation::Standard, [0.0, 1.0], standard),
+    ] {
+        let preprocess = PreprocessConfig { normalise, quantiles, ..PreprocessConfig::default() };
+        let dataset = load_with(&folder.data(), &preprocess);
+        let bounds = dataset.normaliser.columns()[0].bounds;
+        assert_eq!(bounds, expected, "{normalise:?} {quantiles:?}");
+    }
 }
 
 #[test]
@@ -171,18 +180,15 @@ fn modes_may_lie_in_a_file_of_their_own_and_contradict_each_other() {
     let folder = Folder::of("a.parquet", &log(0, &[("a", &rising(6))]));
     folder.write("b.parquet", &modes(["run", "run", "stop", "", "run", "run"]));
     let preprocess = one_hot("mode");
-    let data = |contradictions| DataConfig { contradictions, train_fraction: 1.0, ..folder.data() };
-    let stops =
-        |contradictions| train_values(&load_with(&data(contradictions), &preprocess), "mode=stop");
-    assert_eq!(stops(Contradictions::Refuse), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+    let alone = load_with(&folder.data(), &preprocess);
+    assert_eq!(train_values(&alone, "mode=stop"), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
     folder.write("c.parquet", &modes(["run", "", "run", "stop", "run", "run"]));
-    assert_refused_with(
-        &data(Contradictions::Refuse),
-        &preprocess,
-        &["00:00:02 mode is \"stop\" and \"run\""],
-    );
-    assert_eq!(stops(Contradictions::First), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
-    assert_eq!(stops(Contradictions::Last), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+    assert_refused_with(&folder.data(), &preprocess, &["00:00:02 mode is \"stop\" and \"run\""]);
+    let [first, last] = [Contradictions::First, Contradictions::Last].map(|contradictions| {
+        values_of_contradicting(&folder, contradictions, &preprocess, "mode=stop")
+    });
+    assert_eq!(first, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+    assert_eq!(last, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
 }
 
 #[test]
@@ -196,35 +202,37 @@ fn modes_that_are_numbers_contradict_each_other_as_well() {
         &preprocess,
         &["1 values: at 1970-01-01 00:00:02 mode is \"2\" and \"1\""],
     );
-    let twos = |contradictions| {
-        let data = DataConfig { contradictions, ..folder.data() };
-        train_values(&load_with(&data, &preprocess), "mode=2")
-    };
-    assert_eq!(twos(Contradictions::First), [0.0, 0.0, 1.0, 1.0]);
-    assert_eq!(twos(Contradictions::Last), [0.0, 0.0, 0.0, 1.0]);
+    let [first, last] = [Contradictions::First, Contradictions::Last].map(|contradictions| {
+        values_of_contradicting(&folder, contradictions, &preprocess, "mode=2")
+    });
+    assert_eq!(first, [0.0, 0.0, 1.0, 1.0]);
+    assert_eq!(last, [0.0, 0.0, 0.0, 1.0]);
     // The same for samples.
     let long = "time,tag,value\n2024-01-01,a,1\n2024-01-01,mode,1\n2024-01-01,mode,2\n2024-01-02,a,3\n2024-01-02,mode,2\n";
     let folder = Folder::of_text("a.csv", long);
     assert_refused_with(&folder.data(), &preprocess, &["mode is \"1\" and \"2\""]);
 }
 
+fn sub_sampled(folder: &Folder, subsample: usize, reduce: Reduce) -> Dataset {
+    let preprocess = PreprocessConfig { subsample, reduce, ..PreprocessConfig::default() };
+    load_with(&folder.data(), &preprocess)
+}
+
 #[test]
 fn sub_sampling_counts_from_each_segment() {
     let times: Vec<i64> = (0..7).chain(20..22).chain(30..35).collect();
     let folder = Folder::of("a.parquet", &log_at(times, &[("a", &rising(14))]));
-    let with = |subsample, reduce| {
-        let preprocess = PreprocessConfig { subsample, reduce, ..PreprocessConfig::default() };
-        load_with(&folder.data(), &preprocess)
-    };
-    let kept = with(3, Reduce::Keep);
+    let kept = sub_sampled(&folder, 3, Reduce::Keep);
     assert_eq!(train_seconds(&kept), [0.0, 3.0, 6.0, 20.0, 30.0, 33.0]);
     assert_eq!(segment_lengths(&kept), [3, 1, 2]);
     assert_eq!((kept.period.as_secs(), kept.profile.train.transitions), (3.0, 3));
     assert_eq!(kept.profile.sampled_period_secs, 3.0);
-    let mean = with(3, Reduce::Mean);
+    let mean = sub_sampled(&folder, 3, Reduce::Mean);
     assert_eq!(train_seconds(&mean), [2.0, 5.0, 32.0]);
     assert_eq!(train_values(&mean, "a"), [1.0, 4.0, 10.0]);
-    assert_eq!(with(1, Reduce::Mean).fingerprint, with(1, Reduce::Keep).fingerprint);
+    let [mean, kept] =
+        [Reduce::Mean, Reduce::Keep].map(|reduce| sub_sampled(&folder, 1, reduce).fingerprint);
+    assert_eq!(mean, kept);
 }
 
 #[test]
@@ -252,13 +260,13 @@ fn wide_logs_are_read_in_batches() {
 
 #[test]
 fn pairs_of_words_are_one_and_zero() {
-    let row = |row: usize| {
+    let mut wide = String::from("time,a,XV,STATUS\n");
+    for row in 0..40 {
         let valve = ["OFF", "ON", "ON", ""][row % 4];
         let state = ["RUN", "CIP", "STANDBY"][row % 3];
-        format!("2024-03-01 00:00:{row:02},{},{valve},{state}\n", row % 7)
-    };
-    let rows: String = (0..40).map(row).collect();
-    let wide = Folder::of_text("a.csv", &format!("time,a,XV,STATUS\n{rows}"));
+        writeln!(wide, "2024-03-01 00:00:{row:02},{},{valve},{state}", row % 7).expect("memory");
+    }
+    let wide = Folder::of_text("a.csv", &wide);
     let preprocess = PreprocessConfig { max_missing: 0.5, ..PreprocessConfig::default() };
     let found = inspect(&wide.data(), &preprocess, &Silent).expect("a log");
     assert_eq!(kept(&found), ["a", "XV"]);
@@ -292,12 +300,11 @@ fn a_long_table_in_which_a_switch_is_on_and_off_at_once_is_refused() {
         &["contradict each other in 1 values", "at 2024-03-01 00:00:00 XV is 1 and 0"],
     );
     assert_eq!(folder.inspect().contradictions.count, 1, "to be looked at");
-    let first = |contradictions| {
-        let data = DataConfig { contradictions, ..folder.data() };
-        train_values(&load_with(&data, &PreprocessConfig::default()), "XV")[0]
-    };
-    assert_eq!(first(Contradictions::First), 1.0);
-    assert_eq!(first(Contradictions::Last), 0.0);
+    let kept = [Contradictions::First, Contradictions::Last].map(|contradictions| {
+        let preprocess = PreprocessConfig::default();
+        values_of_contradicting(&folder, contradictions, &preprocess, "XV")[0]
+    });
+    assert_eq!(kept, [1.0, 0.0]);
     // The word that is not kept counts too: with a third one it is text.
     let third = later.replace("OFF", "ON");
     let folder = Folder::of_text("a.csv", &format!("time,tag,value\n{at_once}{third}"));
@@ -308,18 +315,19 @@ fn a_long_table_in_which_a_switch_is_on_and_off_at_once_is_refused() {
 fn several_switches_of_several_files_keep_their_own_values() {
     let folder = Folder::new();
     for file in 0..2 {
-        let row = |minute: usize| {
+        let mut text = String::from("time,pump,a,valve\n");
+        for minute in 0..60 {
             let [first, second] =
                 [["OFF", "ON"][minute / 5 % 2], ["closed", "open"][minute / 4 % 2]];
-            format!("2024-03-01 0{file}:{minute:02},{first},{},{second}\n", minute % 7)
-        };
-        let rows: String = (0..60).map(row).collect();
-        folder.write_file(&format!("{file}.csv"), &format!("time,pump,a,valve\n{rows}"));
+            writeln!(text, "2024-03-01 0{file}:{minute:02},{first},{},{second}", minute % 7)
+                .expect("memory");
+        }
+        folder.write_file(&format!("{file}.csv"), &text);
     }
     let dataset = folder.load();
-    let switched = |every: u32| -> Vec<f64> {
-        (0..120_u32).map(|minute| f64::from(minute % 60 / every % 2)).collect()
-    };
-    assert_eq!(train_values(&dataset, "pump"), switched(5));
-    assert_eq!(train_values(&dataset, "valve"), switched(4));
+    for (name, every) in [("pump", 5), ("valve", 4)] {
+        let minutes = 0..120_u32;
+        let switched = minutes.map(|minute| f64::from(minute % 60 / every % 2));
+        assert_eq!(train_values(&dataset, name), switched.collect::<Vec<f64>>(), "{name}");
+    }
 }

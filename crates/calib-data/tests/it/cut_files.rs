@@ -59,17 +59,20 @@ fn files_of_a_tag_each_may_be_cut() {
     assert_refused(&folder.data(), &[&told[..], &["Restore the file", "data.bad_rows"]].concat());
 }
 
+fn read_text(text: &str) -> (u64, u64) {
+    read(&Folder::of_text("a.csv", text).data())
+}
+
 #[test]
 fn a_short_last_number_may_be_whole() {
-    let read_to = |text: &str| read(&Folder::of_text("a.csv", text).data());
     // Without zeros at the end, 120 has its full length.
     let (text, last) = rows("time,level", ',', |value| value.to_string());
     let shorter = format!("{}2024-03-11 00:39:00,120", &text[..last]);
-    assert_eq!(read_to(&shorter), (40, 0));
+    assert_eq!(read_text(&shorter), (40, 0));
     // A line break shows that the number is complete.
     let (text, last) = rows("time,level", ',', |value| format!("{value:.2}"));
     let shorter = format!("{}2024-03-11 00:39:00,120", &text[..last]);
-    assert_eq!(read_to(&format!("{shorter}\n")), (40, 0));
+    assert_eq!(read_text(&format!("{shorter}\n")), (40, 0));
     assert_refused(&Folder::of_text("a.csv", &shorter).data(), &["is the file cut off"]);
     // A channel that is switched off late writes 0.
     let mut late = text;
@@ -78,7 +81,7 @@ fn a_short_last_number_may_be_whole() {
         writeln!(late, "2024-03-11 {hour:02}:{minute:02}:00,120.50").expect("memory");
     }
     let [off, cut] = ["0\n2024-03-11 10:00:00,0", "120.50\n2024-03-11 10:00:00,0"];
-    assert_eq!(read_to(&format!("{late}2024-03-11 09:59:00,{off}")), (542, 0));
+    assert_eq!(read_text(&format!("{late}2024-03-11 09:59:00,{off}")), (542, 0));
     let cut = format!("{late}2024-03-11 09:59:00,{cut}");
     assert_refused(&Folder::of_text("a.csv", &cut).data(), &["is the file cut off"]);
     // Each tag of a long table may have its own format.
@@ -91,5 +94,5 @@ fn a_short_last_number_may_be_whole() {
             writeln!(long, "2024-03-11 {hour:02}:{minute:02}:00,{tag},{number}").expect("memory");
         }
     }
-    assert_eq!(read_to(long.trim_end()), (450, 0));
+    assert_eq!(read_text(long.trim_end()), (450, 0));
 }

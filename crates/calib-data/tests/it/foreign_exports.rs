@@ -24,11 +24,10 @@ const TAGS: [&str; 3] = ["Füllstand", "Durchfluss", "Temperatur"];
 #[test]
 fn columns_of_other_languages_are_a_long_table() {
     for apart in [0, 20] {
-        let row = |tag: usize, number: usize| {
+        let text = in_turn("Zeitpunkt;Messstelle;Wert;Qualität", apart, |tag, number| {
             let word = if number == 4 { "SCHLECHT" } else { "GUT" };
             format!("{};{},5{number};{word}", TAGS[tag], 10 * tag)
-        };
-        let text = in_turn("Zeitpunkt;Messstelle;Wert;Qualität", apart, row);
+        });
         let found = Folder::of_text("a.csv", &text).inspect();
         assert_eq!((found.shape, found.channels.len()), (Shape::Long, 3), "{apart}");
         assert_eq!(found.bad_quality, 3);
@@ -37,12 +36,13 @@ fn columns_of_other_languages_are_a_long_table() {
 
 #[test]
 fn words_that_alternate_are_tags_or_asked_about() {
-    let row = |tag: usize, number: usize| format!("{};{tag},{number:02};x", TAGS[tag]);
     let known = in_turn("Zeitpunkt;Wo;Ist;Qualität", 20, |tag, number| {
         format!("{};{tag},{number:02};GUT", TAGS[tag])
     });
     assert_eq!(Folder::of_text("a.csv", &known).inspect().shape, Shape::Long);
-    let same = in_turn("Zeitpunkt;Wo;Ist;Werk", 20, row);
+    let same = in_turn("Zeitpunkt;Wo;Ist;Werk", 20, |tag, number| {
+        format!("{};{tag},{number:02};x", TAGS[tag])
+    });
     let folder = Folder::of_text("a.csv", &same);
     let found = folder.inspect();
     assert_eq!(found.shape, Shape::Long);
@@ -87,12 +87,12 @@ fn days(header: &str, row: impl Fn(usize) -> String) -> String {
 
 #[test]
 fn words_that_are_states_are_asked_about() {
-    let pump = |day: usize| ["EIN", "AUS"][day / 9 % 2];
     let asked = ["data.tag = \"Wetter\"", "data.shape = \"wide\""];
     // A switch beside them is a channel, however much the words tell of the numbers.
     for level in [0, 1_000] {
         let text = days("Datum;Wetter;Pumpe;Ertrag", |day| {
-            format!("{};{}", pump(day), day % 11 + level * (day * day % 7 % 3))
+            let pump = ["EIN", "AUS"][day / 9 % 2];
+            format!("{pump};{}", day % 11 + level * (day * day % 7 % 3))
         });
         let folder = Folder::of_text("a.csv", &text);
         assert_refused(&folder.data(), &asked);
@@ -120,12 +120,13 @@ fn words_of_quality_that_nobody_knows_are_asked_for() {
 fn a_sensor_that_is_off_at_first_has_words_that_other_files_tell() {
     let folder = Folder::new();
     for (number, tag) in ["flow", "level"].into_iter().enumerate() {
-        let row = |row: usize| {
+        let mut text = format!("time,{tag},quality\n");
+        for row in 0..900 {
             let word = if number == 0 && row < 450 { "Comm Fail" } else { "Good" };
-            format!("2024-03-01 {:02}:{:02},{},{word}\n", row / 60, row % 60, row % 7 + number)
-        };
-        let rows: String = (0..900).map(row).collect();
-        folder.write_file(&format!("{tag}.csv"), &format!("time,{tag},quality\n{rows}"));
+            let [hour, minute, value] = [row / 60, row % 60, row % 7 + number];
+            writeln!(text, "2024-03-01 {hour:02}:{minute:02},{value},{word}").expect("memory");
+        }
+        folder.write_file(&format!("{tag}.csv"), &text);
     }
     let found = folder.inspect();
     assert_eq!((found.shape, found.bad_quality), (Shape::FilePerTag, 450));

@@ -13,8 +13,8 @@ use calib_data::{
 };
 
 use crate::support::{
-    Folder, NAN, assert_refused, assert_refused_with, load_with, log_at, one_hot, profile,
-    train_seconds, train_values,
+    Folder, NAN, assert_refused, assert_refused_with, load_with, log_at, names, one_hot, profile,
+    train_seconds, train_values, values_of_contradicting,
 };
 
 fn golden(name: &str) -> PathBuf {
@@ -105,10 +105,22 @@ fn working_files_change_nothing() {
 #[test]
 fn bad_quality_is_missing_and_counted() {
     let profile = read("pandas-long-quality.csv", |_| {}).profile;
-    let missing = |name: &str| profile.channel(name).expect("a channel").missing;
-    assert_eq!((profile.bad_quality, missing("PIT300"), missing("TIT101")), (7, 4, 3));
+    let missing =
+        ["PIT300", "TIT101"].map(|name| profile.channel(name).expect("a channel").missing);
+    assert_eq!((profile.bad_quality, missing), (7, [4, 3]));
     let words = &profile.channel("PIT300").expect("a channel").values;
     assert!(words.as_ref().is_some_and(|values| values.min > 0.0), "-9999 was bad");
+}
+
+/// Returns the configuration for rows every millisecond.
+fn fine(folder: &Folder, max_age_secs: Option<f64>, memory: u64) -> DataConfig {
+    DataConfig {
+        resample: Some(Resample::Last),
+        period_secs: Some(0.001),
+        max_age_secs: max_age_secs.map(MaxAge::All),
+        memory: Some(memory),
+        ..folder.data()
+    }
 }
 
 #[test]
@@ -117,24 +129,17 @@ fn a_clock_of_more_rows_than_memory_holds_is_refused() {
         "a.csv",
         "time,a\n2024-01-01 00:00:00,1\n2024-01-20 00:00:00,2\n2024-02-18 00:00:00,3\n",
     );
-    let fine = |max_age_secs: Option<f64>, memory| DataConfig {
-        resample: Some(Resample::Last),
-        period_secs: Some(0.001),
-        max_age_secs: max_age_secs.map(MaxAge::All),
-        memory: Some(memory),
-        ..folder.data()
-    };
-    let profile = profile(&fine(None, 1 << 30));
+    let profile = profile(&fine(&folder, None, 1 << 30));
     assert_eq!(profile.rows, 23, "values stand for ten periods");
     let all = Some(60.0 * 86_400.0);
-    assert_refused(&fine(all, 4 << 30), &["data.period_secs", "4.0 GiB are available"]);
+    assert_refused(&fine(&folder, all, 4 << 30), &["data.period_secs", "4.0 GiB are available"]);
     let mut long = String::from("time,tag,value\n");
     for tag in 0..500 {
         writeln!(long, "2024-01-01 00:00:00,t{tag},1\n2024-01-01 02:00:00,t{tag},2")
             .expect("memory");
     }
     let long = Folder::of_text("a.csv", &long);
-    let many = DataConfig { path: long.data().path, ..fine(all, 1 << 40) };
+    let many = DataConfig { path: long.data().path, ..fine(&folder, all, 1 << 40) };
     assert_refused(&many, &["3600000500 values of 1000 that were recorded"]);
     let few = DataConfig {
         include: vec!["t1".to_owned(), "t2".to_owned()],
@@ -142,7 +147,7 @@ fn a_clock_of_more_rows_than_memory_holds_is_refused() {
         ..many
     };
     assert_eq!(load_with(&few, &PreprocessConfig::default()).train.rows(), 72_001);
-    let finer = DataConfig { period_secs: Some(0.0001), memory: None, ..fine(all, 0) };
+    let finer = DataConfig { period_secs: Some(0.0001), memory: None, ..fine(&folder, all, 0) };
     assert_refused(&finer, &["data.period_secs", "calib can index"]);
 }
 
@@ -169,7 +174,7 @@ fn stops_that_the_last_value_bridges_are_told() {
         writeln!(rows, "{},slow,{minute}", 1_704_067_200 + minute * 60).expect("memory");
     }
     let folder = Folder::of_text("a.csv", &rows);
-    let with = |max_age_secs| {
+    let [profile, short] = [1_800.0, 60.0].map(|max_age_secs| {
         let data = DataConfig {
             resample: Some(Resample::Last),
             period_secs: Some(10.0),
@@ -177,8 +182,7 @@ fn stops_that_the_last_value_bridges_are_told() {
             ..folder.data()
         };
         profile(&data)
-    };
-    let profile = with(1_800.0);
+    });
     let bridged = &profile.channel("fast").expect("a channel").bridged;
     assert_eq!((bridged.count, bridged.longest_secs, bridged.usual_secs), (1, 1_201.0, 1.0));
     assert!(profile.channel("slow").expect("a channel").bridged.is_none());
@@ -191,7 +195,7 @@ fn stops_that_the_last_value_bridges_are_told() {
             && doubt.contains("data.max_age_secs = { default = …, \"fast\" = … }"),
         "{doubt}"
     );
-    assert!(with(60.0).value_doubts(&ShownClock::default()).is_empty(), "missing is not bridged");
+    assert!(short.value_doubts(&ShownClock::default()).is_empty(), "missing is not bridged");
 }
 
 fn twenty(factor: f64) -> Vec<f64> {
@@ -247,12 +251,11 @@ fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
         ],
     );
     assert_eq!(folder.inspect().contradictions.count, 4, "to be looked at");
-    let keep = |contradictions| {
-        let data = DataConfig { contradictions, ..folder.data() };
-        train_values(&load_with(&data, &PreprocessConfig::default()), "a")
-    };
-    assert_eq!(keep(Contradictions::First), [0.0, 1.0, 2.0, 3.0, 4.0]);
-    assert_eq!(keep(Contradictions::Last), [0.0, 1.5, 2.5, 3.5, 4.5]);
+    let [first, last] = [Contradictions::First, Contradictions::Last].map(|contradictions| {
+        values_of_contradicting(&folder, contradictions, &PreprocessConfig::default(), "a")
+    });
+    assert_eq!(first, [0.0, 1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(last, [0.0, 1.5, 2.5, 3.5, 4.5]);
     // The same for samples.
     let long = Folder::of_text(
         "a.csv",
@@ -275,14 +278,17 @@ fn of_several_files_the_one_that_starts_last_comes_last() {
     let folder = Folder::of("a.parquet", &log_at(5..60, &[("a", &a), ("b", &a)]));
     folder.write("b.parquet", &log_at(3..60, &[("a", &b), ("b", &b)]));
     folder.write("c.parquet", &log_at(1..60, &[("a", &c), ("c", &c)]));
-    let last = |contradictions, channel: &str| {
-        let data = DataConfig { contradictions, ..folder.data() };
-        train_values(&load_with(&data, &PreprocessConfig::default()), channel).pop()
-    };
-    assert_eq!(last(Contradictions::First, "a"), Some(89.0));
-    assert_eq!(last(Contradictions::First, "b"), Some(79.0), "of those that have a value");
-    assert_eq!(last(Contradictions::Last, "a"), Some(69.0));
-    assert_eq!(last(Contradictions::Last, "b"), Some(69.0));
+    // The last row has the value of the first or the last of the files that have one.
+    for (contradictions, channel, expected) in [
+        (Contradictions::First, "a", 89.0),
+        (Contradictions::First, "b", 79.0),
+        (Contradictions::Last, "a", 69.0),
+        (Contradictions::Last, "b", 69.0),
+    ] {
+        let preprocess = PreprocessConfig::default();
+        let values = values_of_contradicting(&folder, contradictions, &preprocess, channel);
+        assert_eq!(values.last(), Some(&expected), "{contradictions:?} of {channel}");
+    }
 }
 
 #[test]
@@ -351,29 +357,27 @@ fn a_long_table_is_never_one_channel() {
     assert_refused(&both.data(), &["data.shape = \"long\" or \"wide\""]);
 }
 
+/// Returns a long table of three tags whose column of values has this name.
+fn german_table(value: &str) -> String {
+    let mut text = format!("Tag;Zeitstempel;{value};Status\n");
+    for minute in 0..30 {
+        for (tag, level) in [("FIT100", 120), ("PIT300", 434), ("TIT101", 20)] {
+            let value = level + minute % 7;
+            writeln!(text, "{tag};2024-03-11 00:{minute:02}:00;{value},5;Good").expect("memory");
+        }
+    }
+    text
+}
+
 #[test]
 fn long_tables_with_headers_of_other_languages_are_read_or_asked_about() {
-    let table = |value: &str| -> String {
-        let mut text = format!("Tag;Zeitstempel;{value};Status\n");
-        for minute in 0..30 {
-            for (tag, level) in [("FIT100", 120), ("PIT300", 434), ("TIT101", 20)] {
-                let value = level + minute % 7;
-                writeln!(text, "{tag};2024-03-11 00:{minute:02}:00;{value},5;Good")
-                    .expect("memory");
-            }
-        }
-        text
-    };
-    let names = |data: &DataConfig| -> Vec<String> {
-        profile(data).channels.into_iter().map(|channel| channel.name).collect()
-    };
-    let german = Folder::of_text("a.csv", &table("Wert"));
-    assert_eq!(names(&german.data()), ["FIT100", "PIT300", "TIT101"]);
+    let german = Folder::of_text("a.csv", &german_table("Wert"));
+    assert_eq!(names(&german.inspect()), ["FIT100", "PIT300", "TIT101"]);
     // The only column of numbers has the values, whatever its name. Of several one is asked for.
-    let folder = Folder::of_text("a.csv", &table("Ablesung"));
-    assert_eq!(names(&folder.data()), ["FIT100", "PIT300", "TIT101"]);
+    let folder = Folder::of_text("a.csv", &german_table("Ablesung"));
+    assert_eq!(names(&folder.inspect()), ["FIT100", "PIT300", "TIT101"]);
     let several =
-        table("Ablesung").replace(";Status", ";Grenze;Status").replace(";Good", ";7;Good");
+        german_table("Ablesung").replace(";Status", ";Grenze;Status").replace(";Good", ";7;Good");
     let folder = Folder::of_text("a.csv", &several);
     assert_refused(
         &folder.data(),
@@ -384,7 +388,7 @@ fn long_tables_with_headers_of_other_languages_are_read_or_asked_about() {
         value: Some("Ablesung".to_owned()),
         ..folder.data()
     };
-    assert_eq!(names(&data), ["FIT100", "PIT300", "TIT101"]);
+    assert_eq!(names(&profile(&data)), ["FIT100", "PIT300", "TIT101"]);
 }
 
 #[test]
@@ -457,7 +461,7 @@ fn changes_are_resampled_to_a_clock() {
     let a = [1.0, NAN, 2.0, 3.0, NAN, 4.0, NAN];
     let b = [NAN, 5.0, NAN, NAN, 6.0, NAN, 7.0];
     let folder = Folder::of("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
-    let with = |resample| {
+    let [last, mean] = [Resample::Last, Resample::Mean].map(|resample| {
         let data = DataConfig {
             resample: Some(resample),
             period_secs: Some(10.0),
@@ -465,12 +469,10 @@ fn changes_are_resampled_to_a_clock() {
             ..folder.data()
         };
         load_with(&data, &PreprocessConfig { max_missing: 1.0, ..PreprocessConfig::default() })
-    };
-    let last = with(Resample::Last);
+    });
     assert_eq!(train_seconds(&last), [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]);
     assert_eq!(train_values(&last, "a"), [2.0, 2.0, 3.0, 3.0, 3.0, 4.0]);
     assert_eq!(train_values(&last, "b"), [5.0, 5.0, 5.0, 6.0, 6.0, 6.0]);
-    let mean = with(Resample::Mean);
     assert_eq!(train_values(&mean, "a"), [1.0, 2.0, 2.5, 3.0, 3.0, 3.0]);
     // The same from samples.
     let long = samples_of(times, [("a", a), ("b", b)]);
@@ -489,6 +491,17 @@ fn changes_are_resampled_to_a_clock() {
     );
 }
 
+/// Returns the configuration for rows every 10 s, with these ages by channel.
+fn with_ages(folder: &Folder, ages: &[(&str, f64)]) -> DataConfig {
+    let ages = ages.iter().map(|&(entry, secs)| (entry.to_owned(), secs));
+    DataConfig {
+        resample: Some(Resample::Last),
+        period_secs: Some(10.0),
+        max_age_secs: Some(MaxAge::Channels(ages.collect())),
+        ..folder.data()
+    }
+}
+
 /// A tag of the laboratory, whose values stay valid for longer. Rows are only where the other
 /// channels have values.
 #[test]
@@ -498,36 +511,27 @@ fn a_tag_may_have_an_age_of_its_own() {
     let b = [NAN, 5.0, NAN, NAN, 6.0, NAN, 7.0];
     let wide = Folder::of("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
     let long = samples_of(times, [("a", a), ("b", b)]);
-    let with = |folder: &Folder, ages: &[(&str, f64)]| {
-        let ages = ages.iter().map(|&(entry, secs)| (entry.to_owned(), secs));
-        DataConfig {
-            resample: Some(Resample::Last),
-            period_secs: Some(10.0),
-            max_age_secs: Some(MaxAge::Channels(ages.collect())),
-            ..folder.data()
-        }
-    };
     let strict =
         PreprocessConfig { max_missing: 1.0, fill_limit: 0, ..PreprocessConfig::default() };
     let ages = [("default", 10.0), ("[b]", 30.0)];
-    let dataset = load_with(&with(&wide, &ages), &strict);
+    let dataset = load_with(&with_ages(&wide, &ages), &strict);
     // By its age b is also valid at 50, but no other value is.
     assert_eq!(train_seconds(&dataset), [10.0, 20.0, 30.0, 60.0]);
     assert_eq!(train_values(&dataset, "a"), [2.0, 2.0, 3.0, 4.0]);
     assert_eq!(train_values(&dataset, "b"), [5.0, 5.0, 5.0, 6.0]);
-    let of_samples = load_with(&with(&long, &ages), &strict);
+    let of_samples = load_with(&with_ages(&long, &ages), &strict);
     assert_eq!(of_samples.fingerprint, dataset.fingerprint);
     assert_refused_with(
-        &with(&wide, &[("default", 10.0), ("c*", 30.0)]),
+        &with_ages(&wide, &[("default", 10.0), ("c*", 30.0)]),
         &strict,
         &["data.max_age_secs, \"c*\": it names no channel"],
     );
     assert_refused_with(
-        &with(&wide, &[("?", 20.0), ("b*", 30.0)]),
+        &with_ages(&wide, &[("?", 20.0), ("b*", 30.0)]),
         &strict,
         &["give b an entry of its own"],
     );
-    load_with(&with(&wide, &[("?", 20.0), ("b", 30.0)]), &strict);
+    load_with(&with_ages(&wide, &[("?", 20.0), ("b", 30.0)]), &strict);
 }
 
 #[test]

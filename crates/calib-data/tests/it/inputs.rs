@@ -247,18 +247,25 @@ fn a_channel_that_a_file_lacks_is_missing_there() {
     assert_eq!(dataset.profile.train.dropped_rows, 4);
 }
 
+/// Returns a table of two rows that begin at this second.
+fn two_rows(start: i64) -> Table {
+    Table::new().with("timestamp", seconds(start..start + 2))
+}
+
 #[test]
 fn types_may_differ_between_files() {
     let folder = Folder::new();
-    let file = |start: i64, name: &str, table: fn(Table) -> Table| {
-        let times = Table::new().with("timestamp", seconds(start..start + 2));
-        folder.write(name, &table(times));
-    };
-    file(0, "0.parquet", |table| table.with("a", vec![1.0, 2.0]));
-    file(2, "1.parquet", |table| table.with("a", vec![3_i64, 4]));
-    file(4, "2.parquet", |table| table.with("a", vec![true, false]));
-    file(6, "3.parquet", |table| table.with("a", vec!["5.5".to_owned(), " 6e0 ".to_owned()]));
-    file(8, "4.parquet", |table| table.with("a", vec![7.0_f32, 8.0]));
+    let texts = vec!["5.5".to_owned(), " 6e0 ".to_owned()];
+    let tables = [
+        two_rows(0).with("a", vec![1.0, 2.0]),
+        two_rows(2).with("a", vec![3_i64, 4]),
+        two_rows(4).with("a", vec![true, false]),
+        two_rows(6).with("a", texts),
+        two_rows(8).with("a", vec![7.0_f32, 8.0]),
+    ];
+    for (number, table) in tables.iter().enumerate() {
+        folder.write(&format!("{number}.parquet"), table);
+    }
     let dataset = folder.load();
     let expected = [1.0, 2.0, 3.0, 4.0, 1.0, 0.0, 5.5, 6.0, 7.0, 8.0];
     assert_eq!(train_values(&dataset, "a"), expected);
@@ -312,12 +319,10 @@ fn quality_words_are_missing_and_listed() {
         &Silent,
     )
     .expect("a log");
-    let channel = |name| profile.channel(name).expect("a channel");
-    let a = channel("a");
+    let [a, b, c] = ["a", "b", "c"].map(|name| profile.channel(name).expect("a channel"));
     assert_eq!(a.words, [("Bad".to_owned(), 2), ("Scan Timeout".to_owned(), 1)]);
     assert_eq!((a.missing, a.imputed, a.dropped.is_none()), (3, 3, true));
-    assert_eq!(channel("b").dropped, Some(DropReason::Text));
-    let c = channel("c");
+    assert_eq!(b.dropped, Some(DropReason::Text));
     assert_eq!((c.non_finite, c.missing, c.imputed), (3, 3, 3));
     assert_eq!(c.values.as_ref().map(|values| (values.min, values.max)), Some((1.0, 4.0)));
 }

@@ -26,14 +26,12 @@ fn air_quality() -> String {
     let mut text = String::from("Date;Time;CO(GT);PT08.S1(CO);T;;\r\n");
     for row in 0..ROWS {
         let (day, hour) = day_and_hour(row);
-        let value = |value: f64| {
-            if row % 50 == 7 { "-200".to_owned() } else { format!("{value:.1}").replace('.', ",") }
-        };
         let co = wave(row, 4.0, 0.1, 11.9);
         let sensor = wave(row, 5.0, 647.0, 2_040.0);
-        let co = value(co);
-        let sensor = value(sensor);
-        let t = value(wave(row, 9.0, -1.9, 44.6));
+        let t = wave(row, 9.0, -1.9, 44.6);
+        let [co, sensor, t] = [co, sensor, t].map(|value| {
+            if row % 50 == 7 { "-200".to_owned() } else { format!("{value:.1}").replace('.', ",") }
+        });
         write!(text, "{day:02}/03/2004;{hour:02}.00.00;{co};{sensor};{t};;\r\n").expect("memory");
     }
     text + ";;;;;;\r\n;;;;;;\r\n"

@@ -85,15 +85,13 @@ fn the_decimal_sign_is_that_of_the_whole_log() {
 #[test]
 fn points_of_thousands_are_asked_about_as_commas_are() {
     let rows = ["997;434", "1.000;434", "1.001;435", "998;433"];
-    let text = |separator: &str| -> String {
-        let rows: Vec<String> = rows
-            .iter()
-            .enumerate()
-            .map(|(minute, row)| format!("2024-03-11 00:{minute:02}:00;{row}\n"))
-            .collect();
-        format!("Zeit;Q;P\n{}", rows.concat()).replace(';', separator)
-    };
-    let folder = Folder::of_text("a.csv", &text(";"));
+    let rows: Vec<String> = rows
+        .iter()
+        .enumerate()
+        .map(|(minute, row)| format!("2024-03-11 00:{minute:02}:00;{row}\n"))
+        .collect();
+    let text = format!("Zeit;Q;P\n{}", rows.concat());
+    let folder = Folder::of_text("a.csv", &text);
     assert_refused(
         &folder.data(),
         &[
@@ -110,7 +108,7 @@ fn points_of_thousands_are_asked_about_as_commas_are() {
             assert!((value - expected).abs() < 1e-2, "{value} for {expected}");
         }
     }
-    let comma = Folder::of_text("a.csv", &text(","));
+    let comma = Folder::of_text("a.csv", &text.replace(';', ","));
     assert_eq!(train_values(&comma.load(), "P"), [434.0, 434.0, 435.0, 433.0]);
 }
 
@@ -133,18 +131,19 @@ fn numbers_that_fit_two_notations_are_told_with_both() {
     ] {
         assert!(doubts.contains(told), "{doubts}");
     }
-    let read = |unit, zone: Option<&str>| {
+    for (unit, zone, expected) in [
+        (TimestampUnit::Excel, None, (1_704_110_400.0, false)),
+        (TimestampUnit::Excel, Some("Europe/Paris"), (1_704_106_800.0, true)),
+        (TimestampUnit::Seconds, None, (45_292.5, true)),
+    ] {
         let data = DataConfig {
             timestamp_unit: Some(unit),
             time_zone: zone.map(str::to_owned),
             ..folder.data()
         };
         let dataset = load_with(&data, &PreprocessConfig::default());
-        (train_seconds(&dataset)[0], dataset.profile.utc)
-    };
-    assert_eq!(read(TimestampUnit::Excel, None), (1_704_110_400.0, false));
-    assert_eq!(read(TimestampUnit::Excel, Some("Europe/Paris")), (1_704_106_800.0, true));
-    assert_eq!(read(TimestampUnit::Seconds, None), (45_292.5, true));
+        assert_eq!((train_seconds(&dataset)[0], dataset.profile.utc), expected, "{zone:?}");
+    }
     // The same as Parquet, and as samples.
     let column = vec![45_292.5, 45_292.75, 45_293.0];
     let wide = Table::new().with("timestamp", column.clone()).with("a", vec![1.0, 2.0, 3.0]);
@@ -217,8 +216,8 @@ fn rows_of_an_hour_that_comes_twice_are_placed_or_dropped_and_counted() {
     let long = Folder::of_text("a.csv", &format!("time,tag,value\n{rows}"));
     let data = DataConfig { time_zone: Some("Europe/Moscow".to_owned()), ..long.data() };
     let profile = profile(&data);
-    let missing = |name: &str| profile.channel(name).expect("a channel").missing;
-    assert_eq!((profile.undecided_times, missing("often"), missing("seldom")), (1, 0, 6));
+    let missing = ["often", "seldom"].map(|name| profile.channel(name).expect("a channel").missing);
+    assert_eq!((profile.undecided_times, missing), (1, [0, 6]));
 }
 
 #[test]
@@ -285,10 +284,16 @@ fn half_days(first: u32, date: impl Fn(u32) -> String) -> String {
     format!("time,a\n{}", rows.collect::<String>())
 }
 
+fn day_first(day: u32) -> String {
+    format!("{day:02}/03/2024")
+}
+
+fn month_first(day: u32) -> String {
+    format!("03/{day:02}/2024")
+}
+
 #[test]
 fn the_order_of_day_and_month_is_that_of_all_files() {
-    let day_first = |day: u32| format!("{day:02}/03/2024");
-    let month_first = |day: u32| format!("03/{day:02}/2024");
     let folder = Folder::of_text("a.csv", &half_days(11, day_first));
     folder.write_file("b.csv", &half_days(16, month_first));
     let told = ["a.csv has times as %d/%m/%Y", "b.csv as %m/%d/%Y", "change places"];

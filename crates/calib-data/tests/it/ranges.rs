@@ -121,12 +121,10 @@ fn the_fingerprint_is_of_what_a_model_sees() {
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
     let folder = folder();
-    let with = |threads| {
+    let [one, three] = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| folder.load())
-    };
-    let one = with(1);
-    let three = with(3);
+    });
     assert_eq!(one.fingerprint, three.fingerprint);
     assert_eq!(one.profile, three.profile);
 }

@@ -61,17 +61,31 @@ fn wide(times: &[i64], channels: &[Vec<f64>]) -> Folder {
     Folder::of("wide.parquet", &log_at(times.iter().copied(), &channels))
 }
 
+/// Writes files into a folder of their own, and returns its path.
+fn write_files(folder: &Folder, name: &str, files: Vec<(String, String)>) -> PathBuf {
+    let at = folder.file(name);
+    fs::create_dir_all(&at).expect("created");
+    for (file, text) in files {
+        fs::write(at.join(file), text).expect("written");
+    }
+    at
+}
+
+/// Returns the long table of the values at these places, each a tag and a row.
+fn long_table(
+    places: impl Iterator<Item = (usize, usize)>,
+    times: &[i64],
+    channels: &[Vec<f64>],
+) -> String {
+    let samples = places.map(|(tag, row)| {
+        format!("\"{}\",{},{}\n", NAMES[tag], written_time(times[row]), channels[tag][row])
+    });
+    std::iter::once("tag,timestamp,value\n".to_owned()).chain(samples).collect()
+}
+
 /// Writes the table in every shape and notation that it can have, each in its own folder.
 fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<PathBuf> {
     let mut made = Vec::new();
-    let mut make = |name: &str, files: Vec<(String, String)>| {
-        let at = folder.file(name);
-        fs::create_dir_all(&at).expect("created");
-        for (file, text) in files {
-            fs::write(at.join(file), text).expect("written");
-        }
-        made.push(at);
-    };
     for (name, separator, comma) in
         [("comma", ',', false), ("semicolon", ';', true), ("tab", '\t', false)]
     {
@@ -86,27 +100,21 @@ fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<Pa
             }
             text.push_str("\r\n");
         }
-        make(name, vec![("log.csv".to_owned(), text)]);
+        made.push(write_files(folder, name, vec![("log.csv".to_owned(), text)]));
     }
     let there = |tag: usize, row: usize| !channels[tag][row].is_nan();
-    let rows = || 0..times.len();
-    let by_time = rows().flat_map(|row| {
+    let by_time = (0..times.len()).flat_map(|row| {
         (0..channels.len()).filter(move |&tag| there(tag, row)).map(move |tag| (tag, row))
     });
     let by_tag = (0..channels.len()).rev().flat_map(|tag| {
-        rows().rev().filter(move |&row| there(tag, row)).map(move |row| (tag, row))
+        (0..times.len()).rev().filter(move |&row| there(tag, row)).map(move |row| (tag, row))
     });
-    let header = "tag,timestamp,value\n";
-    let text = |pairs: Vec<(usize, usize)>| -> String {
-        let samples = pairs.into_iter().map(|(tag, row)| {
-            format!("\"{}\",{},{}\n", NAMES[tag], written_time(times[row]), channels[tag][row])
-        });
-        std::iter::once(header.to_owned()).chain(samples).collect()
-    };
-    make("long", vec![("log.csv".to_owned(), text(by_time.collect()))]);
-    make("by-tag", vec![("log.csv".to_owned(), text(by_tag.collect()))]);
+    let text = long_table(by_time, times, channels);
+    made.push(write_files(folder, "long", vec![("log.csv".to_owned(), text)]));
+    let text = long_table(by_tag, times, channels);
+    made.push(write_files(folder, "by-tag", vec![("log.csv".to_owned(), text)]));
     let per_tag = (0..channels.len()).map(|tag| {
-        let rows = rows()
+        let rows = (0..times.len())
             .filter(|&row| there(tag, row))
             .map(|row| format!("{},{}\n", written_time(times[row]), channels[tag][row]));
         (
@@ -114,7 +122,7 @@ fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<Pa
             std::iter::once("timestamp,value\n".to_owned()).chain(rows).collect(),
         )
     });
-    make("per-tag", per_tag.collect());
+    made.push(write_files(folder, "per-tag", per_tag.collect()));
     made
 }
 
@@ -194,8 +202,8 @@ proptest! {
         let folder = wide(&times, &channels);
         let long = write_shapes(&folder, &times, &channels).into_iter().find(|path| path.ends_with("long")).expect("made");
         let preprocess = PreprocessConfig { max_missing, ..PreprocessConfig::default() };
-        let inspect = |path: &Path| inspect(&data_at(path), &preprocess, &Silent).expect("a log");
-        let (wide_log, long_log) = (inspect(&folder.file("wide.parquet")), inspect(&long));
+        let [wide_log, long_log] = [&folder.file("wide.parquet"), &long]
+            .map(|path| inspect(&data_at(path), &preprocess, &Silent).expect("a log"));
         for channel in &long_log.channels {
             let expected = wide_log.channel(&channel.name).expect("there");
             prop_assert_eq!(told(channel), told(expected));

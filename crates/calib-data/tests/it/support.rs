@@ -7,7 +7,8 @@ use std::{
 
 use calib_core::{Silent, Timestamp};
 use calib_data::{
-    DataConfig, DataError, Dataset, PreprocessConfig, Profile, inspect, load, survey, table::Table,
+    Contradictions, DataConfig, DataError, Dataset, PreprocessConfig, Profile, inspect, load,
+    survey, table::Table,
 };
 use calib_files::ScratchPlace;
 
@@ -119,6 +120,11 @@ pub(crate) fn assert_refused_with(
     }
 }
 
+/// Returns the names of all channels.
+pub(crate) fn names(profile: &Profile) -> Vec<&str> {
+    profile.channels.iter().map(|channel| channel.name.as_str()).collect()
+}
+
 /// Returns the names of the channels that are sensors.
 pub(crate) fn kept(profile: &Profile) -> Vec<&str> {
     profile.kept().map(|channel| channel.name.as_str()).collect()
@@ -164,6 +170,17 @@ pub(crate) fn train_values(dataset: &Dataset, column: &str) -> Vec<f64> {
             (physical * 1e4).round() / 1e4
         })
         .collect()
+}
+
+/// Loads a log in which rows contradict each other, and returns the values of a column of the training range.
+pub(crate) fn values_of_contradicting(
+    folder: &Folder,
+    contradictions: Contradictions,
+    preprocess: &PreprocessConfig,
+    column: &str,
+) -> Vec<f64> {
+    let data = DataConfig { contradictions, ..folder.data() };
+    train_values(&load_with(&data, preprocess), column)
 }
 
 pub(crate) fn segment_lengths(dataset: &Dataset) -> Vec<usize> {

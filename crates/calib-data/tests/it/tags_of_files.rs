@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use calib_data::{DataConfig, Shape};
 
-use crate::support::{Folder, profile};
+use crate::support::{Folder, names, profile};
 
 /// Returns a file of one column, recorded every minute from second `from` of the day on.
 fn minutes(header: &str, from: u32, level: f64) -> String {
@@ -25,22 +25,19 @@ fn minutes_around(header: &str, from: u32, level: impl Fn(u32) -> f64) -> String
 
 #[test]
 fn files_of_one_time_are_of_a_tag_each_whatever_their_column_is_called() {
-    let names = |data: &DataConfig| -> Vec<String> {
-        profile(data).channels.into_iter().map(|channel| channel.name).collect()
-    };
     for header in ["Wert", "Valeur", "y", "Value [bar]"] {
         // On one clock, and on two.
         for from in [0, 30] {
             let folder = Folder::of_text("FIT100.csv", &minutes(header, 0, 120.25));
             folder.write_file("PIT300.csv", &minutes(header, from, 434.25));
             let data = folder.data();
-            assert_eq!(names(&data), ["FIT100", "PIT300"], "{header}, from {from} on");
             let found = profile(&data);
+            assert_eq!(names(&found), ["FIT100", "PIT300"], "{header}, from {from} on");
             assert_eq!((found.shape, found.contradictions.count), (Shape::FilePerTag, 0));
             let pressures = found.channel("PIT300").expect("a tag").values.as_ref();
             assert!(pressures.is_some_and(|values| values.min > 400.0), "no flow among them");
             let wide = DataConfig { shape: Some(Shape::Wide), ..data };
-            assert_eq!(names(&wide).len(), 1, "if the study says so");
+            assert_eq!(profile(&wide).channels.len(), 1, "if the study says so");
         }
     }
 }
@@ -62,21 +59,21 @@ fn files_that_follow_one_another_are_of_one_tag_unless_the_study_says_otherwise(
     ];
     for data in asked {
         let found = profile(&data);
-        let names: Vec<&str> = found.channels.iter().map(|channel| channel.name.as_str()).collect();
-        assert_eq!(names, ["export 1", "export 2", "export 3"]);
+        assert_eq!(names(&found), ["export 1", "export 2", "export 3"]);
         assert_eq!(found.shape, Shape::FilePerTag);
     }
+}
+
+/// Returns such a file whose first `other` rows have another level.
+fn with_other_rows(header: &str, other: u32) -> String {
+    minutes_around(header, 0, |minute| if minute < other { 300.25 } else { 120.25 })
 }
 
 #[test]
 fn files_that_agree_in_part_are_told_with_the_key_that_reads_them_otherwise() {
     for header in ["Wert", "Druck"] {
-        // The same file, except for `other` rows.
-        let file = |other: u32| {
-            minutes_around(header, 0, |minute| if minute < other { 300.25 } else { 120.25 })
-        };
-        let folder = Folder::of_text("export 1.csv", &file(0));
-        folder.write_file("export 2.csv", &file(12));
+        let folder = Folder::of_text("export 1.csv", &with_other_rows(header, 0));
+        folder.write_file("export 2.csv", &with_other_rows(header, 12));
         let read = |shape: Option<Shape>| {
             let found = profile(&DataConfig { shape, ..folder.data() });
             (found.shape, found.channels.len(), found.contradictions.count, found.read_as)
@@ -87,39 +84,40 @@ fn files_that_agree_in_part_are_told_with_the_key_that_reads_them_otherwise() {
         let [wide, per_tag] = [Shape::Wide, Shape::FilePerTag];
         assert_eq!(read(Some(wide)), (wide, 1, 12, Vec::new()), "{header}");
         assert_eq!(read(Some(per_tag)), (per_tag, 2, 0, Vec::new()), "{header}");
-        folder.write_file("export 2.csv", &file(2));
+        folder.write_file("export 2.csv", &with_other_rows(header, 2));
         let told = "the files \"export 1\" and \"export 2\" have the same value in 95 % of their 40 shared rows, and are read as \
                     exports of one sensor. If each is of a tag of its own, set data.shape = \"file_per_tag\"";
         assert_eq!(read(None), (wide, 1, 2, vec![told.to_owned()]), "{header}");
         assert_eq!(read(Some(per_tag)), (per_tag, 2, 0, Vec::new()), "{header}");
         // A third file that has nothing in common with the first leaves no doubt.
-        folder.write_file("export 3.csv", &file(40));
+        folder.write_file("export 3.csv", &with_other_rows(header, 40));
         assert_eq!(read(None), (per_tag, 3, 0, Vec::new()), "{header}");
     }
+}
+
+/// Returns such a file with a column of quality.
+fn with_quality(header: &str, level: f64) -> String {
+    let mut text = String::new();
+    for (row, line) in minutes(header, 0, level).lines().enumerate() {
+        let quality = match row {
+            0 => "Quality",
+            7 => "Bad",
+            _ => "Good",
+        };
+        writeln!(text, "{line};{quality}").expect("memory");
+    }
+    text
 }
 
 #[test]
 fn a_column_of_quality_holds_for_files_of_a_tag_each() {
     for header in ["Wert", "y"] {
-        let with_quality = |level: f64| {
-            let mut text = String::new();
-            for (row, line) in minutes(header, 0, level).lines().enumerate() {
-                let quality = match row {
-                    0 => "Quality",
-                    7 => "Bad",
-                    _ => "Good",
-                };
-                writeln!(text, "{line};{quality}").expect("memory");
-            }
-            text
-        };
-        let folder = Folder::of_text("FIT100.csv", &with_quality(120.25));
-        folder.write_file("PIT300.csv", &with_quality(434.25));
+        let folder = Folder::of_text("FIT100.csv", &with_quality(header, 120.25));
+        folder.write_file("PIT300.csv", &with_quality(header, 434.25));
         for shape in [None, Some(Shape::FilePerTag)] {
             let found = profile(&DataConfig { shape, ..folder.data() });
-            let names: Vec<&str> =
-                found.channels.iter().map(|channel| channel.name.as_str()).collect();
-            assert_eq!((&names[..], found.bad_quality), (&["FIT100", "PIT300"][..], 2), "{header}");
+            assert_eq!(names(&found), ["FIT100", "PIT300"], "{header}");
+            assert_eq!(found.bad_quality, 2, "{header}");
         }
     }
 }
