@@ -50,11 +50,13 @@ impl Switch {
             }
         }
         match distinct[..] {
-            [one] => match [0, 1].map(|side| PAIRS.iter().any(|pair| is_same(pair[side], one))) {
-                [true, false] => Some(Self { on: Some(one.to_owned()), off: None }),
-                [false, true] => Some(Self { on: None, off: Some(one.to_owned()) }),
-                _ => None,
-            },
+            [one] => {
+                match [0_usize, 1].map(|side| PAIRS.iter().any(|pair| is_same(pair[side], one))) {
+                    [true, false] => Some(Self { on: Some(one.to_owned()), off: None }),
+                    [false, true] => Some(Self { on: None, off: Some(one.to_owned()) }),
+                    _ => None,
+                }
+            }
             [one, other] => [[one, other], [other, one]].into_iter().find_map(|[on, off]| {
                 PAIRS
                     .iter()

@@ -193,10 +193,9 @@ impl Times {
         let RawColumn::Polars(column) = column else {
             return Ok(Self::Stamps(Vec::new()));
         };
-        let damaged = |error: pl::PolarsError| file.damaged(&error);
         Ok(match column.dtype() {
             pl::DataType::Datetime(unit, zone) => {
-                let physical = column.datetime().map_err(damaged)?.physical();
+                let physical = column.datetime().map_err(|error| file.damaged(&error))?.physical();
                 let micros = physical.iter().map(|time| time.map(|time| in_micros(time, *unit)));
                 Self::Stamps(match zone {
                     Some(_) => micros.map(|time| time.map(ParsedTime::Instant)).collect(),
@@ -204,20 +203,23 @@ impl Times {
                 })
             }
             pl::DataType::Date => {
-                let days = column.date().map_err(damaged)?.physical();
+                let days = column.date().map_err(|error| file.damaged(&error))?.physical();
                 let midnights = days
                     .iter()
                     .map(|day| day.map(|day| ParsedTime::Wall(i64::from(day) * 86_400_000_000)));
                 Self::Stamps(midnights.collect())
             }
             pl::DataType::String | pl::DataType::Categorical(..) | pl::DataType::Enum(..) => {
-                let text = column.cast(&pl::DataType::String).map_err(damaged)?;
-                let stamps = text_stamps(text.str().map_err(damaged)?, data, start);
+                let text =
+                    column.cast(&pl::DataType::String).map_err(|error| file.damaged(&error))?;
+                let stamps =
+                    text_stamps(text.str().map_err(|error| file.damaged(&error))?, data, start);
                 Self::Stamps(stamps.map_err(|reason| unreadable_column(file, column, reason))?)
             }
             dtype if dtype.is_integer() => {
-                let column = column.cast(&pl::DataType::Int64).map_err(damaged)?;
-                let values = column.i64().map_err(damaged)?;
+                let column =
+                    column.cast(&pl::DataType::Int64).map_err(|error| file.damaged(&error))?;
+                let values = column.i64().map_err(|error| file.damaged(&error))?;
                 let numbers: Vec<Option<i64>> = values.iter().collect();
                 match dates(&numbers, data)
                     .map_err(|reason| unreadable_column(file, &column, reason))?
@@ -229,8 +231,9 @@ impl Times {
                 }
             }
             dtype if dtype.is_float() => {
-                let column = column.cast(&pl::DataType::Float64).map_err(damaged)?;
-                let values = column.f64().map_err(damaged)?;
+                let column =
+                    column.cast(&pl::DataType::Float64).map_err(|error| file.damaged(&error))?;
+                let values = column.f64().map_err(|error| file.damaged(&error))?;
                 // Missing values turn whole numbers into floats.
                 let numbers: Vec<Option<f64>> =
                     values.iter().map(|value| value.filter(|value| value.is_finite())).collect();

@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use calib_files::FileError;
 
@@ -60,6 +60,10 @@ pub enum TableError {
 }
 
 impl TableError {
+    pub(super) fn not_parquet(path: &Path, reason: String) -> Self {
+        Self::NotParquet { path: path.to_owned(), reason }
+    }
+
     pub(super) fn wrong_type(name: &str, expected: &'static str, got: &Values) -> Self {
         Self::WrongType { name: name.to_owned(), expected, got: got.type_name() }
     }

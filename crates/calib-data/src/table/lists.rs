@@ -28,7 +28,7 @@ pub struct Lists {
 pub fn parquet_names(path: &Path) -> Result<Vec<String>, TableError> {
     let mut reader = pl::ParquetReader::new(open_regular(path)?);
     catch_panic(|| Ok(reader.schema()?.iter_names().map(ToString::to_string).collect()))
-        .map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })
+        .map_err(|reason| TableError::not_parquet(path, reason))
 }
 
 /// Reads a column of lists of numbers; `None` if the column holds another type.
@@ -37,10 +37,10 @@ pub fn parquet_names(path: &Path) -> Result<Vec<String>, TableError> {
 /// If the file cannot be read, is not Parquet, has no such column, or its lists differ in length or have
 /// missing values.
 pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, TableError> {
-    let refuse = |reason| TableError::NotParquet { path: path.to_owned(), reason };
     let file = HeldFile::open(path)?;
     let mut reader = pl::ParquetReader::new(file.file()?);
-    let schema = catch_panic(|| reader.schema()).map_err(refuse)?;
+    let schema =
+        catch_panic(|| reader.schema()).map_err(|reason| TableError::not_parquet(path, reason))?;
     if !schema.contains(name) {
         let available = schema.iter_names().map(ToString::to_string).collect();
         return Err(TableError::NoColumn { name: name.to_owned(), available });
@@ -50,17 +50,20 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
         Some(D::List(item) | D::LargeList(item) | D::FixedSizeList(item, _)) => {
             let (kind, got) = classify(&item.dtype);
             if kind != FieldKind::Number {
-                return Err(refuse(format!("column {name}: expected lists of numbers, got {got}")));
+                let reason = format!("column {name}: expected lists of numbers, got {got}");
+                return Err(TableError::not_parquet(path, reason));
             }
         }
         _ => return Ok(None),
     }
-    let metadata = catch_panic(|| Ok(Arc::clone(reader.get_metadata()?))).map_err(refuse)?;
-    checksums::verify(path, &file, &metadata, |column| column == name)?.map_err(refuse)?;
+    let metadata = catch_panic(|| Ok(Arc::clone(reader.get_metadata()?)))
+        .map_err(|reason| TableError::not_parquet(path, reason))?;
+    checksums::verify(path, &file, &metadata, |column| column == name)?
+        .map_err(|reason| TableError::not_parquet(path, reason))?;
     let frame = catch_panic(|| reader.with_columns(Some(vec![name.to_owned()])).finish())
-        .map_err(refuse)?;
-    let column =
-        catch_panic(|| Ok(frame.column(name)?.as_materialized_series().clone())).map_err(refuse)?;
+        .map_err(|reason| TableError::not_parquet(path, reason))?;
+    let column = catch_panic(|| Ok(frame.column(name)?.as_materialized_series().clone()))
+        .map_err(|reason| TableError::not_parquet(path, reason))?;
     let Ok(lists) = column.list() else { return Ok(None) };
     let mut values = Vec::new();
     let mut width = None;
@@ -71,14 +74,15 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
             let list = list.cast(&pl::DataType::Float32)?;
             Ok(list.f32()?.iter().collect::<Option<Vec<f32>>>())
         })
-        .map_err(refuse)?;
+        .map_err(|reason| TableError::not_parquet(path, reason))?;
         let numbers = numbers.ok_or(TableError::MissingValue { name: name.to_owned(), row })?;
         let expected = *width.get_or_insert(numbers.len());
         if numbers.len() != expected {
-            return Err(refuse(format!(
+            let reason = format!(
                 "column {name}: expected lists of equal length, got {expected} and, in row {row}, {}",
                 numbers.len()
-            )));
+            );
+            return Err(TableError::not_parquet(path, reason));
         }
         values.extend(numbers);
     }

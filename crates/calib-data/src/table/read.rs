@@ -50,8 +50,7 @@ const BYTES_PER_VALUE: u64 = 3 * 8 + 8;
 pub fn declared_bytes(path: &Path, names: Option<&[&str]>) -> Result<u64, TableError> {
     let mut reader = pl::ParquetReader::new(open_regular(path)?);
     let metadata = catch_panic(|| Ok(Arc::clone(reader.get_metadata()?)));
-    let metadata =
-        metadata.map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })?;
+    let metadata = metadata.map_err(|reason| TableError::not_parquet(path, reason))?;
     let values = metadata.row_groups.iter().flat_map(|group| {
         let columns = group.parquet_columns().iter();
         let wanted = columns.filter(|column| {
@@ -64,12 +63,11 @@ pub fn declared_bytes(path: &Path, names: Option<&[&str]>) -> Result<u64, TableE
 }
 
 fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
-    let not_parquet = |reason| TableError::NotParquet { path: path.to_owned(), reason };
     let file = HeldFile::open(path)?;
     let mut reader = pl::ParquetReader::new(file.file()?);
     let (metadata, schema) =
         catch_panic(|| Ok((Arc::clone(reader.get_metadata()?), reader.schema()?)))
-            .map_err(not_parquet)?;
+            .map_err(|reason| TableError::not_parquet(path, reason))?;
     let texts = metadata
         .key_value_metadata
         .iter()
@@ -95,14 +93,17 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     }
     let wanted: HashSet<&str> = names.iter().map(String::as_str).collect();
     checksums::verify(path, &file, &metadata, |column| wanted.contains(column))?
-        .map_err(not_parquet)?;
-    let frame =
-        catch_panic(|| reader.with_columns(Some(names.clone())).finish()).map_err(not_parquet)?;
+        .map_err(|reason| TableError::not_parquet(path, reason))?;
+    let frame = catch_panic(|| reader.with_columns(Some(names.clone())).finish())
+        .map_err(|reason| TableError::not_parquet(path, reason))?;
     let mut read = Vec::with_capacity(names.len());
     for name in &names {
-        let column = catch_panic(|| frame.column(name).cloned()).map_err(not_parquet)?;
-        statistics::verify(&metadata, name, &(0..frame.height()), &column).map_err(not_parquet)?;
-        let values = catch_panic(|| from_polars(&column)).map_err(not_parquet)?;
+        let column = catch_panic(|| frame.column(name).cloned())
+            .map_err(|reason| TableError::not_parquet(path, reason))?;
+        statistics::verify(&metadata, name, &(0..frame.height()), &column)
+            .map_err(|reason| TableError::not_parquet(path, reason))?;
+        let values = catch_panic(|| from_polars(&column))
+            .map_err(|reason| TableError::not_parquet(path, reason))?;
         read.push((values, column.dtype().to_string()));
     }
     let columns = names.into_iter().zip(read).map(|(name, (values, got))| match values {
