@@ -163,8 +163,7 @@ fn a_build_killed_while_judging_searches_nothing_again() {
 #[test]
 fn parts_that_are_left_go_with_the_next_command_unless_another_calib_is_there() {
     let place = Place::with_study();
-    let build = || place.calib(&["build-model", "study.toml"]);
-    build().succeeds();
+    place.on_study("build-model", &[]).succeeds();
     let before = place.content("study-results");
     let model = place.path().join("study-results/model");
     let part = model.join("partial/00000000.part");
@@ -172,10 +171,10 @@ fn parts_that_are_left_go_with_the_next_command_unless_another_calib_is_there() 
     fs::write(&part, "of a build that began a moment ago").expect("writable");
     let lock = fs::File::open(model.join(".lock")).expect("it was claimed");
     lock.lock().expect("nobody has it");
-    build().fails_with(2, &["another calib is writing to"]);
+    place.on_study("build-model", &[]).fails_with(2, &["another calib is writing to"]);
     assert!(part.exists(), "it is another's");
     drop(lock);
-    assert!(build().succeeds().contains("up to date"));
+    assert!(place.on_study("build-model", &[]).succeeds().contains("up to date"));
     assert!(!model.join("partial").exists());
     assert!(place.content("study-results") == before);
 }
@@ -183,18 +182,18 @@ fn parts_that_are_left_go_with_the_next_command_unless_another_calib_is_there() 
 #[test]
 fn too_little_memory_is_refused_with_advice() {
     let place = Place::with_study();
-    let run = |args: &[&str]| place.calib(&[&["build-model", "study.toml"], args].concat());
-    run(&["--memory", "100MiB"])
+    place
+        .on_study("build-model", &["--memory", "100MiB"])
         .fails_with(2, &["takes", "100.0 MiB is there", "preprocess.subsample", "--memory"]);
     assert!(!place.path().join("study-results/model").exists(), "refused before anything is done");
-    run(&["--memory", "lots"]).fails_with(2, &["16GiB"]);
-    let told = run(&["--memory", "4GiB", "--dry-run", "--json"]);
+    place.on_study("build-model", &["--memory", "lots"]).fails_with(2, &["16GiB"]);
+    let told = place.on_study("build-model", &["--memory", "4GiB", "--dry-run", "--json"]);
     let plan = told.json(&[0]);
     assert_eq!(plan["available_bytes"], 4_u64 << 30);
     assert_eq!((&plan["spill"], &plan["members"]), (&"nothing".into(), &3.into()));
     assert!(plan["memory_bytes"].as_u64().expect("a number") > 300 << 20, "{plan}");
     assert!(told.stderr().contains("of 4.0 GiB there"), "{}", told.stderr());
-    run(&[]).succeeds();
+    place.on_study("build-model", &[]).succeeds();
 }
 
 #[test]
@@ -206,11 +205,8 @@ fn approximate_tables_say_how_good_they_are() {
         ["model.leaf_budget=1", "model.prototypes=1"],
         ["model.components=4", "model.prototypes=1"],
     ] {
-        let run = |args: &[&str]| {
-            let set = ["build-model", "study.toml", "--set", sets[0], "--set", sets[1]];
-            place.calib(&[&set, args].concat())
-        };
-        let built = run(&["--verify", "30"]);
+        let set = ["--set", sets[0], "--set", sets[1]];
+        let built = place.on_study("build-model", &[&set[..], &["--verify", "30"]].concat());
         let told = built.succeeds();
         assert!(
             told.contains("approximate: recall@3 0.") || told.contains("recall@3 1."),
@@ -218,7 +214,7 @@ fn approximate_tables_say_how_good_they_are() {
         );
         assert!(built.stderr().contains("on 90 rows"), "{}", built.stderr());
         assert!(built.stderr().contains("the lists of 90 rows have"), "{}", built.stderr());
-        let manifest = run(&["--json"]).json(&[0]);
+        let manifest = place.on_study("build-model", &[&set[..], &["--json"]].concat()).json(&[0]);
         assert_eq!(manifest["recall"]["rows"], 300);
         let (recall, interval) = (&manifest["recall"]["recall"], &manifest["recall"]["interval"]);
         assert!(number(&interval[0]) <= number(recall) && number(recall) <= number(&interval[1]));
@@ -256,10 +252,7 @@ fn what_cannot_be_built_leaves_the_model_that_is_there() {
 #[test]
 fn structures_and_places_do_not_change_the_model() {
     let place = Place::with_study();
-    let build = |output: &str, args: &[&str]| {
-        place.calib(&[&["build-model", "study.toml", "-v", "--output", output], args].concat())
-    };
-    build("plain", &[]).succeeds();
+    place.on_study("build-model", &["-v", "--output", "plain"]).succeeds();
     let mut plain = place.content("plain");
     plain.remove(Path::new("model/manifest.json"));
     for (output, args, told, kept) in [
@@ -268,7 +261,8 @@ fn structures_and_places_do_not_change_the_model() {
         ("set", ["--set", "model.index=scan"], "scan (asked for)", "scan (asked for)"),
         ("disk", ["--spill", "always"], "join (a join takes", "join (less work than a scan"),
     ] {
-        let built = build(output, &args);
+        let more = [&["-v", "--output", output][..], &args].concat();
+        let built = place.on_study("build-model", &more);
         built.succeeds();
         assert!(built.stderr().contains(told), "{}", built.stderr());
         let mut content = place.content(output);
@@ -280,5 +274,6 @@ fn structures_and_places_do_not_change_the_model() {
         let other = ["rollout", "study.toml", "--output", output, "--set", "model.index=join"];
         place.calib(&other).succeeds();
     }
-    build("tree", &["--index", "kd_tree"]).fails_with(2, &["at most 8 columns"]);
+    let tree = ["-v", "--output", "tree", "--index", "kd_tree"];
+    place.on_study("build-model", &tree).fails_with(2, &["at most 8 columns"]);
 }

@@ -303,6 +303,13 @@ fn a_shard_that_is_asked_to_stop_says_so_and_goes_on() {
     assert!(run(&place, "plan", 0).succeeds().contains(&rest));
 }
 
+/// Asserts that a plan is not merged, for this reason, and that nothing is written.
+fn merge_refused(place: &Place, told: &str) {
+    let error = place.calib(&["cluster", "merge", "plan"]).fails(4);
+    assert!(error.contains(told) && error.contains("nothing was written"), "{told}: {error}");
+    assert!(!place.path().join("study-results/sweep").exists(), "{told}");
+}
+
 #[test]
 fn what_is_missing_damaged_or_of_others_is_named_and_nothing_is_written() {
     let place = Place::with_study();
@@ -311,12 +318,7 @@ fn what_is_missing_damaged_or_of_others_is_named_and_nothing_is_written() {
     for shard in (0..count).filter(|shard| *shard != 2) {
         run(&place, "plan", shard).succeeds();
     }
-    let refused = |told: &str| {
-        let error = place.calib(&["cluster", "merge", "plan"]).fails(4);
-        assert!(error.contains(told) && error.contains("nothing was written"), "{told}: {error}");
-        assert!(!place.path().join("study-results/sweep").exists(), "{told}");
-    };
-    refused("shard 2: it has no results");
+    merge_refused(&place, "shard 2: it has no results");
     let missing = place.calib(&["cluster", "status", "plan", "--missing", "slurm"]);
     assert_eq!((missing.code(), missing.stdout().trim()), (4, "2"));
     run(&place, "plan", 2).succeeds();
@@ -326,17 +328,17 @@ fn what_is_missing_damaged_or_of_others_is_named_and_nothing_is_written() {
     let mut flipped = whole.clone();
     flipped[whole.len() / 2] ^= 4;
     fs::write(&path, &flipped).expect("writable");
-    refused("shard 5: ");
+    merge_refused(&place, "shard 5: ");
     // The shard is computed again as if the file did not exist.
     let ran = run(&place, "plan", 5);
     assert!(ran.stderr().contains("is damaged") && ran.stderr().contains("begins anew"));
     assert!(fs::read(&path).expect("readable") == whole);
     // The file of another shard.
     fs::copy(results(&place, "plan", 4), &path).expect("copied");
-    refused("is of another plan or shard");
+    merge_refused(&place, "is of another plan or shard");
     // The file of another version of calib.
     fs::write(&path, of_version_nine(&whole)).expect("writable");
-    refused("calib 9.9.9");
+    merge_refused(&place, "calib 9.9.9");
     fs::write(&path, &whole).expect("writable");
     place.calib(&["cluster", "merge", "plan"]).succeeds();
     assert!(place.content("study-results") == alone);
@@ -357,6 +359,12 @@ fn of_version_nine(file: &[u8]) -> Vec<u8> {
     (body + &trailer).into_bytes()
 }
 
+/// Writes another file in place of one: the model's file is a hard link to it, and stays.
+fn replace(path: &Path, bytes: &[u8]) {
+    fs::remove_file(path).expect("there");
+    fs::write(path, bytes).expect("writable");
+}
+
 #[test]
 fn other_versions_processors_and_damaged_inputs_are_refused() {
     let place = Place::with_study();
@@ -364,41 +372,33 @@ fn other_versions_processors_and_damaged_inputs_are_refused() {
     plan(&place, "plan", "2");
     let path = place.path().join("plan/plan.json");
     let written: Value = read_sealed_json(&path).expect("whole");
-    let with = |change: &dyn Fn(&mut Value)| {
-        let mut other = written.clone();
-        change(&mut other);
-        write_sealed_json(&path, &other).expect("writable");
-    };
     for (key, value, told) in [
         ("tool", Value::from("calib 9.9.9"), "calib 9.9.9"),
         ("results", Value::from(0), "results 0"),
         ("arithmetic", Value::from("f00"), "numbers of the class f00"),
     ] {
-        with(&|plan| plan["maker"][key] = value.clone());
+        let mut other = written.clone();
+        other["maker"][key] = value;
+        write_sealed_json(&path, &other).expect("writable");
         for command in [&["run", "plan", "--shard", "0"][..], &["merge", "plan"]] {
             let error = place.calib(&[&["cluster"], command].concat()).fails(2);
             assert!(error.contains(told), "{error}");
         }
     }
-    with(&|_| ());
+    write_sealed_json(&path, &written).expect("writable");
     assert!(run(&place, "plan", 7).fails(2).contains("shards 0 to 1"));
     let states = place.path().join("plan/inputs/0/states.npy");
     let whole = fs::read(&states).expect("readable");
-    // The file is replaced, not edited: the model's file is a hard link to it.
-    let replace = |bytes: &[u8]| {
-        fs::remove_file(&states).expect("there");
-        fs::write(&states, bytes).expect("writable");
-    };
     let mut flipped = whole.clone();
     flipped[whole.len() / 2] ^= 1;
-    replace(&flipped);
+    replace(&states, &flipped);
     let ran = (0..2).map(|shard| run(&place, "plan", shard)).filter(|ran| ran.code() != 0);
     let failed: Vec<String> = ran.map(|ran| ran.fails(2)).collect();
     assert!(!failed.is_empty());
     assert!(failed.iter().all(|error| error.contains("is not what was planned")), "{failed:?}");
     let (code, told) = status(&place, "plan");
     assert!(code == 4 && told.to_string().contains("is not what was planned"), "{told}");
-    replace(&whole);
+    replace(&states, &whole);
     fs::write(&path, b"{").expect("writable");
     assert!(run(&place, "plan", 0).fails(2).contains("is damaged"));
 }
@@ -424,6 +424,16 @@ fn a_shard_without_room_fails_is_named_and_goes_on_elsewhere() {
     assert!(place.content("study-results") == alone);
 }
 
+/// Submits a plan, and returns the arguments that the queue of this search path got.
+#[cfg(unix)]
+fn submitted(place: &Place, path: &str, more: &[&str]) -> String {
+    let args = [&["cluster", "submit", "plan", "--engine", "slurm"], more].concat();
+    place.calib_with(&args, &[("PATH", path)]).succeeds();
+    let asked = place.read("asked");
+    fs::remove_file(place.path().join("asked")).expect("there");
+    asked.replace(&*place.path().to_string_lossy(), "PLACE")
+}
+
 #[cfg(unix)]
 #[test]
 fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
@@ -444,16 +454,9 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
         .expect("writable");
     fs::set_permissions(&sbatch, fs::Permissions::from_mode(0o755)).expect("set");
     let path = format!("{}:{}", place.path().display(), std::env::var("PATH").expect("a path"));
-    let submit = |more: &[&str]| {
-        let args = [&["cluster", "submit", "plan", "--engine", "slurm"], more].concat();
-        place.calib_with(&args, &[("PATH", &path)]).succeeds();
-        let asked = place.read("asked");
-        fs::remove_file(place.path().join("asked")).expect("there");
-        asked.replace(&*place.path().to_string_lossy(), "PLACE")
-    };
     let after_ok = "--parsable --kill-on-invalid-dep=yes --dependency=afterok:";
     let after_any = "--parsable --kill-on-invalid-dep=yes --dependency=afterany:";
-    let asked = submit(&[]);
+    let asked = submitted(&place, &path, &[]);
     let expected = [
         format!("--parsable {}", script_of("stage-0")),
         format!("{after_ok}71 {}", script_of("stage-1")),
@@ -464,7 +467,7 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
     for shard in 0..count - 3 {
         run(&place, "plan", shard).succeeds();
     }
-    let asked = submit(&["--missing-only"]);
+    let asked = submitted(&place, &path, &["--missing-only"]);
     assert_eq!(asked.lines().count(), 2, "{asked}");
     let stage = place.path().join("plan/slurm/stage-2.sh");
     assert!(fs::read_to_string(stage).expect("kept").contains("--array=6-8"));

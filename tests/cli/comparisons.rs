@@ -14,12 +14,13 @@ const T: [f64; 2] = [4.302_652_729_749_464, 3.182_446_305_284_263];
 /// Returns the symmetric2 distances of a sensor: per start state, one per ensemble member.
 fn distances(place: &Place, directory: &str, sensor: &str) -> BTreeMap<Timestamp, Vec<f64>> {
     let table = read_parquet(&place.path().join(directory).join("dtw.parquet")).expect("readable");
-    let text = |name| table.column::<String>(name).expect("text");
+    let sensors = table.column::<String>("sensor").expect("text");
+    let patterns = table.column::<String>("step_pattern").expect("text");
     let starts = table.column::<Timestamp>("wanted_timestamp").expect("times");
     let values = table.column::<f64>("distance").expect("numbers");
     let mut of_starts: BTreeMap<Timestamp, Vec<f64>> = BTreeMap::new();
     for row in 0..table.rows() {
-        if text("sensor")[row] == sensor && text("step_pattern")[row] == "symmetric2" {
+        if sensors[row] == sensor && patterns[row] == "symmetric2" {
             of_starts.entry(starts[row]).or_default().push(values[row]);
         }
     }

@@ -1,6 +1,6 @@
 //! Acting agents: from a log of decisions to a verdict.
 
-use std::{fmt::Write as _, fs, path::Path};
+use std::{fmt::Write as _, fs, path::Path, time::SystemTime};
 
 use calib_files::{read_sealed_json, write_sealed_json};
 
@@ -78,6 +78,15 @@ fn a_log_of_decisions_becomes_a_verdict() {
     place.calib(&["check", "pole/study-results"]).succeeds();
 }
 
+/// Returns how many runs a folder has, which may not exist.
+fn runs_in(units: &Path) -> usize {
+    let entries = fs::read_dir(units).into_iter().flatten().flatten();
+    entries
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .filter(|name| name.starts_with("run-"))
+        .count()
+}
+
 #[test]
 fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     let place = place();
@@ -89,14 +98,7 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     fs::remove_dir_all(&results).expect("there");
     let units = results.join("control-units");
     let mut child = place.command(&args).spawn().expect("calib runs");
-    let runs = || {
-        let entries = fs::read_dir(&units).into_iter().flatten().flatten();
-        entries
-            .map(|entry| entry.file_name().to_string_lossy().into_owned())
-            .filter(|name| name.starts_with("run-"))
-            .count()
-    };
-    while runs() < 3 && child.try_wait().expect("a status").is_none() {
+    while runs_in(&units) < 3 && child.try_wait().expect("a status").is_none() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     child.kill().expect("it was running, or has ended");
@@ -117,7 +119,7 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     );
     assert!(again.stderr().contains("control-model is up to date"), "{}", again.stderr());
     assert!(place.content("pole/study-results") == whole, "the same bytes");
-    assert_eq!(runs(), 0, "what was kept on the way is gone");
+    assert_eq!(runs_in(&units), 0, "what was kept on the way is gone");
     // Another grid needs another verdict of the same model; another number of neighbours needs another model.
     let grid = ["--set", "control.grid={ step_size = [0.1] }"];
     let other = place.calib(&[&args[..], &grid].concat());
@@ -132,44 +134,46 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     place.calib(&["check", "pole/study-results"]).succeeds();
 }
 
+fn sweep_in_networks(place: &Place, more: &[&str]) {
+    let args = ["control", "pole/study.toml", "--set", "control.models=['network']"];
+    place.calib(&[&args[..], more].concat()).ends(&[0, 1]);
+}
+
+fn changed(path: &Path) -> SystemTime {
+    fs::metadata(path).and_then(|file| file.modified()).expect("a file")
+}
+
 #[test]
 fn networks_are_trained_once_and_kept_with_their_model() {
     let place = place();
     let folder = "pole/study-results/control-model";
-    let control = |others: &[&str]| {
-        let args = ["control", "pole/study.toml", "--set", "control.models=['network']"];
-        place.calib(&[&args[..], others].concat()).ends(&[0, 1])
-    };
-    control(&[]);
+    sweep_in_networks(&place, &[]);
     let first = place.content(folder);
-    let network =
-        |member: usize| place.path().join(format!("{folder}/network-{member}.safetensors"));
-    let changed = |member: usize| {
-        fs::metadata(network(member)).and_then(|file| file.modified()).expect("a file")
-    };
-    let before = [0, 1, 2].map(changed);
-    let bytes = [0, 1, 2].map(|member| fs::read(network(member)).expect("readable"));
+    let networks =
+        [0, 1, 2].map(|member| place.path_of(&format!("{folder}/network-{member}.safetensors")));
+    let before = networks.each_ref().map(|path| changed(path));
+    let bytes = networks.each_ref().map(|path| fs::read(path).expect("readable"));
     assert!(bytes[0] != bytes[1] && bytes[1] != bytes[2], "each member has its own");
     // Another grid is swept in the same networks.
     let grid = ["--set", "control.grid={ step_size = [0.1] }"];
-    control(&grid);
-    assert_eq!([0, 1, 2].map(changed), before);
-    let check = || place.calib(&["check", "pole/study-results"]);
-    check().succeeds();
+    sweep_in_networks(&place, &grid);
+    assert_eq!(networks.each_ref().map(|path| changed(path)), before);
+    let check = ["check", "pole/study-results"];
+    place.calib(&check).succeeds();
     let mut damaged = bytes[1].clone();
     *damaged.last_mut().expect("not empty") ^= 1;
-    fs::write(network(1), damaged).expect("writable");
-    let told = check().ends(&[1]);
+    fs::write(&networks[1], damaged).expect("writable");
+    let told = place.calib(&check).ends(&[1]);
     assert!(told.contains("network-1.safetensors") && told.contains("`calib control"), "{told}");
     // The verdict is up to date and needs no network, so the damaged one goes.
-    control(&grid);
-    assert!(!network(1).exists());
-    check().succeeds();
-    control(&[]);
+    sweep_in_networks(&place, &grid);
+    assert!(!networks[1].exists());
+    place.calib(&check).succeeds();
+    sweep_in_networks(&place, &[]);
     assert!(place.content(folder) == first, "the missing one is made again");
-    assert_eq!((changed(0), changed(2)), (before[0], before[2]));
-    control(&["--force"]);
-    assert!(changed(0) > before[0] && place.content(folder) == first, "the same bytes");
+    assert_eq!((changed(&networks[0]), changed(&networks[2])), (before[0], before[2]));
+    sweep_in_networks(&place, &["--force"]);
+    assert!(changed(&networks[0]) > before[0] && place.content(folder) == first, "the same bytes");
 }
 
 #[test]
@@ -185,15 +189,12 @@ fn what_the_log_does_not_support_is_refused() {
 #[test]
 fn neighbours_without_bound_take_no_memory_without_bound() {
     let place = place();
-    let with = |neighbors: &str, members: &str| {
-        let neighbors = format!("control.model.neighbors={neighbors}");
-        let members = format!("control.model.members={members}");
-        let args =
-            ["control", "pole/study.toml", "--dry-run", "--set", &neighbors, "--set", &members];
-        place.calib(&args)
-    };
-    with("1000000000", "3").succeeds();
-    with("1000000000", "1000000").fails_with(2, &["control.model.neighbors"]);
+    let neighbors = "--set=control.model.neighbors=1000000000";
+    let args = ["control", "pole/study.toml", "--dry-run", neighbors];
+    place.calib(&[&args[..], &["--set=control.model.members=3"]].concat()).succeeds();
+    place
+        .calib(&[&args[..], &["--set=control.model.members=1000000"]].concat())
+        .fails_with(2, &["control.model.neighbors"]);
 }
 
 /// Returns the study of a pump with two speeds and forty rows, which is on in every other row from the first.
@@ -207,60 +208,66 @@ pub(crate) fn pump(line: impl Fn(usize) -> String) -> Place {
     place
 }
 
+/// Returns a row of the log of a pump.
+pub(crate) fn row_of_pump(row: usize, pump: usize) -> String {
+    format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7)
+}
+
+fn status(place: &Place) -> String {
+    place.calib(&["status", "study.toml"]).succeeds()
+}
+
 #[test]
 fn a_verdict_of_another_study_is_not_done() {
-    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
-    let status = || place.calib(&["status", "study.toml"]).succeeds();
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
-    let done = status();
+    let done = status(&place);
     assert!(done.contains("every step is done") && done.contains("settings: "), "{done}");
     place.edit_study("steps = 50", "steps = 60");
-    let edited = status();
+    let edited = status(&place);
     let part = "the verdict in study-results/control was made with control.steps = 50, now 60; run `calib control study.toml` again";
     assert!(edited.contains("some steps are to do") && edited.contains(part), "{edited}");
     assert!(!edited.contains("settings: "), "no ranking of another study: {edited}");
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
-    assert!(status().contains("every step is done"), "{}", status());
+    assert!(status(&place).contains("every step is done"), "{}", status(&place));
     // The log is the same and is read in the same way, so the existing verdict is also the verdict of this study.
     place.edit_study("[data]\n", "[data]\nshape = \"wide\"\n");
-    assert!(status().contains("data.shape"), "{}", status());
+    assert!(status(&place).contains("data.shape"), "{}", status(&place));
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
-    assert!(status().contains("every step is done"), "{}", status());
+    assert!(status(&place).contains("every step is done"), "{}", status(&place));
     // The manifest looks as if a calib of the same version had used other inputs for its verdicts.
     let manifest = place.path().join("study-results/control/manifest.json");
     let mut sealed: serde_json::Value = read_sealed_json(&manifest).expect("sealed");
     sealed["key"] = "another".into();
     write_sealed_json(&manifest, &sealed).expect("writable");
     let part = "the verdict in study-results/control was made with another calib; run `calib control study.toml` again";
-    assert!(status().contains(part), "{}", status());
+    assert!(status(&place).contains(part), "{}", status(&place));
 }
 
 #[test]
 fn a_verdict_of_another_log_is_not_done() {
-    let line = |row: usize| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2);
-    let place = pump(line);
-    let status = || place.calib(&["status", "study.toml"]).succeeds();
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
-    assert!(status().contains("every step is done"), "{}", status());
-    place.write("log.csv", &format!("{}{}", place.read("log.csv"), line(40)));
-    let changed = status();
+    assert!(status(&place).contains("every step is done"), "{}", status(&place));
+    place.write("log.csv", &format!("{}{}", place.read("log.csv"), row_of_pump(40, 1)));
+    let changed = status(&place);
     let part = "the log has changed since the verdict in study-results/control was made, by the size or the time of its files; \
                 run `calib control study.toml` again";
     assert!(changed.contains("some steps are to do") && changed.contains(part), "{changed}");
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
-    assert!(status().contains("every step is done"), "{}", status());
+    assert!(status(&place).contains("every step is done"), "{}", status(&place));
     // The log is rewritten with the same rows: `calib control` finds that the verdict is still valid.
     let log = place.read("log.csv");
     place.write("log.csv", &log);
-    assert!(status().contains(part), "{}", status());
+    assert!(status(&place).contains(part), "{}", status(&place));
     let again = place.calib(&["control", "study.toml"]);
     again.ends(&[0, 1]);
     assert!(again.stderr().contains("is up to date"), "{}", again.stderr());
-    assert!(status().contains("every step is done"), "{}", status());
+    assert!(status(&place).contains("every step is done"), "{}", status(&place));
     // Results of an earlier version do not identify the log.
     fs::remove_file(place.path().join("study-results/control/sources.json")).expect("there");
     place.write("log.csv", &log);
-    assert!(status().contains("every step is done"), "{}", status());
+    assert!(status(&place).contains("every step is done"), "{}", status(&place));
 }
 
 const TWO_STEP_SIZES: [&str; 7] = [
@@ -275,7 +282,7 @@ const TWO_STEP_SIZES: [&str; 7] = [
 
 #[test]
 fn what_is_not_told_apart_from_the_default_is_not_deployed() {
-    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
     let reward = "--set=control.reward=[{ column = \"pump\", weight = 0.5 }, { column = \"level\", weight = 0.5 }]";
     let told = place.calib(&[&TWO_STEP_SIZES[..], &[reward, "--why"]].concat()).ends(&[1]);
     assert!(told.starts_with("Deploy nothing on this evidence."), "{told}");
@@ -407,7 +414,7 @@ fn deployments_are_compared_with_the_training_range() {
 /// The exit code does not depend on the headline: "keep the default" is possible with both.
 #[test]
 fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {
-    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
     let reward = "--set=control.reward=[{ column = \"pump\", weight = 0.5 }, { column = \"level\", weight = 0.5 }]";
     for default in ["0.03", "0.3"] {
         let default = format!("--set=control.agent.step_size={default}");
@@ -422,7 +429,7 @@ fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {
 /// The action "off" costs nothing, but an agent has to try both actions to learn it.
 #[test]
 fn a_constant_action_that_gets_more_is_named() {
-    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
     let shown = place.calib(&TWO_STEP_SIZES).ends(&[1]);
     assert!(shown.starts_with("Deploy nothing on this evidence."), "{shown}");
     assert!(shown.contains("\n    always taking pump=0 gets "), "{shown}");
@@ -441,16 +448,16 @@ fn neighbours_can_be_near_in_a_representation() {
     let study = "pole/study.toml";
     let section = "representation={ dimension = 4, hidden_units = 16, batch_size = 32, learning_rate = 3e-3, steps = 300 }";
     let set = ["--set", "control.model.distance='laplacian'", "--set", section];
-    let control = |more: &[&str]| place.calib(&[&["control", study][..], &set, more].concat());
+    let control = [&["control", study][..], &set].concat();
     let inspected = place.calib(&[&["inspect", study, "--json"][..], &set].concat());
     assert!(inspected.stderr().contains("distances are those of states"), "{}", inspected.stderr());
-    control(&[]).ends(&[0, 1]);
+    place.calib(&control).ends(&[0, 1]);
     let representation = "pole/study-results/control-representation";
     let first = place.content("pole/study-results/control");
     let psi = place.content(representation);
-    let again = control(&[]);
+    let again = place.calib(&control);
     assert!(again.stderr().contains("up to date"), "{}", again.stderr());
-    control(&["--force", "--threads", "1"]).ends(&[0, 1]);
+    place.calib(&[&control[..], &["--force", "--threads", "1"]].concat()).ends(&[0, 1]);
     assert!(place.content("pole/study-results/control") == first, "the same bytes on one thread");
     assert!(place.content(representation) == psi, "and the same representation");
     let json = place.calib(&[&["inspect", study, "--json"][..], &set].concat()).json(&[0]);
@@ -459,7 +466,8 @@ fn neighbours_can_be_near_in_a_representation() {
     assert!(page.contains("Representations"));
     place.calib(&["check", "pole/study-results"]).succeeds();
     // Another representation needs another verdict.
-    let other = control(&["--set", "representation.steps=301", "--dry-run"]);
+    let longer = ["--set", "representation.steps=301", "--dry-run"];
+    let other = place.calib(&[&control[..], &longer].concat());
     assert!(!other.stderr().contains("up to date"), "{}", other.stderr());
 }
 
@@ -532,28 +540,31 @@ fn a_torque_is_chosen_among_levels_of_its_range() {
     place.calib(&["control", study]).fails_with(2, &["control.levels"]);
 }
 
+/// Asserts that a sweep refuses a key set, and returns the error message.
+fn refused(place: &Place, set: &str) -> String {
+    place.calib(&["control", "pole/study.toml", "--set", set]).fails(2)
+}
+
 #[test]
 fn mistakes_in_the_section_say_what_to_do() {
     let place = place();
-    let study = "pole/study.toml";
-    let refused = |set: &str| place.calib(&["control", study, "--set", set]).fails(2);
-    let told = refused("control.actions=['acton']");
+    let told = refused(&place, "control.actions=['acton']");
     assert!(told.contains("acton") && told.contains("did you mean action"), "{told}");
     for set in ["actions=['qqq']", "reward='qqq'", "terminal='qqq'", "probability='qqq'"] {
-        let told = refused(&format!("control.{set}"));
+        let told = refused(&place, &format!("control.{set}"));
         let (key, _) = set.split_once('=').expect("a key");
         let expected = format!("control.{key}: the log has no column qqq; give one of its columns");
         assert!(told.contains(&expected), "{told}");
     }
-    let told = refused("control.actions=[]");
+    let told = refused(&place, "control.actions=[]");
     assert!(told.contains("name the columns of the action"), "{told}");
-    let told = refused("control.actions=['angle']");
+    let told = refused(&place, "control.actions=['angle']");
     assert!(told.contains("more than 64 different actions"), "{told}");
-    let told = refused("preprocess.subsample=2");
+    let told = refused(&place, "preprocess.subsample=2");
     assert!(told.contains("subsample") && told.contains("its own row"), "{told}");
-    let told = refused("control.probability='angular_speed'");
+    let told = refused(&place, "control.probability='angular_speed'");
     assert!(told.contains("control.probability") && told.contains("up to 1"), "{told}");
-    let told = refused("control.agent.temperature=0");
+    let told = refused(&place, "control.agent.temperature=0");
     assert!(told.contains("temperature"), "{told}");
     place.calib(&["simulate", "pole", "--task", "cart-pole"]).fails_with(2, &["--force"]);
     let told = place.calib(&["simulate", "x", "--task", "acrobot", "--days", "3"]).fails(2);

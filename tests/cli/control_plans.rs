@@ -22,6 +22,14 @@ fn planned(place: &Place, more: &[&str]) -> Value {
     serde_json::from_str(&place.calib(&args).succeeds()).expect("JSON")
 }
 
+fn bytes(value: &Value) -> u64 {
+    value.as_u64().expect("bytes")
+}
+
+fn secs(value: &Value) -> f64 {
+    value.as_f64().expect("seconds")
+}
+
 #[test]
 fn a_dry_run_says_what_a_sweep_takes() {
     let place = control::place();
@@ -49,12 +57,15 @@ fn a_dry_run_says_what_a_sweep_takes() {
     assert!(told.contains("18 of 18, on 1 thread\n") && !told.contains("1 threads"), "{told}");
     let plan = planned(&place, &[]);
     assert_eq!((&plan["runs"], &plan["left"]), (&18.into(), &18.into()), "{plan}");
-    let of_memory = |part: &str| plan["memory"][part].as_u64().expect("bytes");
-    assert!(of_memory("total") > of_memory("tables") + of_memory("thread"), "{plan}");
-    let expected = |part: &str| plan["expected"][part].as_f64().expect("seconds");
-    let parts = ["models_secs", "runs_secs", "other_secs"].map(expected);
-    assert!(parts.iter().all(|&secs| secs > 0.0), "{plan}");
-    assert!((expected("secs") - parts.iter().sum::<f64>()).abs() < 1e-6, "{plan}");
+    let memory = &plan["memory"];
+    assert!(
+        bytes(&memory["total"]) > bytes(&memory["tables"]) + bytes(&memory["thread"]),
+        "{plan}"
+    );
+    let expected = &plan["expected"];
+    let parts = ["models_secs", "runs_secs", "other_secs"].map(|part| secs(&expected[part]));
+    assert!(parts.iter().all(|&part| part > 0.0), "{plan}");
+    assert!((secs(&expected["secs"]) - parts.iter().sum::<f64>()).abs() < 1e-6, "{plan}");
     assert!(place.content(FOLDER) == before, "nothing is written");
 }
 
@@ -80,8 +91,7 @@ fn a_dry_run_counts_what_is_left() {
     let kept = place.content(FOLDER);
     let rest = planned(&place, &[]);
     assert_eq!((&rest["runs"], &rest["left"]), (&18.into(), &12.into()), "{rest}");
-    let disk = |plan: &Value| plan["disk"].as_u64().expect("bytes");
-    assert!(disk(&rest) < disk(&new), "the model is there: {rest}");
+    assert!(bytes(&rest["disk"]) < bytes(&new["disk"]), "the model is there: {rest}");
     assert_eq!(planned(&place, &["--force"])["left"], 18);
     let done = told(&place, "control", &["--share", "0/3"]);
     assert!(done.contains("runs left to make of share 0/3: 0 of 6, on 2 threads"), "{done}");
@@ -110,15 +120,15 @@ fn only_networks_without_a_valid_file_are_trained() {
     let networks = "--set=control.models=['network']";
     place.calib(&["control", STUDY, networks]).ends(&[0, 1]);
     // Another grid needs other runs in the same networks.
-    let plan = || planned(&place, &[networks, "--set=control.grid={ step_size = [0.1] }"]);
-    let secs = |plan: &Value| plan["expected"]["models_secs"].as_f64().expect("seconds");
-    let disk = |plan: &Value| plan["disk"].as_u64().expect("bytes");
-    let stored = plan();
-    assert_eq!((secs(&stored), &stored["memory"]["other_models"]), (0.0, &0.into()), "{stored}");
+    let other = [networks, "--set=control.grid={ step_size = [0.1] }"];
+    let stored = planned(&place, &other);
+    assert_eq!(secs(&stored["expected"]["models_secs"]), 0.0, "{stored}");
+    assert_eq!(stored["memory"]["other_models"], 0, "{stored}");
     let network = place.path().join("pole/study-results/control-model/network-1.safetensors");
     fs::write(network, "damaged").expect("writable");
-    let damaged = plan();
-    assert!(secs(&damaged) > 0.0 && disk(&damaged) > disk(&stored), "{damaged}");
+    let damaged = planned(&place, &other);
+    assert!(secs(&damaged["expected"]["models_secs"]) > 0.0, "{damaged}");
+    assert!(bytes(&damaged["disk"]) > bytes(&stored["disk"]), "{damaged}");
 }
 
 #[test]
@@ -144,24 +154,28 @@ const LAPLACIAN: [&str; 2] = [
     "--set=representation={ dimension = 4, hidden_units = 16, batch_size = 32, learning_rate = 3e-3, steps = 300 }",
 ];
 
+/// Returns the plan of a sweep with distances in a representation.
+fn in_representation(place: &Place, more: &[&str]) -> Value {
+    planned(place, &[&LAPLACIAN[..], more].concat())
+}
+
+fn representation_secs(plan: &Value) -> f64 {
+    secs(&plan["expected"]["representation_secs"])
+}
+
 #[test]
 fn a_representation_counts_until_it_is_there() {
     let place = control::place();
-    let laplacian = |more: &[&str]| planned(&place, &[&LAPLACIAN[..], more].concat());
-    let secs = |plan: &Value| {
-        plan["expected"]["representation_secs"].as_f64().expect("the time of the representation")
-    };
     let plain = planned(&place, &[]);
-    let new = laplacian(&[]);
-    assert_eq!((secs(&plain), &plain["memory"]["representation"]), (0.0, &0.into()));
-    assert!(secs(&new) > 0.0, "{new}");
+    let new = in_representation(&place, &[]);
+    assert_eq!((representation_secs(&plain), &plain["memory"]["representation"]), (0.0, &0.into()));
+    assert!(representation_secs(&new) > 0.0, "{new}");
     // Ten thousand times as many updates.
-    let longer = laplacian(&["--set=representation.steps=3000000"]);
-    assert!(secs(&longer) > secs(&new), "{longer} {new}");
-    let number = |plan: &Value, part: &str| plan.pointer(part).and_then(Value::as_u64);
+    let longer = in_representation(&place, &["--set=representation.steps=3000000"]);
+    assert!(representation_secs(&longer) > representation_secs(&new), "{longer} {new}");
     // At least 1,500 rows, with 4 columns twice and 4 dimensions.
-    assert!(number(&new, "/memory/representation") > Some(1_500 * 12 * 4), "{new}");
-    assert!(number(&new, "/disk") > number(&plain, "/disk"), "{new}");
+    assert!(bytes(&new["memory"]["representation"]) > 1_500 * 12 * 4, "{new}");
+    assert!(bytes(&new["disk"]) > bytes(&plain["disk"]), "{new}");
     let said = told(&place, "control", &LAPLACIAN);
     for part in [" of the representation, ", "(representation "] {
         assert!(said.contains(part), "{part} is missing in {said}");
@@ -171,11 +185,15 @@ fn a_representation_counts_until_it_is_there() {
     // With the same model, and with settings that need another model.
     let same: &[&str] = &[];
     for more in [same, &["--set=control.model.neighbors=2"]] {
-        let made = laplacian(more);
-        assert_eq!((secs(&made), &made["memory"]["representation"]), (0.0, &0.into()), "{made}");
+        let made = in_representation(&place, more);
+        assert_eq!(
+            (representation_secs(&made), &made["memory"]["representation"]),
+            (0.0, &0.into()),
+            "{made}"
+        );
     }
-    let again = laplacian(&["--force"]);
-    assert!(secs(&again) > 0.0, "{again}");
+    let again = in_representation(&place, &["--force"]);
+    assert!(representation_secs(&again) > 0.0, "{again}");
 }
 
 #[test]
@@ -197,14 +215,13 @@ fn many_runs_are_counted_without_a_list() {
 #[test]
 fn more_runs_than_anybody_makes_are_refused() {
     let place = control::place();
-    let refused = |more: &[&str], part: &str| {
-        let args = [&["control", STUDY, "--dry-run"][..], more].concat();
-        place.calib(&args).fails_with(2, &[part]);
-    };
-    refused(&["--set", "control.runs=9000000000000000000"], "expected from 1 to 100,000");
+    let dry = ["control", STUDY, "--dry-run", "--set"];
+    place
+        .calib(&[&dry[..], &["control.runs=9000000000000000000"]].concat())
+        .fails_with(2, &["expected from 1 to 100,000"]);
     // Twelve settings in three members: 3.6 million runs of each kind.
     let settings =
         "control.grid.step_size=[0.01,0.02,0.03,0.04,0.05,0.06,0.07,0.08,0.09,0.1,0.2,0.3]";
-    let many = ["--set", "control.runs=100000", "--set", settings];
-    refused(&[&many[..], &["--share", "0/2"]].concat(), "smaller shares");
+    let many = ["control.runs=100000", "--set", settings, "--share", "0/2"];
+    place.calib(&[&dry[..], &many].concat()).fails_with(2, &["smaller shares"]);
 }

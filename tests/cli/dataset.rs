@@ -161,19 +161,22 @@ fn only_what_the_study_reads_is_kept() {
     assert_eq!(fs::read_dir(states).expect("there").count(), 1, "a dry run writes nothing");
 }
 
+fn steps_to_do(place: &Place, more: &[&str]) -> Vec<String> {
+    let told = place.on_study("run", &[&["--dry-run", "--json"], more].concat()).json(&[0]);
+    let steps = told["steps"].as_array().expect("steps").iter();
+    let to_do = steps.filter(|step| step["state"] == "to_do");
+    to_do.map(|step| step["step"].as_str().expect("a name").to_owned()).collect()
+}
+
 #[test]
 fn a_run_says_what_is_up_to_date_and_what_is_to_do() {
     let place = Place::with_study();
-    let plan = |args: &[&str]| {
-        let args = [&["run", "study.toml", "--dry-run", "--json"], args].concat();
-        let told = place.calib(&args).json(&[0]);
-        let steps = told["steps"].as_array().expect("steps").clone();
-        let to_do = steps.iter().filter(|step| step["state"] == "to_do");
-        to_do.map(|step| step["step"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()
-    };
-    assert_eq!(plan(&[]), ["reading the log", "build-model", "rollout", "sweep", "evaluate"]);
+    assert_eq!(
+        steps_to_do(&place, &[]),
+        ["reading the log", "build-model", "rollout", "sweep", "evaluate"]
+    );
     place.calib(&["build-model", "study.toml"]).succeeds();
-    assert_eq!(plan(&[]), ["rollout", "sweep", "evaluate"]);
+    assert_eq!(steps_to_do(&place, &[]), ["rollout", "sweep", "evaluate"]);
     let told = place.calib(&["run", "study.toml"]);
     told.succeeds();
     assert!(
@@ -181,25 +184,24 @@ fn a_run_says_what_is_up_to_date_and_what_is_to_do() {
         "{}",
         told.stderr()
     );
-    assert_eq!(plan(&[]), ["evaluate"]);
-    assert_eq!(plan(&["--set", "agent.gamma=0.8"]), ["sweep", "evaluate"]);
-    assert_eq!(plan(&["--set", "rollout.steps=300"]), ["rollout", "evaluate"]);
-    assert_eq!(plan(&["--force"]).len(), 5);
+    assert_eq!(steps_to_do(&place, &[]), ["evaluate"]);
+    assert_eq!(steps_to_do(&place, &["--set", "agent.gamma=0.8"]), ["sweep", "evaluate"]);
+    assert_eq!(steps_to_do(&place, &["--set", "rollout.steps=300"]), ["rollout", "evaluate"]);
+    assert_eq!(steps_to_do(&place, &["--force"]).len(), 5);
     place.edit_study("members = 3", "members = 4");
-    assert_eq!(plan(&[]), ["build-model", "rollout", "sweep", "evaluate"]);
+    assert_eq!(steps_to_do(&place, &[]), ["build-model", "rollout", "sweep", "evaluate"]);
 }
 
 #[test]
 fn what_others_put_beside_prepared_logs_stays() {
     let place = Place::with_study();
-    let build = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).succeeds();
-    build("preprocess.subsample=1");
+    place.on_study_with("build-model", "preprocess.subsample=1").succeeds();
     let states = place.path().join("study-results/dataset");
     let own = fs::read_dir(&states).expect("there").flatten().next().expect("one").path();
     fs::create_dir(states.join("notes")).expect("made");
     fs::write(states.join("notes/mine.txt"), "mine").expect("written");
     fs::write(own.join("mine.txt"), "mine").expect("written");
-    build("preprocess.subsample=2");
+    place.on_study_with("build-model", "preprocess.subsample=2").succeeds();
     assert!(states.join("notes/mine.txt").exists());
     let left: Vec<_> =
         fs::read_dir(&own).expect("there").flatten().map(|entry| entry.file_name()).collect();

@@ -1,7 +1,7 @@
 //! Logs of decisions: the actions, rewards and episodes that calib reads in them.
 
 use crate::{
-    control::{place, pump},
+    control::{place, pump, row_of_pump},
     harness::Place,
 };
 
@@ -19,7 +19,7 @@ fn names_of_actions_are_no_patterns() {
 
 #[test]
 fn an_action_costs_in_the_step_that_it_was_taken_in() {
-    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
     let json = place.calib(&["control", "study.toml", "--json"]).json(&[0, 1]);
     assert_eq!(json["transitions"], 39);
     // In the steps from rows 0, 2, …, 38: 39 of the 50 steps of an agent's episode.
@@ -36,17 +36,14 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
 /// Each row has the action that led to it, so the action of the first row belongs to no step.
 #[test]
 fn an_action_may_stand_in_a_later_row() {
-    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
-    let mean = |lag: &str| {
-        let lag = format!("control.lag={lag}");
-        let args =
-            ["control", "study.toml", "--json", "--set", "control.timeout=39", "--set", &lag];
-        let json = place.calib(&args).json(&[0, 1]);
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
+    // Rows 0, 2, …, 38 without a lag, and rows 2, 4, …, 38 with one.
+    for (lag, mean) in [("control.lag=0", -20.0), ("control.lag=1", -19.0)] {
+        let args = ["--json", "--set", "control.timeout=39", "--set", lag];
+        let json = place.on_study("control", &args).json(&[0, 1]);
         assert_eq!(json["transitions"], 39);
-        json["verdict"]["behaviour"]["mean"].clone()
-    };
-    assert_eq!(mean("0"), -20.0, "rows 0, 2, …, 38");
-    assert_eq!(mean("1"), -19.0, "rows 2, 4, …, 38");
+        assert_eq!(json["verdict"]["behaviour"]["mean"], mean, "{lag}");
+    }
 }
 
 /// Each decision covers three rows, which alternate between off and on. The
@@ -94,7 +91,7 @@ fn a_log_with_one_action_is_refused() {
     assert!(warned.contains(&format!("warning: {told}")), "{warned}");
     inspected.succeeds_with(&["pump=0.5"]);
     // The pump is on in every other row, and so in all rows in which agents decide.
-    let other = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let other = pump(|row| row_of_pump(row, (row + 1) % 2));
     let told = "it is pump=1 in every row in which agents decide (control.every = 2), so there is nothing to choose";
     let every = ["control", "study.toml", "--set", "control.every=2"];
     other.calib(&every).fails_with(2, &[told]);
@@ -140,7 +137,7 @@ fn a_set_point_is_a_tag() {
 
 #[test]
 fn an_inspected_log_counts_one_of_a_thing_as_one() {
-    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
     let told = place.calib(&["inspect", "study.toml"]).succeeds();
     assert!(told.contains("40 states in 1 segment, 39 transitions"), "{told}");
     assert!(told.contains("for agents that act: 39 transitions in 1 episode"), "{told}");
@@ -165,8 +162,11 @@ fn actions_are_numbers_that_somebody_set() {
 #[test]
 fn actions_that_contradict_each_other_are_refused() {
     let place = pump(|row| {
-        let line = |pump: usize| format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7);
-        if row == 20 { line(0) + &line(1) } else { line((row + 1) % 2) }
+        if row == 20 {
+            row_of_pump(row, 0) + &row_of_pump(row, 1)
+        } else {
+            row_of_pump(row, (row + 1) % 2)
+        }
     });
     place.calib(&["control", "study.toml"]).fails_with(2, &["pump is 0 and 1"]);
     let first = place.calib(&["control", "study.toml", "--set", "data.contradictions=first"]);
@@ -209,16 +209,12 @@ fn actions_that_are_recorded_when_they_change_are_told_and_held() {
                 changes, set data.resample = \"last\" with data.period_secs, and data.max_age_secs";
     assert!(told.contains(part), "{told}");
     inspected.succeeds_with(&["10 transitions in 10 episodes"]);
-    let held = |secs: &str| {
-        let keys = ["data.resample=last", "data.period_secs=60", secs];
-        let sets = keys.into_iter().flat_map(|key| ["--set", key]);
-        let args: Vec<&str> = ["inspect", "study.toml"].into_iter().chain(sets).collect();
-        place.calib(&args)
-    };
-    let long = held("data.max_age_secs=300");
+    let held = ["--set=data.resample=last", "--set=data.period_secs=60"];
+    let long = place.on_study("inspect", &[&held[..], &["--set=data.max_age_secs=300"]].concat());
     assert!(!long.stderr().contains("no action"), "{}", long.stderr());
     long.succeeds_with(&["39 transitions in 1 episode"]);
-    let short = held("data.max_age_secs=61").stderr();
+    let short = place.on_study("inspect", &[&held[..], &["--set=data.max_age_secs=61"]].concat());
+    let short = short.stderr();
     assert!(short.contains("changes, raise data.max_age_secs to the longest time"), "{short}");
 }
 

@@ -108,6 +108,11 @@ impl Place {
         self.directory.path()
     }
 
+    /// Returns the path of a file or folder in this directory.
+    pub(crate) fn path_of(&self, name: &str) -> PathBuf {
+        self.path().join(name)
+    }
+
     pub(crate) fn write(&self, name: &str, text: &str) {
         fs::write(self.path().join(name), text).expect("writable");
     }
@@ -158,6 +163,21 @@ impl Place {
             check_json(args, &output);
         }
         Ran { args: args.join(" "), output, directory: self.path().to_owned() }
+    }
+
+    /// Runs a command on `study.toml` with further arguments.
+    pub(crate) fn on_study(&self, command: &str, more: &[&str]) -> Ran {
+        self.calib(&[&[command, "study.toml"][..], more].concat())
+    }
+
+    /// Runs a command on `study.toml` with a key set, such as `seed=4`.
+    pub(crate) fn on_study_with(&self, command: &str, set: &str) -> Ran {
+        self.on_study(command, &["--set", set])
+    }
+
+    /// Asserts that a command on `study.toml` refuses a key set, and returns the error message.
+    pub(crate) fn refusal(&self, command: &str, set: &str) -> String {
+        self.on_study_with(command, set).fails(2)
     }
 
     /// Runs these commands on `study.toml`, one after the other.
