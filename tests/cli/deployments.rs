@@ -100,8 +100,9 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     let manifest = place.read_json("study-results/deployments/near/rollout/manifest.json");
     let starts = &manifest["members"][0]["starts"];
     assert_eq!(starts["starts"], 3);
-    let distance = |name: &str| starts[name].as_f64().expect("there is one");
-    assert!(distance("largest_distance") >= distance("mean_distance"), "{starts}");
+    let [largest, mean] = ["largest_distance", "mean_distance"]
+        .map(|name| starts[name].as_f64().expect("there is one"));
+    assert!(largest >= mean, "{starts}");
 
     // The same study with only that window held out gives the same bytes.
     let text = place.read("study.toml");
@@ -119,12 +120,13 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
 
 /// Asserts that an agent is recommended for all deployments only if one of them is to get an agent.
 fn assert_no_agent_for_all(deploy: &serde_json::Value) {
-    let is_agent = |advice: &serde_json::Value| {
-        ["deploy", "keep_default", "not_checked"].iter().any(|agent| advice == agent)
-    };
     let mut choices = deploy["choices"].as_array().expect("a list").iter();
     let gets_one = choices.any(|choice| is_agent(&choice["recommendation"]));
     assert_eq!(is_agent(&deploy["for_all_recommendation"]), gets_one, "{deploy}");
+}
+
+fn is_agent(advice: &serde_json::Value) -> bool {
+    ["deploy", "keep_default", "not_checked"].iter().any(|agent| advice == agent)
 }
 
 /// Asserts that the words for a setting end with its learning rate, its only value.
@@ -224,20 +226,18 @@ fn recent_states_and_months_are_of_each_deployment() {
 #[test]
 fn windows_that_do_not_fit_are_refused() {
     let place = place("random", "");
-    let refused = |args: &[&str]| place.calib(&[args, &["study.toml"]].concat()).fails(2);
-    assert_snapshot!("unknown_deployment", refused(&["sweep", "--deployment", "may"]));
-    assert_snapshot!("no_deployment_of_models", refused(&["build-model", "--deployment", "near"]));
+    let unknown = place.on_study("sweep", &["--deployment", "may"]).fails(2);
+    assert_snapshot!("unknown_deployment", unknown);
+    let of_models = place.on_study("build-model", &["--deployment", "near"]).fails(2);
+    assert_snapshot!("no_deployment_of_models", of_models);
     place.calib(&["build-model", "study.toml"]).succeeds();
-    let both = refused(&["sweep", "--json"]);
+    let both = place.on_study("sweep", &["--json"]).fails(2);
     assert!(both.contains("add --deployment NAME (near, far)"), "{both}");
-    let set = |set: &str| refused(&["sweep", "--set", set]);
-    assert_snapshot!(
-        "overlapping_deployment",
-        set("deployments.near={ start = 2022-11-02, end = 2022-11-04 }")
-    );
-    let held_out = set("data.held_out={ start = 2022-11-03 }");
+    let overlapping = "deployments.near={ start = 2022-11-02, end = 2022-11-04 }";
+    assert_snapshot!("overlapping_deployment", place.refusal("sweep", overlapping));
+    let held_out = place.refusal("sweep", "data.held_out={ start = 2022-11-03 }");
     assert!(held_out.contains("both given"), "{held_out}");
-    let key = set("deployments.near.begin=2022-11-03");
+    let key = place.refusal("sweep", "deployments.near.begin=2022-11-03");
     assert!(key.contains("did you mean `start`") || key.contains("unknown key `begin`"), "{key}");
 }
 

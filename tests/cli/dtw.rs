@@ -6,7 +6,7 @@ use calib_data::table::read_parquet;
 use calib_dtw::{Dtw, StepPattern};
 use serde_json::Value;
 
-use crate::harness::Place;
+use crate::harness::{Place, Ran};
 
 fn numbers(values: &Value) -> Vec<f64> {
     values
@@ -95,6 +95,11 @@ fn the_default_is_the_table_of_the_paper() {
     assert!(table.contains("1.000000    0.111111"), "{table}");
 }
 
+fn distance(place: &Place, query: &str, reference: &str) -> f64 {
+    let json = place.calib(&["dtw", query, reference, "--json", "--step-pattern", "symmetric2"]);
+    results(&json.succeeds())["symmetric2"].0
+}
+
 #[test]
 fn columns_of_all_formats() {
     let place = place();
@@ -102,17 +107,12 @@ fn columns_of_all_formats() {
     // Two channels: (0, 1), (1, 2), (2, 2), (1, 3).
     let both = [0.0_f32, 1.0, 1.0, 2.0, 2.0, 2.0, 1.0, 3.0];
     calib_files::write_npy(&place.path().join("q.npy"), &both, 4, 2).expect("writable");
-    let distance = |query: &str, reference: &str| {
-        let json =
-            place.calib(&["dtw", query, reference, "--json", "--step-pattern", "symmetric2"]);
-        results(&json.succeeds())["symmetric2"].0
-    };
-    assert_eq!(distance("q.csv:flow", "r.csv"), 1.0);
-    assert_eq!(distance("q.csv:flow", "q.npy:0"), 0.0);
-    assert_eq!(distance("q.csv:level", "q.npy:1"), 0.0);
-    assert_eq!(distance("q.npy", "q.npy"), 0.0);
+    assert_eq!(distance(&place, "q.csv:flow", "r.csv"), 1.0);
+    assert_eq!(distance(&place, "q.csv:flow", "q.npy:0"), 0.0);
+    assert_eq!(distance(&place, "q.csv:level", "q.npy:1"), 0.0);
+    assert_eq!(distance(&place, "q.npy", "q.npy"), 0.0);
     let log = "data/2022-11-01.parquet:PIT300";
-    assert_eq!(distance(log, log), 0.0);
+    assert_eq!(distance(&place, log, log), 0.0);
     let several = place.calib(&["dtw", "data/2022-11-01.parquet", log]).fails(2);
     assert!(several.contains("several numeric columns") && several.contains("PIT300"), "{several}");
 }
@@ -147,56 +147,72 @@ fn the_path_is_written() {
     assert!(message.contains("exactly one --step-pattern, got 4"), "{message}");
 }
 
+/// Warps two series, and writes the warping path to a file.
+pub(crate) fn align(
+    place: &Place,
+    [query, reference]: [&str; 2],
+    path: &str,
+    force: &[&str],
+) -> Ran {
+    let args = ["dtw", query, reference, "--step-pattern", "symmetric2", "--path", path];
+    place.calib(&[&args[..], force].concat())
+}
+
 #[test]
 fn a_path_replaces_only_the_file_that_is_named_with_force_and_never_what_is_read() {
     let place = place();
     place.write("mine.csv", "years of work");
     let read = fs::read(place.path().join("q.csv")).expect("there");
-    let align = |path: &str, force: &[&str]| {
-        let args = ["dtw", "q.csv:flow", "r.csv", "--step-pattern", "symmetric2", "--path", path];
-        place.calib(&[&args[..], force].concat())
-    };
-    align("mine.csv", &[]).fails_with(2, &["mine.csv is there already; --force replaces it"]);
-    align("q.csv", &["--force"]).fails_with(2, &["q.csv is what is read"]);
+    let series = ["q.csv:flow", "r.csv"];
+    align(&place, series, "mine.csv", &[])
+        .fails_with(2, &["mine.csv is there already; --force replaces it"]);
+    align(&place, series, "q.csv", &["--force"]).fails_with(2, &["q.csv is what is read"]);
     assert_eq!(fs::read(place.path().join("q.csv")).expect("there"), read);
     assert_eq!(fs::read(place.path().join("mine.csv")).expect("there"), b"years of work");
-    align("mine.csv", &["--force"]).succeeds();
+    align(&place, series, "mine.csv", &["--force"]).succeeds();
     assert_ne!(fs::read(place.path().join("mine.csv")).expect("there"), b"years of work");
+}
+
+fn asymmetric_distance(place: &Place, more: &[&str]) -> f64 {
+    let args = ["dtw", "q.csv:flow", "r.csv", "--json", "--step-pattern", "asymmetric"];
+    results(&place.calib(&[&args[..], more].concat()).succeeds())["asymmetric"].0
 }
 
 #[test]
 fn ends_windows_and_local_distances() {
     let place = place();
-    let run = |more: &[&str]| {
-        let args = ["dtw", "q.csv:flow", "r.csv", "--json", "--step-pattern", "asymmetric"];
-        results(&place.calib(&[&args, more].concat()).succeeds())["asymmetric"].0
-    };
-    assert_eq!(run(&["--open-begin", "--open-end"]), 0.5);
-    assert_eq!(run(&["--local-distance", "squared"]), 0.25);
-    assert_eq!(run(&["--window", "sakoe-chiba:4"]), run(&[]));
+    assert_eq!(asymmetric_distance(&place, &["--open-begin", "--open-end"]), 0.5);
+    assert_eq!(asymmetric_distance(&place, &["--local-distance", "squared"]), 0.25);
+    assert_eq!(
+        asymmetric_distance(&place, &["--window", "sakoe-chiba:4"]),
+        asymmetric_distance(&place, &[])
+    );
+}
+
+fn message(place: &Place, args: &[&str]) -> String {
+    place.calib(&[&["dtw"], args].concat()).fails(2)
 }
 
 #[test]
 fn mistakes_are_explained() {
     let place = place();
-    let message = |args: &[&str]| place.calib(&[&["dtw"], args].concat()).fails(2);
-    let several = message(&["q.csv", "r.csv"]);
+    let several = message(&place, &["q.csv", "r.csv"]);
     assert!(several.contains("choose one as q.csv:COLUMN from: flow, level"), "{several}");
-    let missing = message(&["q.csv:flwo", "r.csv"]);
+    let missing = message(&place, &["q.csv:flwo", "r.csv"]);
     assert!(
         missing.contains("no column `flwo`") && missing.contains("time, flow, level"),
         "{missing}"
     );
-    let text = message(&["q.csv:time", "r.csv"]);
+    let text = message(&place, &["q.csv:time", "r.csv"]);
     assert!(text.contains("column `time`") && text.contains("`mon` in line 2"), "{text}");
-    let format = message(&["q.txt", "r.csv"]);
+    let format = message(&place, &["q.txt", "r.csv"]);
     assert!(format.contains("expected FILE.npy, FILE.csv or FILE.parquet"), "{format}");
-    let pattern = message(&["q.csv:flow", "r.csv", "--step-pattern", "diagonal"]);
+    let pattern = message(&place, &["q.csv:flow", "r.csv", "--step-pattern", "diagonal"]);
     assert!(pattern.contains("unknown step pattern `diagonal`"), "{pattern}");
-    let begin = message(&["q.csv:flow", "r.csv", "--open-begin"]);
+    let begin = message(&place, &["q.csv:flow", "r.csv", "--open-begin"]);
     assert!(begin.contains("normalised by the query's length"), "{begin}");
     place.write("gap.csv", "flow,level\n1,2\n,3\n");
-    let gap = message(&["gap.csv:flow", "r.csv"]);
+    let gap = message(&place, &["gap.csv:flow", "r.csv"]);
     assert!(gap.contains("sample 1") && gap.contains("fill or drop missing samples"), "{gap}");
     for word in ["bad", "n/a"] {
         place.write("word.csv", &format!("flow\n{word}\n1\n2\n"));
@@ -205,15 +221,15 @@ fn mistakes_are_explained() {
         assert!(told.contains(&format!("`{word}` in line 2")), "{word} is no unit: {told}");
     }
     place.write("comma.csv", "flow\n0,5\n1,5\n");
-    let commas = message(&["comma.csv:flow", "r.csv"]);
+    let commas = message(&place, &["comma.csv:flow", "r.csv"]);
     assert!(commas.contains("comma.csv") && commas.contains("became two cells"), "{commas}");
     place.write("long.csv", &"1\n".repeat(9));
-    let slopes = message(&["q.csv:flow", "long.csv", "--step-pattern", "symmetricP1"]);
+    let slopes = message(&place, &["q.csv:flow", "long.csv", "--step-pattern", "symmetricP1"]);
     assert!(slopes.contains("allows references of 3 to 7 samples"), "{slopes}");
-    let window = message(&["q.csv:flow", "long.csv", "--window", "sakoe-chiba:2"]);
+    let window = message(&place, &["q.csv:flow", "long.csv", "--window", "sakoe-chiba:2"]);
     assert!(window.contains("widen it"), "{window}");
     // The help and the error about an unknown window use the same names.
-    let unknown = message(&["q.csv:flow", "long.csv", "--window", "wide"]);
+    let unknown = message(&place, &["q.csv:flow", "long.csv", "--window", "wide"]);
     let help = place.calib(&["dtw", "--help"]).succeeds();
     for text in [unknown, help].map(|text| text.split_whitespace().collect::<Vec<_>>().join(" ")) {
         assert!(text.contains("none, sakoeChiba:RADIUS, slanted:RADIUS or itakura"), "{text}");
@@ -227,20 +243,16 @@ fn rollouts_are_compared_with_what_was_recorded() {
     let shown = place.calib(&["rollout", "study.toml"]).succeeds();
     assert!(shown.contains("over 6 rollouts of") && shown.contains("rabinerJuang:6c"), "{shown}");
     let directory = place.path().join("study-results/rollout");
-    let read = |name: &str| read_parquet(&directory.join(name)).expect("readable");
-    let dtw = read("dtw.parquet");
-    let measures = read("measures.parquet");
+    let [dtw, measures, trajectories] = ["dtw", "measures", "trajectories"]
+        .map(|name| read_parquet(&directory.join(format!("{name}.parquet"))).expect("readable"));
     // 3 members, 2 rollouts, 2 sensors; 4 step patterns.
     assert_eq!((dtw.rows(), measures.rows()), (48, 12));
     assert!(measures.numbers("time_warp_edit").expect("numbers").iter().all(|&value| value > 0.0));
 
     // The distance of the first rollout, from its trajectory, is the same except for the unit.
-    let trajectories = read("trajectories.parquet");
     let steps = dtw.column::<u32>("steps").expect("a column")[0] as usize;
-    let column = |name: &str| trajectories.numbers(name).expect("numbers")[..=steps].to_vec();
-    let visited = column("PIT300");
-    let recorded = column("PIT300.recorded");
-    let normalised = column("PIT300.normalised");
+    let [visited, recorded, normalised] = ["PIT300", "PIT300.recorded", "PIT300.normalised"]
+        .map(|name| trajectories.numbers(name).expect("numbers")[..=steps].to_vec());
     let other = visited.iter().position(|value| *value != visited[0]).expect("it moves");
     let scale = (visited[other] - visited[0]) / (normalised[other] - normalised[0]);
     let distance =

@@ -101,21 +101,35 @@ fn a_changed_file_of_the_model_is_found_and_made_again() {
 #[test]
 fn a_sensor_twice_and_counts_of_zero() {
     let place = Place::with_study();
-    let refused = |set: &str| place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
-    assert!(refused("sweep.sensors=[\"A\", \"A\"]").contains("names A twice"));
-    assert!(refused("sweep.member_runs=0").contains("sweep.member_runs must be from 1 to"));
-    assert!(refused("evaluate.top_k=0").contains("evaluate.top_k must be from 1 to"));
+    assert!(place.refusal("sweep", "sweep.sensors=[\"A\", \"A\"]").contains("names A twice"));
+    assert!(
+        place
+            .refusal("sweep", "sweep.member_runs=0")
+            .contains("sweep.member_runs must be from 1 to")
+    );
+    assert!(
+        place.refusal("sweep", "evaluate.top_k=0").contains("evaluate.top_k must be from 1 to")
+    );
 }
 
 #[test]
 fn slips_of_the_finger_are_refused_before_anything_starts() {
     let place = Place::with_study();
-    let refused = |set: &str| place.calib(&["rollout", "study.toml", "--set", set]).fails(2);
-    assert!(refused("sweep.member_runs=9000000000000000000").contains("sweep.member_runs must be"));
-    assert!(refused("rollout.steps=100000000000000").contains("rollout.steps must be"));
-    assert!(refused("rollout.rollouts=1000000").contains("rollout.rollouts must be"));
-    assert!(refused("sweep.steps=[1").contains("is not a TOML value"));
-    assert!(refused("data.train={start=2022-11-31}").contains("is not a TOML value"));
+    assert!(
+        place
+            .refusal("rollout", "sweep.member_runs=9000000000000000000")
+            .contains("sweep.member_runs must be")
+    );
+    assert!(
+        place.refusal("rollout", "rollout.steps=100000000000000").contains("rollout.steps must be")
+    );
+    assert!(
+        place.refusal("rollout", "rollout.rollouts=1000000").contains("rollout.rollouts must be")
+    );
+    assert!(place.refusal("rollout", "sweep.steps=[1").contains("is not a TOML value"));
+    assert!(
+        place.refusal("rollout", "data.train={start=2022-11-31}").contains("is not a TOML value")
+    );
 }
 
 #[test]

@@ -31,9 +31,8 @@ fn a_long_table_is_shown_and_imported() {
     assert!(made.contains("90 rows of 2 channels"), "{made}");
     place.calib(&["import", "history.csv", "wide.parquet"]).fails_with(2, &["--force"]);
     place.calib(&["inspect", "wide.parquet"]).succeeds_with(&["read as wide tables"]);
-    let json = |log: &str| place.calib(&["inspect", log, "--json"]).json(&[0]);
-    let long = json("history.csv");
-    let wide = json("wide.parquet");
+    let [long, wide] = ["history.csv", "wide.parquet"]
+        .map(|log| place.calib(&["inspect", log, "--json"]).json(&[0]));
     assert_eq!(long["shape"], "long");
     assert_eq!(long["train"], wide["train"]);
     for channel in 0..2 {
@@ -97,14 +96,11 @@ fn what_memory_cannot_hold_is_refused_with_the_key() {
         "log.csv",
         "time,a\n2024-01-01 00:00:00,1\n2024-01-20 00:00:00,2\n2024-02-18 00:00:00,3\n",
     );
-    let with = |secs: &str| {
-        let max_age = format!("data.max_age_secs={secs}");
-        let args = ["inspect", "log.csv", "--set", "data.resample=last", "--set"];
-        let args = [&args[..], &["data.period_secs=1e-5", "--set", &max_age]].concat();
-        place.calib(&args)
-    };
-    with("1e7").fails_with(2, &["data.period_secs"]);
-    let few = with("1e-4");
+    let args = ["inspect", "log.csv", "--set=data.resample=last", "--set=data.period_secs=1e-5"];
+    place
+        .calib(&[&args[..], &["--set=data.max_age_secs=1e7"]].concat())
+        .fails_with(2, &["data.period_secs"]);
+    let few = place.calib(&[&args[..], &["--set=data.max_age_secs=1e-4"]].concat());
     few.ends(&[0, 1]);
     assert!(
         few.stdout().contains("23 rows") || few.stdout().contains("3 rows in 1 file"),

@@ -263,17 +263,19 @@ fn a_log_without_a_sensor_says_so() {
     assert!(unknown.contains("expected a time with a unit, such as 90s"), "{unknown}");
 }
 
+/// Returns a log with some of its rows again, which differ.
+fn with_contradictions(log: &str, count: usize) -> String {
+    let again: Vec<String> =
+        log.lines().skip(2).take(count).map(|row| row.replace(";1", ";0")).collect();
+    format!("{log}{}\n", again.join("\n"))
+}
+
 /// Recordings that overlap by a few rows: other commands and `init` report the same.
 #[test]
 fn few_contradictions_are_told_as_they_are_resolved() {
     let place = Place::new();
     let rows = log();
-    let twice = |count: usize| {
-        let again: Vec<String> =
-            rows.lines().skip(2).take(count).map(|row| row.replace(";1", ";0")).collect();
-        place.write("log.csv", &format!("{rows}{}\n", again.join("\n")));
-    };
-    twice(20);
+    place.write("log.csv", &with_contradictions(&rows, 20));
     let shown = place.calib(&["inspect", "log.csv"]);
     assert!(shown.stderr().contains("`calib init` keeps the first"), "{}", shown.stderr());
     assert!(!shown.stderr().contains("would be refused"), "{}", shown.stderr());
@@ -285,7 +287,7 @@ fn few_contradictions_are_told_as_they_are_resolved() {
         init.stderr()
     );
     init.succeeds();
-    twice(200);
+    place.write("log.csv", &with_contradictions(&rows, 200));
     place
         .calib(&["inspect", "log.csv"])
         .fails_with(1, &["would be refused", "up to 1 % of the rows"]);
@@ -359,27 +361,29 @@ fn a_period_that_is_not_that_of_the_log_is_named_first() {
     assert!(!place.path().join("study.toml").exists());
 }
 
+/// Proposes a study with this horizon, and returns what is printed and the study.
+fn init_with_horizon(place: &Place, horizon: &str) -> (String, String) {
+    let run = place.calib(&["init", "log.csv", "--force", "--within=1s", "--horizon", horizon]);
+    run.succeeds();
+    (run.stderr(), place.read("study.toml"))
+}
+
 /// A short log has four windows of short runs, or calib says what two windows can show. No horizon is lengthened silently.
 #[test]
 fn few_windows_and_short_horizons_are_told() {
     let place = Place::new();
     place.write("log.csv", &log_of(4_000));
-    let init = |more: &[&str]| {
-        let run = place.calib(&[&["init", "log.csv", "--force", "--within=1s"][..], more].concat());
-        run.succeeds();
-        (run.stderr(), place.read("study.toml"))
-    };
-    let (told, study) = init(&["--horizon", "8m"]);
+    let (told, study) = init_with_horizon(&place, "8m");
     assert!(!told.contains("held-out windows"), "{told}");
     assert!(study.contains("4 windows fit beside each other"), "{study}");
-    let (told, study) = init(&["--horizon", "20m"]);
+    let (told, study) = init_with_horizon(&place, "20m");
     assert!(told.contains("2 held-out windows: hardly any difference can be shown"), "{told}");
     assert!(study.contains("hardly any difference can be shown with so few"), "{study}");
     let far = ["init", "log.csv", "far.toml", "--within", "5s", "--horizon", "400d"];
     let far = place.calib(&far).fails(2);
     assert_eq!(far.matches("400 d").count(), 1, "once: {far}");
     assert!(far.contains("too far for ") && far.contains("at most about "), "{far}");
-    let (told, study) = init(&["--horizon", "30s"]);
+    let (told, study) = init_with_horizon(&place, "30s");
     assert!(told.contains("--horizon 30 s is shorter than one state, which is 2 min"), "{told}");
     assert!(study.contains("subsample = 1 "), "{study}");
 }

@@ -7,40 +7,49 @@ use crate::{
     harness::{Place, Ran},
 };
 
+/// Returns what a dry run of a sweep tells.
+fn told(place: &Place, set: &[&str]) -> String {
+    place.calib(&[&["control", "pole/study.toml", "--dry-run"], set].concat()).stderr()
+}
+
 /// Temperatures and initial values are in units of return.
 #[test]
 fn numbers_beyond_the_returns_of_the_log_are_told() {
     let place = control::place();
-    let dry = ["control", "pole/study.toml", "--dry-run"];
-    let told = |set: &[&str]| place.calib(&[&dry[..], set].concat()).stderr();
-    let large = told(&["--set=control.agent.temperature=100000"]);
+    let large = told(&place, &["--set=control.agent.temperature=100000"]);
     assert!(large.contains("temperature 100000 is more than the spread"), "{large}");
     assert!(large.contains("set control.agent.temperature to "), "{large}");
-    let swept = told(&["--set=control.grid={ temperature = [1.0, 100000.0] }"]);
+    let swept = told(&place, &["--set=control.grid={ temperature = [1.0, 100000.0] }"]);
     assert!(!swept.contains("is more than the spread"), "one of them fits: {swept}");
-    let swept = told(&["--set=control.grid={ initial_weight = [1e6, 2e6] }"]);
+    let swept = told(&place, &["--set=control.grid={ initial_weight = [1e6, 2e6] }"]);
     assert!(swept.contains("initial weights put the first values at 1e7, more"), "{swept}");
     assert!(swept.contains("set control.grid.initial_weight to 0"), "{swept}");
     // A pole that stands for some 20 steps: returns differ by about 20 with a
     // discount of 1, and hardly with a discount of 0.1.
-    let discounted = told(&[
-        "--set=control.agent.gamma=0.1",
-        "--set=control.agent.temperature=1.0",
-        "--set=control.grid={ gamma = [0.5, 1.0] }",
-    ]);
+    let discounted = told(
+        &place,
+        &[
+            "--set=control.agent.gamma=0.1",
+            "--set=control.agent.temperature=1.0",
+            "--set=control.grid={ gamma = [0.5, 1.0] }",
+        ],
+    );
     assert!(!discounted.contains("is more than the spread"), "{discounted}");
-    let discounted = told(&[
-        "--set=control.agent.gamma=1.0",
-        "--set=control.agent.temperature=1.0",
-        "--set=control.grid={ gamma = [0.1, 0.2] }",
-    ]);
+    let discounted = told(
+        &place,
+        &[
+            "--set=control.agent.gamma=1.0",
+            "--set=control.agent.temperature=1.0",
+            "--set=control.grid={ gamma = [0.1, 0.2] }",
+        ],
+    );
     assert!(discounted.contains("temperature 1 is more than the spread"), "{discounted}");
     assert!(discounted.contains("(gamma 0.2, timeout "), "the one that is nearest: {discounted}");
     // Four columns and six pairs give an initial value of 1,500, the columns alone give 600; the spread is about 9.
     let weight = "--set=control.agent.initial_weight=150";
-    let paired = told(&[weight]);
+    let paired = told(&place, &[weight]);
     assert!(paired.contains("initial weights put the first values at 1,500, more"), "{paired}");
-    let alone = told(&[weight, "--set=control.agent.pairs=false"]);
+    let alone = told(&place, &[weight, "--set=control.agent.pairs=false"]);
     assert!(!alone.contains("initial weights put"), "{alone}");
 }
 
@@ -102,6 +111,11 @@ fn no_run_is_timed_once_the_time_is_over() {
     place.calib(&["inspect", "study.toml"]).ends(&[0, 1]);
 }
 
+fn number(value: &toml::Value) -> f64 {
+    let whole = value.as_integer().map(|whole| whole as f64);
+    value.as_float().or(whole).expect("a number")
+}
+
 #[test]
 fn a_log_of_decisions_becomes_a_study_that_runs() {
     let place = Place::new();
@@ -133,10 +147,6 @@ fn a_log_of_decisions_becomes_a_study_that_runs() {
     assert!(temperatures.contains(&control["agent"]["temperature"]), "{control:?}");
     let step_sizes = control["grid"]["step_size"].as_array().expect("a list");
     assert!(step_sizes.contains(&control["agent"]["step_size"]), "{control:?}");
-    let number = |value: &toml::Value| {
-        let whole = value.as_integer().map(|whole| whole as f64);
-        value.as_float().or(whole).expect("a number")
-    };
     let in_temperatures =
         number(&control["agent"]["step_size"]) / number(&control["agent"]["temperature"]);
     assert!((0.027..0.033).contains(&in_temperatures), "both are in spreads: {control:?}");
@@ -158,22 +168,24 @@ fn a_log_of_decisions_becomes_a_study_that_runs() {
     assert_eq!(json["algorithm"], "expected_sarsa");
 }
 
+/// Proposes a study with a key set, and returns its section of acting agents.
+fn proposed(place: &Place, set: &str) -> toml::Value {
+    init(place, &[&POLE[..], &["--set", set]].concat()).succeeds();
+    study(place)["control"].clone()
+}
+
 #[test]
 fn agents_that_are_given_are_proposed_what_they_use() {
     let place = control::place();
-    let with = |set: &str| {
-        init(&place, &[&POLE[..], &["--set", set]].concat()).succeeds();
-        study(&place)["control"].clone()
-    };
-    let control = with("control.grid={ step_size = [0.1, 0.2] }");
+    let control = proposed(&place, "control.grid={ step_size = [0.1, 0.2] }");
     let grid = control["grid"].as_table().expect("a table");
     assert_eq!(grid.keys().collect::<Vec<_>>(), ["step_size"], "it replaces the drafted one");
-    let control = with("control.agent={ step_size = 0.1, gamma = 0.9 }");
+    let control = proposed(&place, "control.agent={ step_size = 0.1, gamma = 0.9 }");
     assert_eq!(control["agent"]["gamma"].as_float(), Some(0.9));
     assert!(control["agent"].get("temperature").is_none(), "{control:?}");
-    let control = with("control.agent.algorithm=\"q_learning\"");
+    let control = proposed(&place, "control.agent.algorithm=\"q_learning\"");
     assert!(control["grid"].get("temperature").is_none(), "{control:?}");
-    let control = with("control.agent.algorithm=\"deep_q_learning\"");
+    let control = proposed(&place, "control.agent.algorithm=\"deep_q_learning\"");
     assert_eq!(control["agent"]["step_size"].as_float(), Some(0.001));
     assert!(control["agent"].get("temperature").is_none(), "{control:?}");
     init(&place, &[&POLE[..], &["--set=control={ timeout = 9 }"]].concat())
@@ -232,8 +244,6 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
     let all = ["a1", "a2", "a3", "a4", "a5", "a6", "a7"].map(|name| format!("--action={name}"));
     let mut all: Vec<&str> = all.iter().map(String::as_str).collect();
     all.push("--reward=gain");
-    let pump = ["--action=pump", "--reward=gain"];
-    let with = |more: &'static str| [&pump[..], &[more]].concat();
     for (args, expected) in [
         (
             vec!["--action=pmup", "--reward=gain"],
@@ -247,11 +257,17 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
         (vec!["--action=fixed", "--reward=gain"], "--action fixed: it is 3 in every row"),
         (vec!["--action=pump", "--reward=fixed"], "3 in every step, and no episode ends"),
         (vec!["--action=pump", "--reward=pump"], "--reward pump: --action names this column"),
-        (with("--terminal=done"), "--terminal done: it is 1 in every row"),
+        (
+            vec!["--action=pump", "--reward=gain", "--terminal=done"],
+            "--terminal done: it is 1 in every row",
+        ),
         (vec!["--action=a1", "--reward=gain", "--probability=odds"], "--probability odds: the log"),
         (all, "7 columns of actions have 128 combinations"),
-        (with("--set=control.steps=100"), "--set control.steps has no effect"),
-        (with("--sensor=level"), "cannot be used with"),
+        (
+            vec!["--action=pump", "--reward=gain", "--set=control.steps=100"],
+            "--set control.steps has no effect",
+        ),
+        (vec!["--action=pump", "--reward=gain", "--sensor=level"], "cannot be used with"),
         (vec!["--action=pump"], "--reward"),
         (vec!["--reward=gain"], "--action"),
         (vec!["--terminal=done"], "--action"),
@@ -260,6 +276,12 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
         assert!(error.contains(expected), "{expected} is missing in {error}");
         assert!(!place.path().join("study.toml").exists(), "{args:?} wrote a study");
     }
+}
+
+/// Returns the line about actions that were hardly ever taken.
+fn line_of_rare(told: &str) -> String {
+    let line = told.lines().find(|line| line.contains("hardly ever taken"));
+    line.unwrap_or_else(|| panic!("no such line in {told}")).to_owned()
 }
 
 #[test]
@@ -274,15 +296,11 @@ fn what_speaks_against_a_choice_is_told_at_once() {
     assert!(told.contains("1 action was hardly ever taken: pump=2 (3 of 3"), "{told}");
     assert!(told.contains("the log has 4 terminals, and calib names no setting"), "{told}");
     assert_eq!(study(&place)["control"]["start"].as_str(), Some("anywhere"));
-    let rare = |told: &str| -> String {
-        let line = told.lines().find(|line| line.contains("hardly ever taken"));
-        line.unwrap_or_else(|| panic!("no such line in {told}")).to_owned()
-    };
     let control = place.calib(&["control", "study.toml", "--dry-run"]);
-    assert_eq!(rare(&control.stderr()), rare(&told), "the same of the study");
+    assert_eq!(line_of_rare(&control.stderr()), line_of_rare(&told), "the same of the study");
     let logged =
         place.calib(&["control", "study.toml", "--dry-run", "--set=control.probability=\"odds\""]);
-    let told = rare(&logged.stderr());
+    let told = line_of_rare(&logged.stderr());
     assert!(
         told.ends_with("in the log, or use a longer log"),
         "levels have no probability: {told}"
