@@ -12,14 +12,13 @@ fn what_changes_no_byte_changes_no_key() {
     let place = Place::with_study();
     place.run_steps(&STEPS);
     let before = place.content("study-results");
-    let scan = |command: &str| place.calib(&[command, "study.toml", "--set", "model.index=scan"]);
     for command in ["build-model", "rollout"] {
-        let again = scan(command).succeeds();
+        let again = place.on_study_with(command, "model.index=scan").succeeds();
         assert!(again.starts_with("up to date"), "{command}: {again}");
     }
-    let swept = scan("sweep");
+    let swept = place.on_study_with("sweep", "model.index=scan");
     assert!(swept.succeeds().starts_with("up to date"), "{}", swept.stdout());
-    let judged = scan("evaluate");
+    let judged = place.on_study_with("evaluate", "model.index=scan");
     judged.ends(&[0, 1]);
     assert!(!judged.stdout().contains("other settings"), "{}", judged.stdout());
     let after = place.content("study-results");
@@ -35,23 +34,22 @@ fn what_changes_no_byte_changes_no_key() {
 fn a_log_is_known_by_what_it_holds() {
     let place = Place::with_study();
     place.run_steps(&STEPS);
-    let at = |command: &str, path: &str| {
-        place.calib(&[command, "study.toml", "--set", &format!("data.path={path}")])
-    };
     // The same log in another folder.
     fs::rename(place.path().join("data"), place.path().join("moved")).expect("there");
-    at("evaluate", "moved").ends(&[0, 1]);
+    place.on_study_with("evaluate", "data.path=moved").ends(&[0, 1]);
     for command in ["rollout", "sweep", "build-model"] {
-        let again = at(command, "moved").succeeds();
+        let again = place.on_study_with(command, "data.path=moved").succeeds();
         assert!(again.starts_with("up to date"), "{command}: {again}");
     }
-    let judged = at("evaluate", "moved");
+    let judged = place.on_study_with("evaluate", "data.path=moved");
     judged.ends(&[0, 1]);
     assert!(!judged.stdout().contains("other settings"), "{}", judged.stdout());
     // Another log, in a folder with another name.
     place.simulate_other("other");
     for command in ["rollout", "sweep", "evaluate"] {
-        at(command, "other").fails_with(2, &["other data", "'data.path=other'"]);
+        place
+            .on_study_with(command, "data.path=other")
+            .fails_with(2, &["other data", "'data.path=other'"]);
     }
 }
 
@@ -59,20 +57,18 @@ fn a_log_is_known_by_what_it_holds() {
 fn a_variable_may_mean_another_log() {
     let place = Place::with_study();
     place.edit_study("path = \"data\"", "path = \"${PLANT}\"");
-    let at = |command: &str, plant: &str| {
-        place.calib_with(&[command, "study.toml"], &[("PLANT", plant)])
-    };
+    let [data, other] = [[("PLANT", "data")], [("PLANT", "other")]];
     for command in STEPS {
-        at(command, "data").succeeds();
+        place.calib_with(&[command, "study.toml"], &data).succeeds();
     }
     place.simulate_other("other");
     for command in ["rollout", "evaluate"] {
-        let message = at(command, "other").fails(2);
+        let message = place.calib_with(&[command, "study.toml"], &other).fails(2);
         assert!(message.contains("other data"), "{command}: {message}");
     }
-    at("evaluate", "data").ends(&[0, 1]);
+    place.calib_with(&["evaluate", "study.toml"], &data).ends(&[0, 1]);
     let check = ["check", "study-results", "--read-data"];
-    place.calib_with(&check, &[("PLANT", "data")]).succeeds();
+    place.calib_with(&check, &data).succeeds();
     let unset = place.calib(&check);
     unset.ends(&[1]);
     let told = unset.stdout();

@@ -188,8 +188,7 @@ fn where_there_are_no_locks_two_sweeps_of_one_folder_end_well() {
     let alone = place.content("study-results/sweep");
     std::fs::remove_dir_all(place.path().join("study-results/sweep")).expect("there");
     let args = ["sweep", "study.toml", "--threads", "1"];
-    let start = || place.start_with(&args, &[("CALIB_FAULT", "lockless")]);
-    let all = [start(), start(), start()];
+    let all = [(); 3].map(|()| place.start_with(&args, &[("CALIB_FAULT", "lockless")]));
     for child in all {
         place.ended("sweep", child).succeeds();
     }

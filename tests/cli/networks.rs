@@ -6,6 +6,8 @@ use calib_files::{
     fingerprint_file, read_sealed_json, read_tensors, write_sealed_json, write_tensors,
 };
 
+#[cfg(feature = "torch")]
+use crate::harness::Ran;
 use crate::harness::{Place, assert_same};
 
 /// Returns the study of the other tests with a small network as its model.
@@ -27,8 +29,9 @@ fn a_network_goes_through_the_chain() {
     let place = place();
     place.calib(&["build-model", "study.toml"]).succeeds_with(&["of 15, one-step validation loss"]);
     let training = &json(&place, "model/manifest.json")["training"];
-    let loss = |name: &str| training[name].as_f64().expect("a number");
-    assert!(loss("validation_loss") < 2.0 * loss("persistence_loss"), "{training}");
+    let [loss, of_persistence] = ["validation_loss", "persistence_loss"]
+        .map(|name| training[name].as_f64().expect("a number"));
+    assert!(loss < 2.0 * of_persistence, "{training}");
     assert_eq!(json(&place, "model/training.json")["epochs"].as_array().expect("list").len(), 15);
     assert!(!place.path().join("study-results/model/checkpoint.safetensors").exists());
 
@@ -165,13 +168,24 @@ fn a_gru_goes_through_the_chain() {
     let place = place();
     let small = "dynamics.sequence_stride=7";
     let set = ["--set", "model.kind=gru", "--set", small, "--set", "dynamics.epochs=4"];
-    let run = |command: &str| place.calib(&[&[command, "study.toml"], &set[..]].concat());
-    run("build-model").succeeds_with(&["of 4, one-step validation loss"]);
-    run("rollout").succeeds_with(&["member 0: predictions"]);
-    run("sweep").succeeds();
-    let args = [&["evaluate", "study.toml", "--why"], &set[..]].concat();
-    assert!(place.calib(&args).succeeds().contains("GRU ranks it"));
-    assert!(run("build-model").succeeds().contains("up to date"));
+    place.on_study("build-model", &set).succeeds_with(&["of 4, one-step validation loss"]);
+    place.on_study("rollout", &set).succeeds_with(&["member 0: predictions"]);
+    place.on_study("sweep", &set).succeeds();
+    let judged = place.on_study("evaluate", &[&["--why"], &set[..]].concat());
+    assert!(judged.succeeds().contains("GRU ranks it"));
+    assert!(place.on_study("build-model", &set).succeeds().contains("up to date"));
+}
+
+/// Runs all steps with a kind of noise, and returns the table of trajectories.
+fn trajectories_with(place: &Place, noise: &str) -> Vec<u8> {
+    // The weights do not depend on the noise.
+    assert!(place.on_study_with("build-model", noise).succeeds().contains("up to date"));
+    place.on_study_with("rollout", noise).succeeds();
+    let path = place.path_of("study-results/rollout/trajectories.parquet");
+    let table = fs::read(path).expect("written");
+    place.on_study_with("sweep", noise).succeeds();
+    place.on_study_with("evaluate", noise).succeeds();
+    table
 }
 
 /// A network whose rollouts use means comes to rest. With recorded residuals it keeps moving.
@@ -179,36 +193,21 @@ fn a_gru_goes_through_the_chain() {
 fn residuals_keep_rollouts_moving() {
     let place = place();
     place.calib(&["build-model", "study.toml"]).succeeds();
-    let spread = |noise: &str| {
-        let set = format!("dynamics.noise={noise}");
-        let args = |command| place.calib(&[command, "study.toml", "--set", &set]);
-        // The weights do not depend on the noise.
-        assert!(args("build-model").succeeds().contains("up to date"));
-        args("rollout").succeeds();
-        let path = place.path().join("study-results/rollout/trajectories.parquet");
-        let table = fs::read(path).expect("written");
-        args("sweep").succeeds();
-        args("evaluate").succeeds();
-        table
-    };
-    let still = spread("none");
-    let moving = spread("residual");
-    let blocks = spread("block");
+    let still = trajectories_with(&place, "dynamics.noise=none");
+    let moving = trajectories_with(&place, "dynamics.noise=residual");
+    let blocks = trajectories_with(&place, "dynamics.noise=block");
     assert!(still != moving && moving != blocks);
-    assert!(spread("residual") == moving, "the same seeds");
+    assert!(trajectories_with(&place, "dynamics.noise=residual") == moving, "the same seeds");
 }
 
 #[cfg(feature = "torch")]
 #[test]
 fn native_and_libtorch_training_agree_about_the_model() {
     let place = place();
-    let build = |output: &str, more: &[&str]| {
-        let args = ["build-model", "study.toml", "--output", output];
-        place.calib(&[&args[..], more].concat()).succeeds();
-        place.read_json(&format!("{output}/model/manifest.json"))
-    };
-    let native = build("native", &[]);
-    let torch = build("torch", &["--device", "cpu"]);
+    place.on_study("build-model", &["--output", "native"]).succeeds();
+    place.on_study("build-model", &["--output", "torch", "--device", "cpu"]).succeeds();
+    let [native, torch] =
+        ["native", "torch"].map(|output| place.read_json(&format!("{output}/model/manifest.json")));
     assert_eq!(native["key"], torch["key"]);
     let a = validation_loss(&native);
     let b = validation_loss(&torch);
@@ -226,45 +225,49 @@ fn validation_loss(manifest: &serde_json::Value) -> f64 {
 const NEIGHBOURS: [&str; 3] =
     ["--set=model.kind=knn", "--set=agent.value_function=mlp", "--set=agent.hidden_units=8"];
 
+/// Runs a command on the study with a model of neighbours.
+#[cfg(feature = "torch")]
+fn with_neighbours(place: &Place, command: &str, more: &[&str]) -> Ran {
+    place.on_study(command, &[&NEIGHBOURS[..], more].concat())
+}
+
 #[cfg(feature = "torch")]
 #[test]
 fn agents_that_libtorch_trains_are_results_of_their_own() {
     let place = place();
-    let calib = |command: &str, more: &[&str]| {
-        place.calib(&[&[command, "study.toml"], &NEIGHBOURS[..], more].concat())
-    };
-    calib("build-model", &[]).succeeds();
+    with_neighbours(&place, "build-model", &[]).succeeds();
     let device = ["--device", "cpu"];
-    assert!(calib("sweep", &device).succeeds().contains("training runs made in"));
+    assert!(with_neighbours(&place, "sweep", &device).succeeds().contains("training runs made in"));
     assert_eq!(json(&place, "sweep/manifest.json")["arithmetic"], "libtorch-cpu");
-    assert!(calib("sweep", &device).succeeds().contains("up to date"));
+    assert!(with_neighbours(&place, "sweep", &device).succeeds().contains("up to date"));
     // The verdict is that of the device, and says so.
-    let summary = calib("evaluate", &["--json"]).json(&[0, 1]);
+    let summary = with_neighbours(&place, "evaluate", &["--json"]).json(&[0, 1]);
     assert!(summary["choices"].as_array().is_some_and(|choices| !choices.is_empty()), "{summary}");
     assert!(summary.to_string().contains("libtorch-cpu"), "{summary}");
     let page = place.read("study-results/report.html");
     assert!(page.contains("--device cpu"), "the report says how it was made");
     // Native runs are separate results, and those of the device stay.
-    assert!(calib("sweep", &[]).succeeds().contains("training runs made in"));
+    assert!(with_neighbours(&place, "sweep", &[]).succeeds().contains("training runs made in"));
     assert_eq!(json(&place, "sweep/manifest.json").get("arithmetic"), None);
-    assert!(calib("sweep", &device).succeeds().contains("up to date"));
+    assert!(with_neighbours(&place, "sweep", &device).succeeds().contains("up to date"));
     // A dry run distinguishes between them.
-    let planned = |more: &[&str]| calib("run", &[more, &["--dry-run"]].concat()).stderr();
-    assert!(planned(&device).contains("up to date: "));
-    assert!(!planned(&[]).split("to do").next().unwrap_or_default().contains("sweep"));
+    let planned = with_neighbours(&place, "run", &[&device[..], &["--dry-run"]].concat()).stderr();
+    assert!(planned.contains("up to date: "));
+    let planned = with_neighbours(&place, "run", &["--dry-run"]).stderr();
+    assert!(!planned.split("to do").next().unwrap_or_default().contains("sweep"));
 }
 
 #[cfg(feature = "torch")]
 #[test]
 fn what_a_device_cannot_train_is_refused_before_anything_is_made() {
     let place = place();
-    let refused = |more: &[&str]| {
+    for set in [
+        ["--set=model.kind=knn", "--set=agent.value_function=linear"],
+        ["--set=agent.value_function=mlp", "--set=agent.precision=bf16"],
+    ] {
         place
-            .calib(&[&["run", "study.toml", "--device", "cpu"], more].concat())
+            .on_study("run", &[&["--device", "cpu"], &set[..]].concat())
             .fails_with(2, &["are not trained side by side; leave --device out"]);
-    };
-    refused(&["--set", "model.kind=knn", "--set", "agent.value_function=linear"]);
-    let rounded = ["agent.value_function=mlp", "agent.precision=bf16"];
-    refused(&["--set", rounded[0], "--set", rounded[1]]);
+    }
     assert!(!place.path().join("study-results").exists(), "nothing was made");
 }

@@ -18,16 +18,15 @@ fn place() -> Place {
 #[test]
 fn a_sweep_starts_from_what_was_pre_trained() {
     let place = place();
-    let run = |args: &[&str]| place.calib(&[args, &["study.toml"]].concat()).succeeds();
-    let wrote = run(&["pretrain"]);
+    let wrote = place.on_study("pretrain", &[]).succeeds();
     assert!(wrote.contains("wrote") && wrote.contains("6 of 6"), "{wrote}");
-    assert!(run(&["pretrain"]).contains("up to date"));
+    assert!(place.on_study("pretrain", &[]).succeeds().contains("up to date"));
     let built = place.calib(&["build-model", "study.toml"]);
     assert!(built.stderr().contains("is for pre-training"), "{}", built.stderr());
-    run(&["rollout"]);
-    run(&["sweep"]);
-    assert!(run(&["sweep"]).contains("up to date"));
-    let verdict = run(&["evaluate"]);
+    place.on_study("rollout", &[]).succeeds();
+    place.on_study("sweep", &[]).succeeds();
+    assert!(place.on_study("sweep", &[]).succeeds().contains("up to date"));
+    let verdict = place.on_study("evaluate", &[]).succeeds();
     assert!(
         verdict.contains("note: agents start from what they learned from 2022-11-01"),
         "{verdict}"
@@ -48,15 +47,19 @@ fn a_sweep_starts_from_what_was_pre_trained() {
     {
         assert!(after[path] == *content, "{}", path.display());
     }
-    run(&["pretrain", "--force"]);
+    place.on_study("pretrain", &["--force"]).succeeds();
     assert!(place.content("study-results/pretrain") == after, "made again, it is the same");
 
     // Kept moments, other periods and other agents are other inputs.
-    run(&["sweep"]);
-    let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]);
-    assert!(dry("pretrain.moments=keep").stderr().contains("; all "));
-    dry("pretrain.fraction=0.3").fails_with(2, &["pretrain.fraction = 0.4, now 0.3"]);
-    assert!(dry("pretrain.epochs=7").fails(2).contains(", now 7; run `calib pretrain"));
+    place.on_study("sweep", &[]).succeeds();
+    let moments = place.on_study("sweep", &["--dry-run", "--set=pretrain.moments=keep"]);
+    assert!(moments.stderr().contains("; all "));
+    place
+        .on_study("sweep", &["--dry-run", "--set=pretrain.fraction=0.3"])
+        .fails_with(2, &["pretrain.fraction = 0.4, now 0.3"]);
+    place
+        .on_study("sweep", &["--dry-run", "--set=pretrain.epochs=7"])
+        .fails_with(2, &[", now 7; run `calib pretrain"]);
 }
 
 #[test]
@@ -71,18 +74,21 @@ fn agents_of_another_study_can_be_taken() {
             place.calib(&[command, study]).succeeds();
         }
     }
-    let units = |study: &str| place.content(&format!("{study}-results/sweep/units"));
-    assert!(units("study") == units("other"));
+    assert!(
+        place.content("study-results/sweep/units") == place.content("other-results/sweep/units")
+    );
     place.calib(&["pretrain", "other.toml"]).fails_with(2, &["there is nothing to pre-train"]);
+}
+
+/// Asserts that a sweep with these keys set is refused, and returns the error message.
+fn refused_sweep(place: &Place, set: &[&str]) -> String {
+    let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
+    place.on_study("sweep", &set).fails(2)
 }
 
 #[test]
 fn what_does_not_fit_is_refused() {
     let place = place();
-    let sweep = |set: &[&str]| {
-        let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
-        place.calib(&[&["sweep", "study.toml"], set.as_slice()].concat()).fails(2)
-    };
     let overlap = [
         "pretrain",
         "study.toml",
@@ -91,24 +97,26 @@ fn what_does_not_fit_is_refused() {
     ];
     assert_snapshot!("overlapping_periods", place.calib(&overlap).fails(2));
     place.calib(&["build-model", "study.toml"]).succeeds();
-    assert_snapshot!("no_agents", sweep(&[]));
+    assert_snapshot!("no_agents", refused_sweep(&place, &[]));
     place.calib(&["pretrain", "study.toml"]).succeeds();
-    assert_snapshot!("another_gamma", sweep(&["agent.gamma=0.5"]));
-    assert_snapshot!("another_sensor", sweep(&["sweep.sensors=[\"TUIT101\"]"]));
+    assert_snapshot!("another_gamma", refused_sweep(&place, &["agent.gamma=0.5"]));
+    assert_snapshot!("another_sensor", refused_sweep(&place, &["sweep.sensors=[\"TUIT101\"]"]));
     let taken = "pretrain={ checkpoint = \"study-results/pretrain\", fraction = 0.4 }";
-    assert_snapshot!("another_shape", sweep(&[taken, "agent.value_function=mlp"]));
-    let sensor = sweep(&[taken, "sweep.sensors=[\"TUIT101\"]"]);
+    assert_snapshot!("another_shape", refused_sweep(&place, &[taken, "agent.value_function=mlp"]));
+    let sensor = refused_sweep(&place, &[taken, "sweep.sensors=[\"TUIT101\"]"]);
     assert!(sensor.contains("it has PIT300, TIT101; pre-train there, or correct"), "{sensor}");
     place
         .calib(&["build-model", "study.toml", "--set", "preprocess.normalise=standard"])
         .succeeds();
-    let columns = sweep(&[taken, "preprocess.normalise=standard"]);
+    let columns = refused_sweep(&place, &[taken, "preprocess.normalise=standard"]);
     assert!(columns.contains("was normalised otherwise"), "{columns}");
     place.calib(&["build-model", "study.toml"]).succeeds();
     let weights = place.path().join("study-results/pretrain/PIT300.safetensors");
     fs::write(&weights, b"damaged").expect("writable");
-    assert!(sweep(&[]).contains("run `calib pretrain study.toml` to make it again"));
-    let damaged = sweep(&[taken]);
+    assert!(
+        refused_sweep(&place, &[]).contains("run `calib pretrain study.toml` to make it again")
+    );
+    let damaged = refused_sweep(&place, &[taken]);
     assert!(
         damaged.contains("for PIT300 in study-results/pretrain are missing, damaged"),
         "{damaged}"
@@ -142,14 +150,12 @@ fn early_stopping_keeps_the_best_epoch() {
 #[test]
 fn agents_are_pre_trained_with_the_gammas_of_their_sensors() {
     let place = place();
-    let pretrained = |output: &str, set: &str| {
-        place.calib(&["pretrain", "study.toml", "--output", output, "--set", set]).succeeds();
-        place.content(&format!("{output}/pretrain"))
-    };
-    let near = pretrained("near", "agent.gamma=0.9");
-    let far = pretrained("far", "agent.gamma=0.8");
     let set = "agent.gammas={ TIT101 = 0.8 }";
-    let both = pretrained("both", set);
+    let studies = [("near", "agent.gamma=0.9"), ("far", "agent.gamma=0.8"), ("both", set)];
+    let [near, far, both] = studies.map(|(output, set)| {
+        place.on_study("pretrain", &["--output", output, "--set", set]).succeeds();
+        place.content(&format!("{output}/pretrain"))
+    });
     for (name, alone) in [("PIT300.safetensors", &near), ("TIT101.safetensors", &far)] {
         let file = Path::new(name);
         assert!(both[file] == alone[file], "{name}");

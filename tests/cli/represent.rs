@@ -210,41 +210,41 @@ fn built_with(set: &str) -> [&str; 6] {
     ["build-model", "study.toml", "--set", set, "--index", "scan"]
 }
 
+fn refused(place: &Place) -> String {
+    place.on_study("represent", &[]).fails(2)
+}
+
 #[test]
 fn imports_that_do_not_fit_are_refused() {
     let place = importing("path = \"psi.npy\"");
     let (psi, rows) = psi(&place);
     let path = place.path().join("psi.npy");
-    let refused = || place.calib(&["represent", "study.toml"]).fails(2);
-    assert!(refused().contains("psi.npy"));
+    assert!(refused(&place).contains("psi.npy"));
     write_npy(&path, &psi[4..], rows - 1, 4).expect("written");
-    let short = refused();
+    let short = refused(&place);
     assert!(short.contains(&format!("it has {} rows", rows - 1)), "{short}");
     let mut broken = psi.clone();
     broken[4 * 7 + 2] = f32::NAN;
     write_npy(&path, &broken, rows, 4).expect("written");
-    let broken = refused();
+    let broken = refused(&place);
     assert!(broken.contains("state 7 is not finite in dimension 2"), "{broken}");
     let mut huge = psi.clone();
     huge[4 * 7 + 2] = 3e38;
     write_npy(&path, &huge, rows, 4).expect("written");
-    let huge = refused();
+    let huge = refused(&place);
     assert!(huge.contains("ψ of state 7 is 3e38 in dimension 2"), "{huge}");
     assert!(huge.contains("representation.path"), "{huge}");
     write_npy(&path, &psi, rows, 4).expect("written");
-    let sidecar = |data: &Value| {
-        let beside = place.path().join("psi.npy.json");
-        write_json(&beside, &serde_json::json!({ "data": data })).expect("written");
-    };
-    sidecar(&Value::from("00".repeat(32)));
-    let foreign = refused();
+    let sidecar = place.path_of("psi.npy.json");
+    write_json(&sidecar, &serde_json::json!({ "data": "00".repeat(32) })).expect("written");
+    let foreign = refused(&place);
     assert!(foreign.contains("was made for other data"), "{foreign}");
     let manifest = place.read_json("study-results/model/manifest.json");
-    sidecar(&manifest["data"]);
+    write_json(&sidecar, &serde_json::json!({ "data": manifest["data"] })).expect("written");
     place.calib(&["represent", "study.toml"]).succeeds();
     place.edit_study("psi.npy", "psi.txt");
     place.write("psi.txt", "1 2 3");
-    assert!(refused().contains("expected a .npy, .safetensors or .parquet file"));
+    assert!(refused(&place).contains("expected a .npy, .safetensors or .parquet file"));
 }
 
 #[test]

@@ -55,6 +55,14 @@ fn a_dry_run_refuses_a_sensor_that_the_log_does_not_have() {
     assert!(!told.contains("waits for the steps before it"), "{told}");
 }
 
+/// Asserts that a dry run tells which step waits for a file.
+fn assert_waits(place: &Place, step: &str, reason: &str) {
+    let dry = place.on_study("run", &["--dry-run"]);
+    dry.succeeds();
+    let line = format!("dry run: {step} waits for the steps before it (study-results/{reason}");
+    assert!(dry.stderr().contains(&line), "{}", dry.stderr());
+}
+
 #[test]
 fn a_dry_run_refuses_start_states_and_agents_that_are_not_there() {
     let place = Place::with_study();
@@ -78,39 +86,31 @@ fn a_dry_run_refuses_start_states_and_agents_that_are_not_there() {
             "nowhere/manifest.json does not exist; pre-train there, or correct pretrain.checkpoint",
         ),
     ];
-    let run = ["run", "study.toml", "--dry-run"];
-    let waiting = |step: &str, reason: &str| {
-        let dry = place.calib(&run);
-        dry.succeeds();
-        let line = format!("dry run: {step} waits for the steps before it (study-results/{reason}");
-        assert!(dry.stderr().contains(&line), "{}", dry.stderr());
-    };
     for is_built in [false, true] {
         if is_built {
             place.calib(&["build-model", "study.toml"]).succeeds();
         } else {
-            waiting("rollout", "model/manifest.json does not exist");
+            assert_waits(&place, "rollout", "model/manifest.json does not exist");
         }
         for (set, expected) in wrong {
             let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
-            let told = place.calib(&[&run[..], &set].concat()).fails(2);
+            let told = place.on_study("run", &[&["--dry-run"], &set[..]].concat()).fails(2);
             assert!(told.contains(expected), "{set:?}: {told}");
             assert!(!told.contains("calib pretrain"), "{set:?}: {told}");
         }
-        waiting("evaluate", "sweep/manifest.json does not exist");
+        assert_waits(&place, "evaluate", "sweep/manifest.json does not exist");
     }
 }
 
 #[test]
 fn what_is_up_to_date_is_not_made_again() {
     let place = Place::with_study();
-    let run = |command: &str| place.calib(&[command, "study.toml"]).succeeds();
-    assert!(run("build-model").contains("wrote"));
-    assert!(run("build-model").contains("up to date"));
-    assert!(run("rollout").contains("wrote"));
-    assert!(run("rollout").contains("up to date"));
-    assert!(run("sweep").contains("training runs made"));
-    assert!(run("sweep").contains("up to date"));
+    for (command, made) in
+        [("build-model", "wrote"), ("rollout", "wrote"), ("sweep", "training runs made")]
+    {
+        place.on_study(command, &[]).succeeds_with(&[made]);
+        place.on_study(command, &[]).succeeds_with(&["up to date"]);
+    }
     let before = place.content("study-results");
     for command in ["build-model", "rollout", "sweep"] {
         place.calib(&[command, "study.toml", "--force"]).succeeds();
@@ -118,7 +118,6 @@ fn what_is_up_to_date_is_not_made_again() {
     assert!(place.content("study-results") == before, "made again, it is the same");
 
     // Other steps need another sweep, and so do other start states and weights. The model stays.
-    let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]).stderr();
     // Each of 22 runs trains three settings; 12 of them are in the model.
     for (set, left) in [
         ("sweep.steps=700", "all 66 training runs are left"),
@@ -126,14 +125,15 @@ fn what_is_up_to_date_is_not_made_again() {
         ("rollout.start=recent", "36 of 66 training runs are left"),
         ("evaluate.top_k=1", "0 of 66 training runs are left"),
     ] {
-        assert!(dry(set).contains(left), "{set}: {}", dry(set));
+        let told = place.on_study("sweep", &["--dry-run", "--set", set]).stderr();
+        assert!(told.contains(left), "{set}: {told}");
     }
 
     // One more value: only the changed grid is run, and the model stays.
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2]");
-    assert!(run("build-model").contains("up to date"));
-    assert!(run("sweep").contains("training runs made"));
-    run("evaluate");
+    place.on_study("build-model", &[]).succeeds_with(&["up to date"]);
+    place.on_study("sweep", &[]).succeeds_with(&["training runs made"]);
+    place.run_steps(&["evaluate"]);
 }
 
 #[test]
@@ -213,45 +213,63 @@ fn a_dry_run_says_how_long_each_step_takes_and_all_together() {
 #[test]
 fn what_is_up_to_date_has_no_expected_cost() {
     let place = Place::with_study();
-    let told = |command: &str| {
-        let dry = place.calib(&[command, "study.toml", "--dry-run"]);
-        dry.succeeds();
-        dry.stderr()
-    };
     for command in ["build-model", "rollout"] {
         place.calib(&[command, "study.toml"]).succeeds();
-        assert!(!told(command).contains("expecting about "), "{}", told(command));
+        let dry = place.on_study(command, &["--dry-run"]);
+        dry.succeeds();
+        assert!(!dry.stderr().contains("expecting about "), "{}", dry.stderr());
     }
-    assert!(told("run").contains("; without the time of evaluate"), "{}", told("run"));
+    let dry = place.on_study("run", &["--dry-run"]);
+    dry.succeeds();
+    assert!(dry.stderr().contains("; without the time of evaluate"), "{}", dry.stderr());
+}
+
+/// A disk that is almost full.
+const FULL: [(&str, &str); 1] = [("CALIB_FAULT", "free:20000")];
+
+/// Asserts that a command is refused because of the free space, in these words.
+fn refused_without_room(place: &Place, args: &[&str], parts: &[&str]) {
+    let ran = place.calib_with(args, &FULL);
+    ran.fails_with(2, &[&[" on disk, and 19.5 KiB are free where "][..], parts].concat());
 }
 
 /// 20,000 bytes are free, and the smallest step writes ten times as much.
 #[test]
 fn work_that_the_disk_has_no_room_for_is_refused_before_it_begins() {
     let place = Place::with_study();
-    let full = [("CALIB_FAULT", "free:20000")];
-    let refused = |args: &[&str], parts: &[&str]| {
-        let ran = place.calib_with(args, &full);
-        let all = [&[" on disk, and 19.5 KiB are free where "][..], parts].concat();
-        ran.fails_with(2, &all);
-    };
     let days = ["simulate", "more", "--days", "3", "--channels", "12", "--period", "60"];
-    refused(&days, &["the log of the plant may take", "more lies; simulate fewer days"]);
+    refused_without_room(
+        &place,
+        &days,
+        &["the log of the plant may take", "more lies; simulate fewer days"],
+    );
     assert!(!place.path().join("more").exists());
-    refused(&["run", "study.toml"], &["what is left of the study may take", "--output"]);
-    refused(&["build-model", "study.toml"], &["the model may take", "model lies; choose a folder"]);
+    refused_without_room(
+        &place,
+        &["run", "study.toml"],
+        &["what is left of the study may take", "--output"],
+    );
+    refused_without_room(
+        &place,
+        &["build-model", "study.toml"],
+        &["the model may take", "model lies; choose a folder"],
+    );
     let results = place.path().join("study-results");
     assert!(!results.join("model").exists() && !results.join("sweep").exists());
     // A plan writes nothing, and gives the required space.
-    place.calib_with(&["build-model", "study.toml", "--dry-run"], &full).succeeds();
+    place.calib_with(&["build-model", "study.toml", "--dry-run"], &FULL).succeeds();
     place.calib(&["build-model", "study.toml"]).succeeds();
-    refused(&["sweep", "study.toml"], &["the sweep may take", "sweep.curve_points"]);
+    refused_without_room(
+        &place,
+        &["sweep", "study.toml"],
+        &["the sweep may take", "sweep.curve_points"],
+    );
     assert!(!results.join("sweep").exists());
     // Results that are up to date are not made again.
-    place.calib_with(&["build-model", "study.toml"], &full).succeeds();
+    place.calib_with(&["build-model", "study.toml"], &FULL).succeeds();
     // A file system that does not report its free space reports 0.
     place.calib_with(&["run", "study.toml"], &[("CALIB_FAULT", "free:0")]).ends(&[0, 1]);
-    place.calib_with(&["run", "study.toml"], &full).ends(&[0, 1]);
+    place.calib_with(&["run", "study.toml"], &FULL).ends(&[0, 1]);
 }
 
 #[test]

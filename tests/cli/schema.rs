@@ -107,24 +107,23 @@ impl Checker<'_> {
         // Bounds apply to numbers only.
         let number = value.as_f64().zip(says.as_f64());
         let refused = |why: &str| Err(format!("{at}: {value} is {why} ({rule}: {says})"));
-        let list = || says.as_array().expect("a list");
         match rule {
             "$ref" => self.check(self.target(says), value, at),
             "anyOf" | "oneOf" => {
-                let why: Vec<String> = list()
+                let why: Vec<String> = list(says)
                     .iter()
                     .filter_map(|schema| self.check(schema, value, at).err())
                     .collect();
-                if why.len() < list().len() { Ok(()) } else { Err(why.join("; or ")) }
+                if why.len() < list(says).len() { Ok(()) } else { Err(why.join("; or ")) }
             }
-            "allOf" => list().iter().try_for_each(|schema| self.check(schema, value, at)),
+            "allOf" => list(says).iter().try_for_each(|schema| self.check(schema, value, at)),
             "type" => {
-                let is = |name: &Value| is_a(name.as_str().expect("a name"), value);
-                let is = says.as_array().map_or_else(|| is(says), |names| names.iter().any(is));
+                let names = says.as_array().map_or(std::slice::from_ref(says), Vec::as_slice);
+                let is = names.iter().any(|name| is_a(name.as_str().expect("a name"), value));
                 if is { Ok(()) } else { refused("of another type") }
             }
             "const" if value != says => refused("another"),
-            "enum" if !list().contains(value) => refused("none of these"),
+            "enum" if !list(says).contains(value) => refused("none of these"),
             "minimum" if number.is_some_and(|(is, bound)| is < bound) => refused("too small"),
             "maximum" if number.is_some_and(|(is, bound)| is > bound) => refused("too large"),
             "exclusiveMinimum" if number.is_some_and(|(is, bound)| is <= bound) => {
@@ -152,7 +151,10 @@ impl Checker<'_> {
                 refused("no time as RFC 3339 has it")
             }
             "required" => {
-                match list().iter().find(|key| value.get(key.as_str().expect("a key")).is_none()) {
+                match list(says)
+                    .iter()
+                    .find(|key| value.get(key.as_str().expect("a key")).is_none())
+                {
                     Some(key) if value.is_object() => Err(format!("{at}: {key} is missing")),
                     _ => Ok(()),
                 }
@@ -190,9 +192,9 @@ impl Checker<'_> {
             }
             "prefixItems" => {
                 let values = value.as_array().into_iter().flatten();
-                list().iter().zip(values).enumerate().try_for_each(|(place, (schema, value))| {
-                    self.whole(schema, value, &format!("{at}[{place}]"))
-                })
+                list(says).iter().zip(values).enumerate().try_for_each(
+                    |(place, (schema, value))| self.whole(schema, value, &format!("{at}[{place}]")),
+                )
             }
             "const" | "enum" | "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum"
             | "format" => Ok(()),
@@ -200,6 +202,10 @@ impl Checker<'_> {
             unknown => panic!("{at}: this test knows no rule {unknown}"),
         }
     }
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().expect("a list")
 }
 
 fn is_a(name: &str, value: &Value) -> bool {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::harness::Place;
+use crate::harness::{Place, Ran};
 
 /// Returns a typical logger file: dates and times in two columns, decimal commas, -200 for "no value", a clock that restarts at midnight,
 /// a wind direction, a sensor that was added later, and a damaged line.
@@ -53,6 +53,11 @@ fn loggers() -> String {
     text
 }
 
+fn init(place: &Place, more: &[&str]) -> Ran {
+    let args = ["init", "log.csv", "--force", "--within=1s", "--set=data.bad_rows=skip"];
+    place.calib(&[&args[..], more].concat())
+}
+
 #[test]
 fn what_a_logger_wrote_goes_to_a_verdict_with_what_was_said() {
     let place = Place::new();
@@ -88,11 +93,7 @@ fn what_a_logger_wrote_goes_to_a_verdict_with_what_was_said() {
 fn what_was_asked_for_is_taken_or_refused() {
     let place = Place::new();
     place.write("log.csv", &loggers());
-    let init = |more: &[&str]| {
-        let args = ["init", "log.csv", "--force", "--within=1s", "--set=data.bad_rows=skip"];
-        place.calib(&[&args, more].concat())
-    };
-    let late = init(&["--sensor", "Late", "--horizon", "20m"]);
+    let late = init(&place, &["--sensor", "Late", "--horizon", "20m"]);
     late.succeeds();
     let said = late.stderr();
     assert!(said.contains("Late complete from 2024-03-14"), "{said}");
@@ -100,13 +101,14 @@ fn what_was_asked_for_is_taken_or_refused() {
     let study = place.read("study.toml");
     assert!(study.contains("sensors = [\"Late\"]") && study.contains("Named with --sensor"));
     assert!(study.contains("as asked for with --horizon"), "{study}");
-    init(&["--sensor", "NSM"])
+    init(&place, &["--sensor", "NSM"])
         .fails_with(2, &["NSM: a clock: it counts on evenly, so it cannot be"]);
-    init(&["--sensor", "Wind"]).fails_with(
+    init(&place, &["--sensor", "Wind"]).fails_with(
         2,
         &["--sensor Wind: it is an angle; data.angles makes Wind_sin and Wind_cos of it: name one"],
     );
-    init(&["--set=data.train_fraction=0.5"]).fails_with(2, &["has no effect on `calib init`"]);
+    init(&place, &["--set=data.train_fraction=0.5"])
+        .fails_with(2, &["has no effect on `calib init`"]);
     let fraction = place.calib(&["run", "study.toml", "--set=data.train_fraction=0.5"]).fails(2);
     assert!(fraction.contains("has no effect, because data.train says"), "{fraction}");
 }
@@ -116,16 +118,20 @@ fn what_was_asked_for_is_taken_or_refused() {
 fn the_stretch_of_a_sensor_is_printed_on_the_clock_of_the_time_zone() {
     let place = Place::new();
     place.write("log.csv", &loggers());
-    let stretch = |more: &[&str]| {
-        let args = ["init", "log.csv", "--force", "--within=1s", "--set=data.bad_rows=skip"];
-        let sensor = ["--sensor", "Late", "--horizon", "20m"];
-        let late = place.calib(&[&args[..], &sensor, more].concat());
+    let [in_tokyo, in_utc] = [&["--set=data.time_zone=Asia/Tokyo"][..], &[]].map(|zone| {
+        let late = init(&place, &[&["--sensor", "Late", "--horizon", "20m"], zone].concat());
         late.succeeds();
         let said = late.stderr();
         let line = said.lines().find(|line| line.contains("Late complete from 2024-03-14"));
         line.unwrap_or_else(|| panic!("{said}")).to_owned()
-    };
-    assert_eq!(stretch(&["--set=data.time_zone=Asia/Tokyo"]), stretch(&[]));
+    });
+    assert_eq!(in_tokyo, in_utc);
+}
+
+/// Proposes a study, and returns the JSON that is printed and the study.
+fn said_and_written(place: &Place, more: &[&str]) -> (serde_json::Value, toml::Table) {
+    let said = init(place, &[&["--json"], more].concat()).json(&[0]);
+    (said, toml::from_str(&place.read("study.toml")).expect("TOML"))
 }
 
 /// The wind is an input through its sine and cosine. On request it is predicted or left out.
@@ -133,14 +139,7 @@ fn the_stretch_of_a_sensor_is_printed_on_the_clock_of_the_time_zone() {
 fn an_angle_becomes_its_sine_and_its_cosine() {
     let place = Place::new();
     place.write("log.csv", &loggers());
-    let skip = "--set=data.bad_rows=skip";
-    let init = |more: &[&str]| {
-        let args = ["init", "log.csv", "--force", "--json", "--within=1s", skip];
-        let said = place.calib(&[&args, more].concat()).json(&[0]);
-        let study: toml::Table = toml::from_str(&place.read("study.toml")).expect("TOML");
-        (said, study)
-    };
-    let (said, study) = init(&[]);
+    let (said, study) = said_and_written(&place, &[]);
     assert_eq!(said["angles"], serde_json::json!({ "Wind": 360.0 }));
     assert_eq!(study["data"]["angles"]["Wind"].as_integer(), Some(360));
     let sensors = said["sensors"].as_array().expect("sensors");
@@ -158,9 +157,9 @@ fn an_angle_becomes_its_sine_and_its_cosine() {
     );
     assert!(cosine["dropped"].is_null());
 
-    let (said, _) = init(&["--sensor", "Wind_sin"]);
+    let (said, _) = said_and_written(&place, &["--sensor", "Wind_sin"]);
     assert_eq!(said["sensors"], serde_json::json!(["Wind_sin"]));
-    let (said, study) = init(&["--set=data.angles={}"]);
+    let (said, study) = said_and_written(&place, &["--set=data.angles={}"]);
     assert!(
         said.get("angles").is_none()
             && study["data"]["angles"].as_table().expect("given").is_empty()
@@ -168,7 +167,7 @@ fn an_angle_becomes_its_sine_and_its_cosine() {
     let left_out = said["left_out"].as_array().expect("channels");
     let wind = left_out.iter().find(|channel| channel[0] == "Wind").expect("left out");
     assert!(wind[1].as_str().is_some_and(|why| why.contains("an entry of data.angles")), "{wind}");
-    let (_, study) = init(&["--set=data.angles.Wind=360"]);
+    let (_, study) = said_and_written(&place, &["--set=data.angles.Wind=360"]);
     assert_eq!(study["data"]["angles"]["Wind"].as_integer(), Some(360), "as it was given");
 }
 
@@ -176,10 +175,7 @@ fn an_angle_becomes_its_sine_and_its_cosine() {
 fn mistakes_about_angles_are_those_of_the_user() {
     let place = Place::new();
     place.write("log.csv", &loggers());
-    let inspect = |set: &[&str]| {
-        let args = ["inspect", "log.csv", "--set=data.bad_rows=skip"];
-        place.calib(&[&args, set].concat())
-    };
+    let inspect = ["inspect", "log.csv", "--set=data.bad_rows=skip"];
     for (set, expected) in [
         (
             &["--set=data.angles={ Wnid = 360 }"][..],
@@ -200,11 +196,12 @@ fn mistakes_about_angles_are_those_of_the_user() {
             "sensors names Wind, and data.angles",
         ),
     ] {
-        let error = inspect(set).fails(2);
+        let error = place.calib(&[&inspect[..], set].concat()).fails(2);
         assert!(error.contains(expected), "{error}\n{expected}");
     }
     // The matches of a pattern are known only with the log.
-    let described = inspect(&["--set=data.angles={ \"W*\" = 6.283 }"]);
+    let pattern = "--set=data.angles={ \"W*\" = 6.283 }";
+    let described = place.calib(&[&inspect[..], &[pattern]].concat());
     let said = described.stderr();
     assert!(
         said.contains("turns of 6.283: give data.angles a full turn in the unit of the channel"),
