@@ -11,17 +11,21 @@ fn a_grid_of_representations_in_shares_is_that_of_one_process() {
     let alone = with_three_representations();
     let shared = with_three_representations();
     alone.calib(&["represent", "study.toml"]).succeeds();
-    let share = |part: &str| shared.calib(&["represent", "study.toml", "--share", part]);
     // Shares run in any order, and one runs twice. One of them has nothing left to do.
-    assert!(share("1/2").succeeds().contains("share 1/2: 1 representation trained, of 3"));
+    assert!(
+        shared
+            .on_study("represent", &["--share", "1/2"])
+            .succeeds()
+            .contains("share 1/2: 1 representation trained, of 3")
+    );
     shared.calib(&["build-model", "study.toml"]).fails_with(2, &["represent"]);
-    share("0/2").succeeds();
-    share("1/2").succeeds();
+    shared.on_study("represent", &["--share", "0/2"]).succeeds();
+    shared.on_study("represent", &["--share", "1/2"]).succeeds();
     shared.calib(&["represent", "study.toml"]).succeeds_with(&["wrote"]);
     let folder = "study-results/representation";
     assert!(alone.content(folder) == shared.content(folder));
     for (wrong, said) in [("2/2", "there is no share 2 of 2"), ("one", "such as 0/8 or auto/8")] {
-        share(wrong).fails_with(2, &[said]);
+        shared.on_study("represent", &["--share", wrong]).fails_with(2, &[said]);
     }
     let forced = shared.calib(&["represent", "study.toml", "--share", "0/2", "--force"]).fails(2);
     assert!(forced.contains("--force makes everything again"), "{forced}");
@@ -40,12 +44,16 @@ fn agents_that_shares_pre_train_are_those_of_one_process() {
     let alone = with_three_agents();
     let shared = with_three_agents();
     alone.calib(&["pretrain", "study.toml"]).succeeds();
-    let share = |part: &str| shared.calib(&["pretrain", "study.toml", "--share", part]);
-    assert!(share("0/2").succeeds().contains("share 0/2: 2 agents pre-trained, of 3"));
+    assert!(
+        shared
+            .on_study("pretrain", &["--share", "0/2"])
+            .succeeds()
+            .contains("share 0/2: 2 agents pre-trained, of 3")
+    );
     // The results of a share count, whichever process continues.
-    let again = share("0/2");
+    let again = shared.on_study("pretrain", &["--share", "0/2"]);
     assert!(again.stderr().contains("1 of 3 agents left"), "{}", again.stderr());
-    share("1/2").succeeds();
+    shared.on_study("pretrain", &["--share", "1/2"]).succeeds();
     let put_together = shared.calib(&["pretrain", "study.toml"]);
     assert!(put_together.stderr().contains("0 of 3 agents left"), "{}", put_together.stderr());
     assert!(put_together.succeeds().contains("wrote"));
@@ -129,12 +137,9 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
 #[test]
 fn shares_of_two_studies_in_one_folder_keep_their_runs() {
     let place = control::place();
-    let share = |steps: &str| {
-        let steps = format!("--set=control.steps={steps}");
-        place.calib(&["control", "pole/study.toml", "--share", "0/20", &steps]).succeeds()
-    };
-    for steps in ["1500", "1400"] {
-        let told = share(steps);
+    let share = ["control", "pole/study.toml", "--share", "0/20"];
+    for steps in ["--set=control.steps=1500", "--set=control.steps=1400"] {
+        let told = place.calib(&[&share[..], &[steps]].concat()).succeeds();
         assert!(told.contains("share 0/20: 1 run made, 0 there before, of 18 in all"), "{told}");
     }
     for (set, own, others) in [("1500", 1, 1), ("1400", 1, 1), ("1300", 0, 2)] {
@@ -145,7 +150,7 @@ fn shares_of_two_studies_in_one_folder_keep_their_runs() {
     }
     let status = place.calib(&["status", "pole/study.toml", "--set=control.steps=1300"]).succeeds();
     assert!(status.contains("not counted: 2 runs of another study"), "{status}");
-    let told = share("1500");
+    let told = place.calib(&[&share[..], &["--set=control.steps=1500"]].concat()).succeeds();
     assert!(told.contains("share 0/20: 0 runs made, 1 there before, of 18 in all"), "{told}");
     place.calib(&["control", "pole/study.toml"]).ends(&[1]);
     assert!(kept_runs(&place).is_empty(), "the command without a share removes all of them");

@@ -63,8 +63,8 @@ fn states<'v>(status: &'v Value, step: &str) -> Vec<&'v str> {
 }
 
 fn runs(ranking: &Value) -> (u64, u64) {
-    let number = |place: usize| ranking["runs"][place].as_u64().expect("a number");
-    (number(0), number(1))
+    let [made, all] = [0_usize, 1].map(|place| ranking["runs"][place].as_u64().expect("a number"));
+    (made, all)
 }
 
 #[test]

@@ -47,23 +47,22 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
 #[test]
 fn what_is_wrong_with_a_study_is_said_before_its_plant_is_simulated() {
     let place = Place::with_plant();
-    let told = |given: &[&str]| place.calib(&[&["run", "study.toml"][..], given].concat()).fails(2);
     let sensor = ["--set", "sweep.sensors=[\"PIT30\"]"];
     let pattern = ["--set", "data.include=[\"PIT3OO\"]"];
     let refused = "sweep.sensors: sensor \"PIT30\" is not a channel of the plant that [simulate] describes; did you mean PIT300";
     let all = "and 4 more: `calib simulate study.toml ";
     // If the study has its own clock, the simulated plant cannot replace the log.
     for clock in [&["--set", "data.period_secs=60", "--dry-run"][..], &["--dry-run"]] {
-        let error = told(&[clock, &sensor].concat());
+        let error = place.on_study("run", &[clock, &sensor].concat()).fails(2);
         assert!(
             error.contains(refused) && error.contains(all) && error.contains("? It has PIT300, "),
             "{error}"
         );
-        let error = told(&[clock, &pattern].concat());
+        let error = place.on_study("run", &[clock, &pattern].concat()).fails(2);
         assert!(error.contains("data.include has \"PIT3OO\", which names no channel"), "{error}");
-        place.calib(&[&["run", "study.toml"][..], clock].concat()).succeeds();
+        place.on_study("run", clock).succeeds();
     }
-    assert!(told(&sensor).contains(refused));
+    assert!(place.on_study("run", &sensor).fails(2).contains(refused));
     assert!(!place.path().join("data").exists(), "nothing is simulated in vain");
 }
 
@@ -118,10 +117,11 @@ fn other_data_make_the_plant_superfluous() {
 #[test]
 fn mistakes_about_the_plant_are_named() {
     let place = Place::with_plant();
-    let refused = |set: &str| place.calib(&["simulate", "study.toml", "--set", set]).fails(2);
-    assert!(refused("simulate.chanels=5").contains("did you mean `channels`"));
-    assert!(refused("simulate.channels=1").contains("`channels` is 1, expected"));
-    assert!(refused("simulate.period_secs=0").contains("positive number of seconds"));
+    assert!(place.refusal("simulate", "simulate.chanels=5").contains("did you mean `channels`"));
+    assert!(place.refusal("simulate", "simulate.channels=1").contains("`channels` is 1, expected"));
+    assert!(
+        place.refusal("simulate", "simulate.period_secs=0").contains("positive number of seconds")
+    );
     let message = place.calib(&["simulate", "study.toml", "--days", "2"]).fails(2);
     assert!(message.contains("--set simulate.days=2"), "{message}");
     place.edit_study("path = \"data\"", "path = \"data/*.parquet\"");
@@ -180,26 +180,31 @@ fn a_profile_is_the_study_at_another_size_with_results_of_its_own() {
     assert!(place.path().join("given/model/manifest.json").is_file());
 }
 
+/// Simulates the plant of the study with these profiles, and returns the error message.
+fn refused_profiles(place: &Place, profiles: &str, more: &[&str]) -> String {
+    let study = place.read("study.toml");
+    place.extend_study(&format!("\n{profiles}\n"));
+    let refused = place.on_study("simulate", more).fails(2);
+    place.write("study.toml", &study);
+    refused
+}
+
 #[test]
 fn mistakes_in_profiles_are_named_before_they_are_chosen() {
     let place = Place::with_plant();
-    let study = place.read("study.toml");
-    let refused = |profiles: &str, args: &[&str]| {
-        place.write("study.toml", &format!("{study}\n{profiles}\n"));
-        place.calib(&[&["simulate", "study.toml"], args].concat()).fails(2)
-    };
-    let key = refused("[profiles.tiny.agent]\ngama = 0.5", &[]);
+    let key = refused_profiles(&place, "[profiles.tiny.agent]\ngama = 0.5", &[]);
     assert!(
         key.contains("[profiles.tiny]: agent: unknown key `gama`; did you mean `gamma`"),
         "{key}"
     );
-    let model = refused("[profiles.tiny.models.a]\nagent.gamma = 0.5", &[]);
+    let model = refused_profiles(&place, "[profiles.tiny.models.a]\nagent.gamma = 0.5", &[]);
     assert!(model.contains("[models.a]: agent cannot differ"), "{model}");
-    let name = refused("[profiles.sweep]\nseed = 1", &[]);
+    let name = refused_profiles(&place, "[profiles.sweep]\nseed = 1", &[]);
     assert!(name.contains("choose another name"), "{name}");
-    let unknown = refused("[profiles.tiny]\nseed = 1", &["--profile", "small"]);
+    let unknown = refused_profiles(&place, "[profiles.tiny]\nseed = 1", &["--profile", "small"]);
     assert!(unknown.contains("--profile small: the study's profiles are tiny"), "{unknown}");
-    let value = refused("[profiles.tiny.agent]\ngamma = 5", &["--profile", "tiny"]);
+    let value =
+        refused_profiles(&place, "[profiles.tiny.agent]\ngamma = 5", &["--profile", "tiny"]);
     assert!(value.contains("study.toml:") && value.contains("`gamma`"), "{value}");
 }
 
@@ -222,10 +227,9 @@ fn models_of_a_part_of_the_range_have_the_units_of_all_of_it() {
     assert_eq!(all["normaliser"], day["normaliser"]);
     assert!(day["rows"].as_u64() < all["rows"].as_u64().map(|rows| rows * 2 / 3));
     assert!(day["times"][0].as_str().expect("a time").starts_with("2022-11-02"));
-    let refused = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
-    let late = refused("models.day.model.period.start=2022-11-05");
+    let late = place.refusal("build-model", "models.day.model.period.start=2022-11-05");
     assert!(late.contains("model.period") && late.contains("has 0 states"), "{late}");
-    let key = refused("models.day.model.perriod=1");
+    let key = place.refusal("build-model", "models.day.model.perriod=1");
     assert!(key.contains("unknown key `perriod`; did you mean `period`"), "{key}");
 }
 

@@ -54,13 +54,13 @@ fn every_field_of_the_agent_can_be_swept_and_has_an_effect() {
         let candidate = table.column::<u32>("candidate").expect("there");
         let errors = table.column::<f64>("rmse").expect("there");
         for member in ["member:0", "member:1", "member:2", "online"] {
-            let rmse = |wanted: u32| {
+            let [first, second] = [0, 1].map(|wanted: u32| {
                 let mut rows = environment.iter().zip(candidate).zip(errors);
                 let row = rows.find(|((name, value), _)| *name == member && **value == wanted);
                 *row.expect("trained").1
-            };
-            assert!(rmse(0).is_finite() && rmse(1).is_finite(), "{field} in {member}");
-            assert!(rmse(0) != rmse(1), "{field} makes a difference in {member}");
+            });
+            assert!(first.is_finite() && second.is_finite(), "{field} in {member}");
+            assert!(first != second, "{field} makes a difference in {member}");
         }
     }
     // Swept traces stay distinct in all outputs.
@@ -97,23 +97,23 @@ fn a_dry_run_lists_the_values_and_what_they_take() {
 #[test]
 fn mistakes_in_the_values_say_what_to_do() {
     let place = place();
-    let refused = |set: &str| place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
-    let set = |grid: &str| refused(&format!("sweep.grid={{ {grid} }}"));
-    let mistakes = [
-        set("learning_rate = { from = 1e-2, to = 1e-4, per_decade = 1 }"),
-        set("learning_rate = { from = 0, to = 1e-1, per_decade = 2 }"),
-        set("learning_rate = { from = 1e-4, to = 1e-1 }"),
-        set("learning_rate = { from = 1e-4, to = 1e-1, per_decad = 2 }"),
-        set("hidden_units = { from = 8, to = 10, scale = \"log\", count = 9 }"),
-        set("optimiser = { from = 1, to = 2, count = 2 }"),
-        set("learning_rat = [0.1]"),
-        set("learning_rate = 0.1"),
-        set(
-            "beta2 = { from = 0.1, to = 0.9, count = 101 }, beta1 = { from = 0.1, to = 0.9, count = 101 }",
-        ),
-        refused("sweep.sampling=sobel"),
-        refused("sweep.sampling=random"),
+    let grids = [
+        "learning_rate = { from = 1e-2, to = 1e-4, per_decade = 1 }",
+        "learning_rate = { from = 0, to = 1e-1, per_decade = 2 }",
+        "learning_rate = { from = 1e-4, to = 1e-1 }",
+        "learning_rate = { from = 1e-4, to = 1e-1, per_decad = 2 }",
+        "hidden_units = { from = 8, to = 10, scale = \"log\", count = 9 }",
+        "optimiser = { from = 1, to = 2, count = 2 }",
+        "learning_rat = [0.1]",
+        "learning_rate = 0.1",
+        "beta2 = { from = 0.1, to = 0.9, count = 101 }, beta1 = { from = 0.1, to = 0.9, count = 101 }",
     ];
+    let mut mistakes: Vec<String> = grids
+        .iter()
+        .map(|grid| place.refusal("sweep", &format!("sweep.grid={{ {grid} }}")))
+        .collect();
+    mistakes.push(place.refusal("sweep", "sweep.sampling=sobel"));
+    mistakes.push(place.refusal("sweep", "sweep.sampling=random"));
     assert_snapshot!(mistakes.join("\n\n"));
 }
 
@@ -161,6 +161,14 @@ fn runs_made(place: &Place) -> usize {
     runs(place).column::<u32>("candidate").expect("there").len()
 }
 
+/// Counts the runs of a setting in an environment.
+fn runs_of(table: &Table, member: &str, wanted: u32) -> usize {
+    let environment = table.column::<String>("environment").expect("there");
+    let candidate = table.column::<u32>("candidate").expect("there");
+    let runs = environment.iter().zip(candidate);
+    runs.filter(|(name, value)| *name == member && **value == wanted).count()
+}
+
 #[test]
 fn a_race_drops_what_diverges_says_so_and_resumes() {
     let place = Place::with_study();
@@ -168,16 +176,10 @@ fn a_race_drops_what_diverges_says_so_and_resumes() {
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-3, 1e-2, 1e38]");
     place.run_steps(&["build-model", "sweep"]);
     let table = runs(&place);
-    let environment = table.column::<String>("environment").expect("there");
-    let candidate = table.column::<u32>("candidate").expect("there");
-    let made = |member: &str, wanted: u32| {
-        let runs = environment.iter().zip(candidate);
-        runs.filter(|(name, value)| *name == member && **value == wanted).count()
-    };
     // There are two sensors. The diverging setting makes its first run
     // in each member, and all held-out runs.
-    assert_eq!((made("member:0", 3), made("online", 3)), (2, 6));
-    assert!(made("member:0", 2) > 2, "the best goes on");
+    assert_eq!((runs_of(&table, "member:0", 3), runs_of(&table, "online", 3)), (2, 6));
+    assert!(runs_of(&table, "member:0", 2) > 2, "the best goes on");
     let verdict = place.calib(&["evaluate", "study.toml"]).stdout();
     assert!(verdict.contains("the race dropped") && verdict.contains("of 4 settings"), "{verdict}");
     assert!(place.calib(&["sweep", "study.toml"]).succeeds().contains("up to date"));
@@ -238,13 +240,13 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
             );
         }
         assert!(made * 2 < all, "{race}: {made} of {all}");
-        let swept = |place: &Place| {
+        let [swept, afresh] = [&grown, &fresh].map(|place| {
             let mut content = place.content("study-results/sweep");
             // In a race, runs stay that this sweep would not have made.
             content.retain(|path, _| race == "none" || !path.starts_with("units"));
             content
-        };
-        assert!(swept(&grown) == swept(&fresh), "{race}: the same bytes");
+        });
+        assert!(swept == afresh, "{race}: the same bytes");
         // Returning to the smaller number of runs costs nothing.
         grown.edit_study(large, small);
         let back = grown.calib(&["sweep", "study.toml"]).succeeds();

@@ -7,7 +7,7 @@ use calib_data::table::{Table, read_parquet, write_log};
 use calib_files::{read_json, write_sealed_json};
 use serde_json::{Value, json};
 
-use crate::harness::Place;
+use crate::{dtw::align, harness::Place};
 
 /// Returns a small plant with the shortest possible runs.
 fn place() -> Place {
@@ -63,8 +63,7 @@ fn damaged_one_step_errors_are_told_and_made_again() {
     let place = place();
     place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
     let whole = place.content("study-results");
-    let report = || place.read("study-results/report.html");
-    assert!(report().contains("One-step error"));
+    assert!(place.read("study-results/report.html").contains("One-step error"));
     for name in ["one_step.json", "one_step.parquet"] {
         let path = place.path().join("study-results/rollout").join(name);
         let mut bytes = fs::read(&path).expect("there");
@@ -73,10 +72,18 @@ fn damaged_one_step_errors_are_told_and_made_again() {
         fs::write(&path, bytes).expect("writable");
         let told = place.calib(&["evaluate", "study.toml"]).ends(&[0, 1]);
         let note = "the one-step errors in study-results/rollout were made with other settings, or are damaged";
-        assert!(told.contains(note) && report().contains("one-step errors in"), "{told}");
+        let report = place.read("study-results/report.html");
+        assert!(told.contains(note) && report.contains("one-step errors in"), "{told}");
         place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
         assert!(place.content("study-results") == whole, "{name}");
     }
+}
+
+/// Counts the half-written files of calib in a folder.
+fn half_written_in(folder: &Path) -> usize {
+    let entries = fs::read_dir(folder).expect("readable").flatten();
+    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    names.filter(|name| name.starts_with(".calib-")).count()
 }
 
 #[test]
@@ -88,11 +95,6 @@ fn what_a_kill_leaves_beside_a_file_of_the_user_goes_with_the_next_command() {
         place.write(name, value);
     }
     let warp = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "path.csv"];
-    let left = || {
-        let entries = fs::read_dir(place.path()).expect("readable").flatten();
-        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
-        names.filter(|name| name.starts_with(".calib-")).count()
-    };
     for args in [&["import", "data", "log.parquet"][..], &warp] {
         let mut leaves = false;
         for operation in 1..20 {
@@ -100,11 +102,11 @@ fn what_a_kill_leaves_beside_a_file_of_the_user_goes_with_the_next_command() {
             if place.calib_with(args, &[("CALIB_FAULT", &fault)]).code() != -1 {
                 break;
             }
-            leaves |= left() > 0;
+            leaves |= half_written_in(place.path()) > 0;
         }
         assert!(leaves, "a kill leaves something half-written");
         place.calib(&[args, &["--force"]].concat()).succeeds();
-        assert_eq!(left(), 0, "{args:?}");
+        assert_eq!(half_written_in(place.path()), 0, "{args:?}");
     }
     assert!(place.path().join("mine.tmp").exists());
 }
@@ -114,48 +116,45 @@ fn what_a_kill_leaves_beside_a_file_of_the_user_goes_with_the_next_command() {
 fn what_belongs_to_others_stays() {
     use std::os::unix::fs::symlink;
     let place = place();
-    let at = |name: &str| place.path().join(name);
     // A lock that links to a user's file.
     place.write("thesis.tex", "years of work");
-    fs::create_dir_all(at("study-results/model")).expect("made");
-    symlink(at("thesis.tex"), at("study-results/model/.lock")).expect("linked");
+    fs::create_dir_all(place.path_of("study-results/model")).expect("made");
+    symlink(place.path_of("thesis.tex"), place.path_of("study-results/model/.lock"))
+        .expect("linked");
     let refused = place.calib(&["build-model", "study.toml"]).fails(2);
     assert!(refused.contains("holds .lock, which calib did not write"), "{refused}");
-    assert_eq!(fs::read(at("thesis.tex")).expect("readable"), b"years of work");
-    fs::remove_file(at("study-results/model/.lock")).expect("removed");
+    assert_eq!(fs::read(place.path_of("thesis.tex")).expect("readable"), b"years of work");
+    fs::remove_file(place.path_of("study-results/model/.lock")).expect("removed");
     // A link to a user's folder in place of the units.
     place.calib(&["build-model", "study.toml"]).succeeds();
-    fs::create_dir_all(at("theirs/units/P/online")).expect("made");
+    fs::create_dir_all(place.path_of("theirs/units/P/online")).expect("made");
     place.write("theirs/units/P/online/notes.txt", "theirs");
-    symlink(at("theirs"), at("study-results/sweep")).expect("linked");
+    symlink(place.path_of("theirs"), place.path_of("study-results/sweep")).expect("linked");
     place
         .calib(&["sweep", "study.toml", "--force"])
         .fails_with(2, &["holds units/P/online/notes.txt, which calib did not write"]);
-    assert!(at("theirs/units/P/online/notes.txt").exists());
+    assert!(place.path_of("theirs/units/P/online/notes.txt").exists());
     // Day files that no simulation wrote.
-    fs::create_dir(at("logs")).expect("made");
-    fs::copy(at("data/2022-11-01.parquet"), at("logs/2022-11-01.parquet")).expect("copied");
+    fs::create_dir(place.path_of("logs")).expect("made");
+    fs::copy(place.path_of("data/2022-11-01.parquet"), place.path_of("logs/2022-11-01.parquet"))
+        .expect("copied");
     let refused = place.calib(&["simulate", "logs", "--days", "2", "--force"]).fails(2);
     assert!(refused.contains("2022-11-01.parquet is in the way"), "{refused}");
-    let own = fs::read(at("data/2022-11-01.parquet")).expect("readable");
-    assert_eq!(fs::read(at("logs/2022-11-01.parquet")).expect("readable"), own);
+    let own = fs::read(place.path_of("data/2022-11-01.parquet")).expect("readable");
+    assert_eq!(fs::read(place.path_of("logs/2022-11-01.parquet")).expect("readable"), own);
     // A warping path that should go to a device; the target of a link belongs to the user.
     let series = ["a.csv", "b.csv"];
     for name in series {
         place.write(name, "1\n2\n3\n");
     }
     place.write("path.csv", "old");
-    symlink(at("path.csv"), at("link.csv")).expect("linked");
-    let align = |path: &str, force: &[&str]| {
-        let args = ["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", path];
-        place.calib(&[&args[..], force].concat())
-    };
+    symlink(place.path_of("path.csv"), place.path_of("link.csv")).expect("linked");
     for force in [&["--force"][..], &[]] {
-        align("link.csv", force).fails_with(2, &["it is a link"]);
+        align(&place, series, "link.csv", force).fails_with(2, &["it is a link"]);
     }
-    assert!(fs::symlink_metadata(at("link.csv")).expect("there").is_symlink());
-    assert_eq!(fs::read(at("path.csv")).expect("readable"), b"old");
-    assert!(align("/dev/stdout", &[]).succeeds().contains("query,reference"));
+    assert!(fs::symlink_metadata(place.path_of("link.csv")).expect("there").is_symlink());
+    assert_eq!(fs::read(place.path_of("path.csv")).expect("readable"), b"old");
+    assert!(align(&place, series, "/dev/stdout", &[]).succeeds().contains("query,reference"));
 }
 
 #[test]
@@ -263,11 +262,14 @@ fn numbers_that_nothing_can_work_with_are_missing_or_refused() {
     place
         .calib(&["run", "study.toml", "--set", "data.path=logs", "--set", "rollout.steps=60"])
         .ends(&[0, 1]);
-    let set = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
-    assert!(set("model.temperature=inf").contains("model.temperature = inf"));
-    assert!(set("data.gap_tolerance=nan").contains("data.gap_tolerance = NaN"));
+    assert!(
+        place.refusal("build-model", "model.temperature=inf").contains("model.temperature = inf")
+    );
+    assert!(
+        place.refusal("build-model", "data.gap_tolerance=nan").contains("data.gap_tolerance = NaN")
+    );
     for rate in ["1e300", "5e-324"] {
-        let refused = set(&format!("agent.learning_rate={rate}"));
+        let refused = place.refusal("build-model", &format!("agent.learning_rate={rate}"));
         assert!(refused.contains("1e-45 to 1e38"), "{refused}");
     }
     let calm = ["simulate", "calm", "--days=1", "--channels=3", "--period=600"];
@@ -300,11 +302,9 @@ fn dates_that_stand_for_never_are_no_rows() {
 fn results_are_no_logs() {
     let place = place();
     place.calib(&["run", "study.toml", "-q"]).succeeds();
-    let inspected = |path: &str| {
-        let set = format!("data.path={path}");
-        place.calib(&["inspect", "study.toml", "--set", &set]).succeeds().replace("in .", "in data")
-    };
-    assert_eq!(inspected("."), inspected("data"));
+    let whole = place.on_study_with("inspect", "data.path=.").succeeds();
+    let log = place.on_study_with("inspect", "data.path=data").succeeds();
+    assert_eq!(whole.replace("in .", "in data"), log.replace("in .", "in data"));
     let refused = place.calib(&["inspect", "study-results"]).fails(2);
     assert!(refused.contains("results of calib, which are no logs"), "{refused}");
 }

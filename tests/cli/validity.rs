@@ -69,6 +69,10 @@ fn method(json: &Value, name: &str) -> Value {
     all.iter().find(|method| method["method"] == name).expect("it is there").clone()
 }
 
+fn typical(json: &Value, name: &str) -> f64 {
+    method(json, name)["typical"].as_f64().expect("finite")
+}
+
 #[test]
 fn a_folder_of_studies_is_run_and_judged() {
     let place = place();
@@ -106,22 +110,21 @@ fn a_folder_of_studies_is_run_and_judged() {
     }
     // No method is better than the best fixed setting in hindsight, which
     // is at least as good as the study's default.
-    let typical = |name: &str| method(&json, name)["typical"].as_f64().expect("finite");
-    assert!(typical("model:near") >= typical("hindsight"));
-    assert!(typical("best_default") <= typical("default"));
+    assert!(typical(&json, "model:near") >= typical(&json, "hindsight"));
+    assert!(typical(&json, "best_default") <= typical(&json, "default"));
     // Each pair has two models with known one-step errors.
     let accuracy = &score["accuracy"][0];
     assert_eq!((&accuracy["pairs"], &accuracy["models"]), (&4.into(), &8.into()));
     // The study and the judgement report the same.
     let own = place.calib(&["evaluate", "plants/north.toml", "--model", "near", "--json", "-q"]);
     let own = own.json(&[0, 1]);
-    let regret = |sensor: usize| {
+    let regrets = [0_usize, 1].map(|sensor| {
         own["verdicts"][sensor]["truth"]["choice"]["regret"]["value"].as_f64().expect("finite")
-    };
+    });
     let one = ["validity", "plants/north.toml", "--judge-only", "--output", "one", "--json", "-q"];
     let one = method(&place.calib(&one).json(&[0]), "model:near");
     let mean = one["mean"].as_f64().expect("finite");
-    assert!((mean - f64::midpoint(regret(0), regret(1))).abs() < 1e-12, "{one}");
+    assert!((mean - f64::midpoint(regrets[0], regrets[1])).abs() < 1e-12, "{one}");
 
     let results = place.content("plants/validity-results");
     for file in ["validity.json", "pairs.parquet", "report.html", "figures/regret.svg"] {

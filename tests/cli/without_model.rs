@@ -99,14 +99,11 @@ fn the_choice_is_that_of_log_replay_beside_a_model() {
     let place = Place::with_study();
     let rule = ["--set", "evaluate.rule=log_replay"];
     calib(&place, &["run"], &rule).ends(&[0, 1]);
-    let judged = |more: &[&str]| {
-        calib(&place, &["evaluate"], &[more, &["--json", "-q"]].concat()).json(&[0, 1])
-    };
-    let beside = judged(&rule);
+    let beside = calib(&place, &["evaluate", "--json", "-q"], &rule).json(&[0, 1]);
     calib(&place, &["evaluate"], &NONE).fails_with(2, &["model.kind = \"knn\", now \"none\""]);
     let swept = calib(&place, &["sweep"], &NONE).succeeds();
     assert!(swept.contains("up to date"), "no run is left to make: {swept}");
-    let alone = judged(&NONE);
+    let alone = calib(&place, &["evaluate", "--json", "-q"], &NONE).json(&[0, 1]);
     assert_eq!(alone["choices"][0]["values"], beside["choices"][0]["values"]);
     assert_eq!(alone["verdicts"][0]["log_replay"], beside["verdicts"][0]["log_replay"]);
     assert_eq!(alone["verdicts"][0]["truth"], beside["verdicts"][0]["truth"]);

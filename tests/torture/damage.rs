@@ -138,19 +138,19 @@ fn damage() {
     );
     let mut wrong = Vec::new();
     for kind in KINDS {
-        let of_kind = || outcomes.iter().filter(|(tried, ..)| *tried == kind);
-        let count = |wanted| of_kind().filter(|(.., outcome)| *outcome == Ok(wanted)).count();
-        let errors = of_kind().filter_map(|(_, name, outcome)| {
+        let own: Vec<_> = outcomes.iter().filter(|(tried, ..)| *tried == kind).collect();
+        let made = own.len();
+        let [harmless, found, made_again] = [Outcome::None, Outcome::Found, Outcome::MadeAgain]
+            .map(|wanted| own.iter().filter(|(.., outcome)| *outcome == Ok(wanted)).count());
+        let errors = own.into_iter().filter_map(|(_, name, outcome)| {
             let error = outcome.as_ref().err()?;
             Some(format!("{kind} in {}: {error}", name.display()))
         });
         let before = wrong.len();
         wrong.extend(errors);
-        let made = of_kind().count() - count(Outcome::None);
         println!(
-            "{kind:<20} {made:>8} {:>8} {:>14} {:>18}",
-            count(Outcome::Found),
-            count(Outcome::MadeAgain),
+            "{kind:<20} {:>8} {found:>8} {made_again:>14} {:>18}",
+            made - harmless,
             wrong.len() - before
         );
     }

@@ -163,18 +163,18 @@ fn campaign(job: &Job) {
     });
     let mut wrong = Vec::new();
     for (kind, name) in KINDS.iter().enumerate() {
-        let of_kind = || cases.iter().zip(&outcomes).filter(|((tried, _), _)| *tried == kind);
-        let count = |wanted| of_kind().filter(|(_, outcome)| **outcome == Ok(wanted)).count();
+        let own: Vec<(&(usize, usize), &Result<Outcome, String>)> =
+            cases.iter().zip(&outcomes).filter(|((tried, _), _)| *tried == kind).collect();
+        let [refused, still_whole, killed] = [Outcome::Refused, Outcome::Whole, Outcome::Killed]
+            .map(|wanted| own.iter().filter(|(_, outcome)| **outcome == Ok(wanted)).count());
         println!(
-            "{:<40} {name}: {} of {} operations tried, {} refused, {} whole all the same, {} killed",
+            "{:<40} {name}: {} of {} operations tried, {refused} refused, \
+             {still_whole} whole all the same, {killed} killed",
             job.args.join(" "),
-            of_kind().count(),
-            operations.len(),
-            count(Outcome::Refused),
-            count(Outcome::Whole),
-            count(Outcome::Killed)
+            own.len(),
+            operations.len()
         );
-        wrong.extend(of_kind().filter_map(|((_, number), outcome)| {
+        wrong.extend(own.into_iter().filter_map(|((_, number), outcome)| {
             let error = outcome.as_ref().err()?;
             Some(format!("{name}:{number} ({}): {error}", operations[number - 1]))
         }));

@@ -273,9 +273,9 @@ fn try_one(act: &Act, base: &Base, draws: &mut Draws) -> Result<&'static str, St
         args.push("--force");
     }
     let ran = place.calib(&args);
-    let told = || format!("calib {}: {}{}", args.join(" "), ran.stdout(), ran.stderr());
+    let told = format!("calib {}: {}{}", args.join(" "), ran.stdout(), ran.stderr());
     if !matches!(ran.code(), 0..=2 | 4) || ran.stderr().contains("panicked") {
-        return Err(format!("exit code {}: {}", ran.code(), told()));
+        return Err(format!("exit code {}: {told}", ran.code()));
     }
     for (path, was) in &theirs {
         let is_named = act.named.is_some_and(|named| Path::new(named) == path);
@@ -291,12 +291,12 @@ fn try_one(act: &Act, base: &Base, draws: &mut Draws) -> Result<&'static str, St
             _ => false,
         };
         if !same {
-            return Err(format!("{} is not what it was ({was:?}): {}", path.display(), told()));
+            return Err(format!("{} is not what it was ({was:?}): {told}", path.display()));
         }
     }
     let inside = fs::read_dir(place.path().join("theirs")).expect("there").count();
     if inside != 1 {
-        return Err(format!("something was written where a link leads: {}", told()));
+        return Err(format!("something was written where a link leads: {told}"));
     }
     Ok(if ran.code() == 2 { "refused" } else { "done" })
 }
@@ -316,10 +316,15 @@ fn foreign() {
     });
     let mut wrong = Vec::new();
     for (number, act) in acts.iter().enumerate() {
-        let of_act = || outcomes.iter().filter(|(tried, _)| *tried == number);
-        let count = |how| of_act().filter(|(_, outcome)| *outcome == Ok(how)).count();
-        println!("{:<60} {:>6} {:>6}", act.args.join(" "), count("done"), count("refused"));
-        wrong.extend(of_act().filter_map(|(_, outcome)| outcome.clone().err()));
+        let own: Vec<&Result<&str, String>> = outcomes
+            .iter()
+            .filter(|(tried, _)| *tried == number)
+            .map(|(_, outcome)| outcome)
+            .collect();
+        let [done, refused] = ["done", "refused"]
+            .map(|how| own.iter().filter(|outcome| ***outcome == Ok(how)).count());
+        println!("{:<60} {done:>6} {refused:>6}", act.args.join(" "));
+        wrong.extend(own.into_iter().filter_map(|outcome| outcome.clone().err()));
     }
     assert!(wrong.is_empty(), "seed {seed}, {} of {count}:\n{}", wrong.len(), wrong.join("\n"));
 }

@@ -210,12 +210,13 @@ impl Tally {
     /// Prints the table, and fails if a case went wrong.
     #[expect(clippy::print_stdout, reason = "a campaign by hand says what it counted")]
     fn close(self, title: &str) {
-        let all = |place: usize| self.counts.values().map(|counts| counts[place]).sum::<usize>();
+        let [done, refused, wrong] =
+            [0, 1, 2].map(|place| self.counts.values().map(|counts| counts[place]).sum::<usize>());
         println!("{title:<40} {:>8} {:>8} {:>8}", "done", "refused", "wrong");
         for (kind, [done, refused, wrong]) in &self.counts {
             println!("{kind:<40} {done:>8} {refused:>8} {wrong:>8}");
         }
-        println!("{:<40} {:>8} {:>8} {:>8}", "all", all(0), all(1), all(2));
+        println!("{:<40} {done:>8} {refused:>8} {wrong:>8}", "all");
         for (message, count) in &self.helpless {
             println!("says not what to do ({count}): {message}");
         }

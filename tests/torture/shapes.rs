@@ -99,14 +99,13 @@ impl Shape {
             _ => "P".to_owned(),
         };
         let mut columns = self.columns(&name, rows, draws);
-        let one = |columns: &[Column]| Some(file(columns, rows as i64, |_| ()));
         match self.files {
             "empty file" => vec![(a_parquet(), Some(Vec::new()))],
             "magic only" => vec![(a_parquet(), Some(b"PAR1PAR1".to_vec()))],
-            "no columns" => vec![(a_parquet(), one(&[]))],
+            "no columns" => vec![(a_parquet(), Some(plain(&[], rows)))],
             "same column twice" => {
                 columns.push(columns[1].clone());
-                vec![(a_parquet(), one(&columns))]
+                vec![(a_parquet(), Some(plain(&columns, rows)))]
             }
             "many columns" => {
                 let further = columns[2].clone();
@@ -114,7 +113,7 @@ impl Shape {
                     (0..1500)
                         .map(|number| Column { name: format!("Q{number}"), ..further.clone() }),
                 );
-                vec![(a_parquet(), one(&columns))]
+                vec![(a_parquet(), Some(plain(&columns, rows)))]
             }
             "two that follow" | "two that overlap" | "other columns" | "other types" => {
                 let mut others = self.columns(
@@ -127,32 +126,41 @@ impl Shape {
                 if self.files == "other types" {
                     others[1] = column(&name, draws.of::<&str>(&KINDS), &wave(rows, draws));
                 }
-                vec![(a_parquet(), one(&columns)), ("b.parquet".to_owned(), one(&others))]
+                vec![
+                    (a_parquet(), Some(plain(&columns, rows))),
+                    ("b.parquet".to_owned(), Some(plain(&others, rows))),
+                ]
             }
             "the same twice" => {
-                vec![(a_parquet(), one(&columns)), ("b.parquet".to_owned(), one(&columns))]
+                vec![
+                    (a_parquet(), Some(plain(&columns, rows))),
+                    ("b.parquet".to_owned(), Some(plain(&columns, rows))),
+                ]
             }
             "hive folders" => vec![
-                ("day=1/a.parquet".to_owned(), one(&columns)),
-                ("day=x/a.parquet".to_owned(), one(&columns)),
+                ("day=1/a.parquet".to_owned(), Some(plain(&columns, rows))),
+                ("day=x/a.parquet".to_owned(), Some(plain(&columns, rows))),
             ],
-            "named as a column" => vec![("P=1/a.parquet".to_owned(), one(&columns))],
+            "named as a column" => vec![("P=1/a.parquet".to_owned(), Some(plain(&columns, rows)))],
             "a folder called so" => {
                 vec![
-                    (a_parquet(), one(&columns)),
+                    (a_parquet(), Some(plain(&columns, rows))),
                     ("b.parquet/inside.txt".to_owned(), Some(Vec::new())),
                 ]
             }
             "another ending" => {
-                vec![("a.csv".to_owned(), one(&columns)), ("a.PARQUET".to_owned(), one(&columns))]
+                vec![
+                    ("a.csv".to_owned(), Some(plain(&columns, rows))),
+                    ("a.PARQUET".to_owned(), Some(plain(&columns, rows))),
+                ]
             }
             "cut off" => {
-                let mut bytes = file(&columns, rows as i64, |_| ());
+                let mut bytes = plain(&columns, rows);
                 bytes.truncate(draws.below(bytes.len()));
                 vec![(a_parquet(), Some(bytes))]
             }
             "a bit" => {
-                let mut bytes = file(&columns, rows as i64, |_| ());
+                let mut bytes = plain(&columns, rows);
                 for _ in 0..=draws.below(8) {
                     let place = draws.below(bytes.len());
                     bytes[place] ^= 1 << draws.below(8);
@@ -161,7 +169,7 @@ impl Shape {
             }
             "runs of 10^8 rows" => vec![(a_parquet(), Some(endless(100_000_000)))],
             "encrypted" => {
-                let mut bytes = file(&columns, rows as i64, |_| ());
+                let mut bytes = plain(&columns, rows);
                 let end = bytes.len() - 4;
                 bytes[end..].copy_from_slice(b"PARE");
                 vec![(a_parquet(), Some(bytes))]
@@ -181,6 +189,11 @@ impl Shape {
             column("Q", "f64", &wave(rows, draws)),
         ]
     }
+}
+
+/// Returns a file of these columns.
+fn plain(columns: &[Column], rows: u64) -> Vec<u8> {
+    file(columns, rows as i64, |_| ())
 }
 
 fn a_parquet() -> String {
@@ -213,13 +226,13 @@ fn declare(what: &str, metadata: &mut FileMetaData) {
 
 /// Returns few bytes with many rows: one time and one value, repeated.
 fn endless(rows: u64) -> Vec<u8> {
-    let dictionary = |name: &str, kind, value| {
+    let columns = [("timestamp", "us", START), ("P", "f64", 1.0)].map(|(name, kind, value)| {
         let mut made = column(name, kind, &[(value, true)]);
         made.repetition = FieldRepetitionType::REQUIRED;
         made.definition_levels = None;
         made.dictionary = Some(1);
         made.values = rows;
         made
-    };
-    file(&[dictionary("timestamp", "us", START), dictionary("P", "f64", 1.0)], rows as i64, |_| ())
+    });
+    plain(&columns, rows)
 }

@@ -208,28 +208,31 @@ fn civil(micros: i64, zone: Option<&str>) -> jiff::civil::DateTime {
     zone.to_datetime(instant)
 }
 
+fn as_pattern(at: jiff::civil::DateTime, pattern: &str) -> String {
+    at.strftime(pattern).to_string()
+}
+
 /// Formats a time.
 fn written(times: &str, micros: i64, zone: Option<&str>) -> String {
     let at = civil(micros, zone);
-    let as_pattern = |pattern: &str| at.strftime(pattern).to_string();
     let seconds = micros / 1_000_000;
     match times {
-        "iso with T and Z" => as_pattern("%Y-%m-%dT%H:%M:%SZ"),
+        "iso with T and Z" => as_pattern(at, "%Y-%m-%dT%H:%M:%SZ"),
         "iso with offset" => {
             civil(micros + 19_800_000_000, None).strftime("%Y-%m-%d %H:%M:%S+05:30").to_string()
         }
-        "day.month.year" | "day.month.year, 9999 among them" => as_pattern("%d.%m.%Y %H:%M:%S"),
-        "month/day/year AM" => as_pattern("%-m/%-d/%Y %-I:%M:%S %p"),
-        "day-month name" => as_pattern("%d-%b-%y %H:%M:%S"),
-        "no-break space" => as_pattern("%d.%m.%Y\u{a0}%H:%M:%S"),
+        "day.month.year" | "day.month.year, 9999 among them" => as_pattern(at, "%d.%m.%Y %H:%M:%S"),
+        "month/day/year AM" => as_pattern(at, "%-m/%-d/%Y %-I:%M:%S %p"),
+        "day-month name" => as_pattern(at, "%d-%b-%y %H:%M:%S"),
+        "no-break space" => as_pattern(at, "%d.%m.%Y\u{a0}%H:%M:%S"),
         "seconds" | "from zero" | "seconds of 1969" => seconds.to_string(),
         "milliseconds" | "milliseconds of 1969" => (micros / 1_000).to_string(),
         "microseconds" => micros.to_string(),
         "nanoseconds" => (i128::from(micros) * 1_000).to_string(),
         "fractions of a second" => format!("{seconds}.0"),
-        "14 digits" | "14 digits, 9999 among them" => as_pattern("%Y%m%d%H%M%S"),
+        "14 digits" | "14 digits, 9999 among them" => as_pattern(at, "%Y%m%d%H%M%S"),
         "8 and 14 digits" => {
-            as_pattern(if seconds % 86_400 == 0 { "%Y%m%d" } else { "%Y%m%d%H%M%S" })
+            as_pattern(at, if seconds % 86_400 == 0 { "%Y%m%d" } else { "%Y%m%d%H%M%S" })
         }
         "spreadsheet" => format!("{:.9}", micros as f64 / 86_400e6 + 25_569.0),
         "spreadsheet with comma" => {
@@ -238,7 +241,7 @@ fn written(times: &str, micros: i64, zone: Option<&str>) -> String {
         "MATLAB" => format!("{:.9}", micros as f64 / 86_400e6 + 719_529.0),
         "seconds since 1904" => (seconds + 2_082_844_800).to_string(),
         "file times" => (i128::from(micros) * 10 + 116_444_736_000_000_000).to_string(),
-        _ => as_pattern("%Y-%m-%d %H:%M:%S"),
+        _ => as_pattern(at, "%Y-%m-%d %H:%M:%S"),
     }
 }
 
@@ -328,6 +331,12 @@ fn quoted(name: &str) -> String {
     format!("\"{}\"", name.replace('"', "\"\""))
 }
 
+/// Returns the times and cells of one file.
+fn of_file(rows: &[(usize, String, String)], file: usize) -> Vec<(String, String)> {
+    let own = rows.iter().filter(|row| row.0 == file);
+    own.map(|(_, at, text)| (at.clone(), text.clone())).collect()
+}
+
 fn dressed(dress: &str, header: &str, units: &str, rows: &str) -> Vec<u8> {
     let text = match dress {
         "comments and a title" => format!("# exported\n\nPlant 7\n{header}\n{rows}"),
@@ -387,12 +396,8 @@ impl Log {
         }
         let name = quoted(kind.name);
         for file in 0..kind.files() {
-            let of_file = |rows: &[(usize, String, String)]| -> Vec<(String, String)> {
-                let own = rows.iter().filter(|row| row.0 == file);
-                own.map(|(_, at, text)| (at.clone(), text.clone())).collect()
-            };
-            let one = of_file(&one);
-            let other = of_file(&other);
+            let one = of_file(&one, file);
+            let other = of_file(&other, file);
             let mut rows = String::new();
             let both = one.iter().zip(&other);
             let dress = kind.dress;

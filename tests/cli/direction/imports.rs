@@ -331,8 +331,7 @@ fn tokens(text: &str) -> Vec<&str> {
         } else if first == '\'' {
             character(rest)
         } else if is_name(rest) || first.is_ascii_digit() {
-            let is_end = |letter: char| !letter.is_ascii_alphanumeric() && letter != '_';
-            let length = rest.find(is_end).unwrap_or(rest.len());
+            let length = rest.find(ends_name).unwrap_or(rest.len());
             tokens.push(&rest[..length]);
             length
         } else if rest.starts_with("::") {
@@ -373,6 +372,10 @@ fn string(text: &str) -> usize {
     text.len()
 }
 
+fn ends_name(letter: char) -> bool {
+    !letter.is_ascii_alphanumeric() && letter != '_'
+}
+
 /// Returns the length of the character or the lifetime that a text begins with.
 fn character(text: &str) -> usize {
     let mut letters = text.char_indices().skip(1);
@@ -382,9 +385,6 @@ fn character(text: &str) -> usize {
         Some((_, letter)) if text[1 + letter.len_utf8()..].starts_with('\'') => {
             letter.len_utf8() + 2
         }
-        _ => {
-            let is_end = |letter: char| !letter.is_ascii_alphanumeric() && letter != '_';
-            text[1..].find(is_end).map_or(text.len(), |end| end + 1)
-        }
+        _ => text[1..].find(ends_name).map_or(text.len(), |end| end + 1),
     }
 }
