@@ -7,7 +7,7 @@ use calib_data::table::{Table, read_parquet, write_log};
 use calib_files::{read_json, write_sealed_json};
 use serde_json::{Value, json};
 
-use crate::{dtw::align, harness::Place};
+use crate::harness::Place;
 
 /// Returns a small plant with the shortest possible runs.
 fn place() -> Place {
@@ -115,6 +115,9 @@ fn what_a_kill_leaves_beside_a_file_of_the_user_goes_with_the_next_command() {
 #[test]
 fn what_belongs_to_others_stays() {
     use std::os::unix::fs::symlink;
+
+    use crate::dtw::align;
+
     let place = place();
     // A lock that links to a user's file.
     place.write("thesis.tex", "years of work");
