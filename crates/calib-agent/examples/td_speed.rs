@@ -46,16 +46,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             ..AgentConfig::default()
         })
         .collect();
-    let run = |updates: usize| {
-        let stream = stream(BATCH + updates)?;
-        let curve = CurveRule::default();
-        let clock = Clock::start();
-        let outcomes = train(&stream, 0, &population, curve, Seed::new(1), &Silent)?;
-        black_box(outcomes);
-        Ok::<_, Box<dyn Error>>(clock.seconds())
-    };
-    run(updates.min(50))?;
-    let [wall, processor] = run(updates)?.map(|seconds| (agents * updates) as f64 / seconds);
+    run(&population, updates.min(50))?;
+    let [wall, processor] =
+        run(&population, updates)?.map(|seconds| (agents * updates) as f64 / seconds);
     let (flops, seconds) = products((agents * updates).clamp(100, 1_000));
     let gflops = flops / seconds / 1e9;
     println!(
@@ -64,6 +57,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         1.0 / seconds
     );
     Ok(())
+}
+
+/// Trains a population, and returns the wall and processor seconds.
+fn run(population: &[AgentConfig], updates: usize) -> Result<[f64; 2], Box<dyn Error>> {
+    let stream = stream(BATCH + updates)?;
+    let curve = CurveRule::default();
+    let clock = Clock::start();
+    let outcomes = train(&stream, 0, population, curve, Seed::new(1), &Silent)?;
+    black_box(outcomes);
+    Ok(clock.seconds())
 }
 
 /// The start of a measurement in wall time and processor time.
@@ -111,25 +114,27 @@ fn products(repeats: usize) -> (f64, f64) {
         (BATCH, UNITS, UNITS),
     ];
     let flops: usize = shapes.iter().map(|(m, k, n)| 2 * m * k * n).sum();
-    let mut all = || {
-        for (index, &(m, k, n)) in shapes.iter().enumerate() {
-            let left = match index {
-                2 | 3 => Matrix::new(&ones[..m * k], k, m).transposed(),
-                _ => Matrix::new(&ones[..m * k], m, k),
-            };
-            let right = match index {
-                4 => Matrix::new(&ones[..k * n], n, k).transposed(),
-                _ => Matrix::new(&ones[..k * n], k, n),
-            };
-            multiply(&mut out[..m * n], left, right);
-        }
-        black_box(out[0]);
-    };
-    all();
+    multiply_all(&shapes, &ones, &mut out);
     let clock = Clock::start();
     for _ in 0..repeats {
-        all();
+        multiply_all(&shapes, &ones, &mut out);
     }
     let [_, processor] = clock.seconds();
     (flops as f64, processor / repeats as f64)
+}
+
+/// Makes the products of these rows, inner dimensions and columns.
+fn multiply_all(shapes: &[(usize, usize, usize); 5], ones: &[f32], out: &mut [f32]) {
+    for (index, &(m, k, n)) in shapes.iter().enumerate() {
+        let left = match index {
+            2 | 3 => Matrix::new(&ones[..m * k], k, m).transposed(),
+            _ => Matrix::new(&ones[..m * k], m, k),
+        };
+        let right = match index {
+            4 => Matrix::new(&ones[..k * n], n, k).transposed(),
+            _ => Matrix::new(&ones[..k * n], k, n),
+        };
+        multiply(&mut out[..m * n], left, right);
+    }
+    black_box(out[0]);
 }

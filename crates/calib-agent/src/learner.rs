@@ -79,11 +79,12 @@ impl<'a> Learner<'a> {
     /// Returns the cumulant on arriving at each state. That of the first state of a piece is never used.
     fn cumulants(&self, stream: &dyn Stream) -> Vec<f32> {
         let gamma = self.config.gamma as f32;
-        let received = |t: usize| stream.state(t)[self.cumulant];
+        let received = (0..stream.len()).map(|t| stream.state(t)[self.cumulant]);
         match self.baseline {
-            None => (0..stream.len()).map(received).collect(),
-            Some(baseline) => (0..stream.len())
-                .map(|t| received(t) + gamma * baseline[t] - baseline[t.saturating_sub(1)])
+            None => received.collect(),
+            Some(baseline) => received
+                .enumerate()
+                .map(|(t, value)| value + gamma * baseline[t] - baseline[t.saturating_sub(1)])
                 .collect(),
         }
     }

@@ -30,17 +30,17 @@
 //! // A sensor that alternates between 0 and 1, seen by agents of two step sizes that discount by one half.
 //! let states = States::new(vec![0.0, 1.0], 2, 1)?;
 //! let stream = RowStream::unbroken(states, (0..4_000).map(|t| RowIndex::new(t % 2)).collect());
-//! let agent = |learning_rate| AgentConfig {
+//! let agents = [1e-4, 1e-2].map(|learning_rate| AgentConfig {
 //!     value_function: ValueFunction::Linear,
 //!     gamma: 0.5,
 //!     batch_size: 32,
 //!     learning_rate,
 //!     ..AgentConfig::default()
-//! };
-//! let agents = [agent(1e-4), agent(1e-2)];
+//! });
 //! let outcomes = train(&stream, 0, &agents, CurveRule::default(), Seed::new(1), &Silent)?;
-//! let settled = |agent: usize| outcomes[agent].scores.of(Part::FinalQuarter).unwrap().rmse;
-//! assert!(settled(1) < settled(0));
+//! let scores = outcomes.iter().map(|outcome| outcome.scores.of(Part::FinalQuarter).unwrap());
+//! let settled: Vec<f64> = scores.map(|score| score.rmse).collect();
+//! assert!(settled[1] < settled[0]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -134,17 +134,17 @@ impl Values for LinearValues {
 
     fn state(&self, agent: usize) -> ValueState {
         let agent = &self.agents[agent];
-        let cut = |values: &[f32]| values[..self.length].to_vec();
+        let length = self.length;
         ValueState {
             checkpoint: Checkpoint {
-                parameters: cut(&agent.weights),
+                parameters: agent.weights[..length].to_vec(),
                 moments: agent.optimiser.moments().map(|moments| Moments {
-                    mean: cut(&moments.mean),
-                    square: cut(&moments.square),
+                    mean: moments.mean[..length].to_vec(),
+                    square: moments.square[..length].to_vec(),
                     powers: moments.powers,
                 }),
             },
-            target: agent.target.as_deref().map(cut),
+            target: agent.target.as_deref().map(|target| target[..length].to_vec()),
             traces: None,
             updates: agent.clock.updates(),
         }
@@ -153,22 +153,17 @@ impl Values for LinearValues {
     fn restore(&mut self, agent: usize, state: &ValueState) {
         let agent = &mut self.agents[agent];
         let padded = self.padded;
-        let pad = |values: &[f32]| {
-            let mut values = values.to_vec();
-            values.resize(padded, 0.0);
-            values
-        };
         let Checkpoint { parameters, moments } = &state.checkpoint;
-        agent.weights = pad(parameters);
+        agent.weights = pad(parameters, padded);
         if agent.target.is_some() {
-            agent.target = Some(pad(state.target.as_ref().unwrap_or(parameters)));
+            agent.target = Some(pad(state.target.as_ref().unwrap_or(parameters), padded));
         }
         agent.clock.set_updates(state.updates);
         let optimiser = optimiser(&agent.config, padded);
         agent.optimiser = match moments {
             Some(Moments { mean, square, powers }) => optimiser.with_moments(Moments {
-                mean: pad(mean),
-                square: pad(square),
+                mean: pad(mean, padded),
+                square: pad(square, padded),
                 powers: *powers,
             }),
             None => optimiser,
@@ -276,6 +271,13 @@ impl Pass<'_> {
     }
 }
 
+/// Returns values with zeros up to a length.
+fn pad(values: &[f32], length: usize) -> Vec<f32> {
+    let mut values = values.to_vec();
+    values.resize(length, 0.0);
+    values
+}
+
 /// Returns the first `ROWS` rows of `length` values each.
 fn rows_of<const ROWS: usize>(values: &[f32], length: usize) -> [&[f32]; ROWS] {
     std::array::from_fn(|index| &values[index * length..][..length])
@@ -317,15 +319,16 @@ mod tests {
         }
         let states = States::new(values.iter().map(|&x| x as f32).collect(), n, 2).expect("valid");
         let stream = RowStream::unbroken(states, (0..n).map(RowIndex::new).collect());
-        let x = |t: usize| [values[2 * t], values[2 * t + 1], 1.0];
+        let rows: Vec<[f64; 3]> = values.chunks(2).map(|pair| [pair[0], pair[1], 1.0]).collect();
         let mut system = [[0.0; 4]; 3];
         for t in 0..n - 1 {
             for (i, row) in system.iter_mut().enumerate() {
                 let [left @ .., right] = row;
-                for (left, (x_j, next)) in left.iter_mut().zip(x(t).into_iter().zip(x(t + 1))) {
-                    *left += x(t)[i] * (x_j - gamma * next);
+                for (left, (x_j, next)) in left.iter_mut().zip(rows[t].into_iter().zip(rows[t + 1]))
+                {
+                    *left += rows[t][i] * (x_j - gamma * next);
                 }
-                *right += x(t)[i] * x(t + 1)[0];
+                *right += rows[t][i] * rows[t + 1][0];
             }
         }
         let expected = solve(system);

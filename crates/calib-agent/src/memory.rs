@@ -119,14 +119,19 @@ mod tests {
     fn pre_training_grows_with_what_is_kept() {
         let agent = AgentConfig { batch_size: 4, hidden_units: 8, ..AgentConfig::default() };
         let settings = PretrainSettings { epochs: 1, patience: 0, validation_fraction: 0.1 };
-        let bytes = |settings, sensors, threads| {
-            pretraining_bytes(&agent, settings, sensors, 10, 1000, threads)
-        };
         let work = 9 * (27 + 16) + 169;
         let one = 4 * (9 * 169 + work + 100) + 16_000;
-        assert_eq!(bytes(settings, 1, 2), one, "no more threads than agents");
-        assert_eq!(bytes(settings, 2, 2), one + 4 * (9 * 169 + work + 100));
-        assert_eq!(bytes(PretrainSettings { patience: 3, ..settings }, 1, 2), one + 4 * 9 * 169);
+        assert_eq!(
+            pretraining_bytes(&agent, settings, 1, 10, 1000, 2),
+            one,
+            "no more threads than agents"
+        );
+        assert_eq!(
+            pretraining_bytes(&agent, settings, 2, 10, 1000, 2),
+            one + 4 * (9 * 169 + work + 100)
+        );
+        let patient = PretrainSettings { patience: 3, ..settings };
+        assert_eq!(pretraining_bytes(&agent, patient, 1, 10, 1000, 2), one + 4 * 9 * 169);
     }
 
     /// Returns the bytes of training with one sensor, over 1,000 states of 10 values.

@@ -116,17 +116,18 @@ mod tests {
     #[test]
     fn states_come_back_and_only_to_the_same_training() {
         let directory = tempfile::tempdir().expect("a directory");
-        let file = |key: &str| StateFile::new(directory.path().join("a/state"), key.to_owned());
+        let [own, other] =
+            ["a", "b"].map(|key| StateFile::new(directory.path().join("a/state"), key.to_owned()));
         let values = vec![
             (0, state(None, Some((0.1 + 0.2, 1e-300)))),
             (3, state(Some(vec![1.0, 2.0, 3.0]), None)),
         ];
         let progress = (5, 0.1_f64 + 0.2);
-        assert_eq!(file("a").read::<(i32, f64)>(), None);
-        file("a").write(&progress, values.clone()).expect("written");
-        assert_eq!(file("a").read(), Some((progress, values)));
-        assert_eq!(file("b").read::<(i32, f64)>(), None);
-        file("a").remove();
-        assert_eq!(file("a").read::<(i32, f64)>(), None);
+        assert_eq!(own.read::<(i32, f64)>(), None);
+        own.write(&progress, values.clone()).expect("written");
+        assert_eq!(own.read(), Some((progress, values)));
+        assert_eq!(other.read::<(i32, f64)>(), None);
+        own.remove();
+        assert_eq!(own.read::<(i32, f64)>(), None);
     }
 }

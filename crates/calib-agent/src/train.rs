@@ -43,8 +43,9 @@ const STEPS_PER_LOOK: usize = 64;
 ///     ..AgentConfig::default()
 /// });
 /// let outcomes = train(&stream, 0, &agents, CurveRule::default(), Seed::new(1), &Silent)?;
-/// let settled = |agent: usize| outcomes[agent].scores.of(Part::FinalQuarter).unwrap().rmse;
-/// assert!(settled(1) < 1e-3 && settled(1) < settled(0));
+/// let scores = outcomes.iter().map(|outcome| outcome.scores.of(Part::FinalQuarter).unwrap());
+/// let settled: Vec<f64> = scores.map(|score| score.rmse).collect();
+/// assert!(settled[1] < 1e-3 && settled[1] < settled[0]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn train(
@@ -203,10 +204,10 @@ pub(crate) fn check_cumulant(stream: &dyn Stream, column: usize) -> Result<(), A
     if column >= stream.width() {
         return Err(AgentError::Cumulant { got: column, width: stream.width() });
     }
-    let value = |step: usize| stream.state(step)[column];
-    match (0..stream.len()).find(|&step| !value(step).is_finite()) {
+    let mut values = (0..stream.len()).map(|step| (step, stream.state(step)[column]));
+    match values.find(|(_, value)| !value.is_finite()) {
         None => Ok(()),
-        Some(step) => Err(AgentError::NonFiniteCumulant { column, step, value: value(step) }),
+        Some((step, value)) => Err(AgentError::NonFiniteCumulant { column, step, value }),
     }
 }
 

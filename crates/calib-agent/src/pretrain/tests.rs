@@ -68,15 +68,17 @@ fn an_epoch_is_one_pass_over_the_first_transitions() {
     // Two segments have 58 transitions. The last quarter, 15 (14.5 rounded), is for validation.
     let train: Vec<usize> = (0..19).chain(20..44).collect();
     let order = shuffled(&train, Seed::new(5).child("epoch").number(0));
-    let x = |t: usize| [f64::from(stream.state(t)[0]), f64::from(stream.state(t)[1]), 1.0];
+    let rows: Vec<[f64; 3]> = (0..stream.len())
+        .map(|t| [f64::from(stream.state(t)[0]), f64::from(stream.state(t)[1]), 1.0])
+        .collect();
     let mut loss = 0.0;
     for batch in order.chunks(16) {
         let before = w.clone();
         for &t in batch {
-            let error =
-                x(t + 1)[1] + 0.9 * weighted_sum(&before, x(t + 1)) - weighted_sum(&before, x(t));
+            let error = rows[t + 1][1] + 0.9 * weighted_sum(&before, rows[t + 1])
+                - weighted_sum(&before, rows[t]);
             loss += error * error;
-            for (w, x) in w.iter_mut().zip(x(t)) {
+            for (w, x) in w.iter_mut().zip(rows[t]) {
                 *w += 0.05 / batch.len() as f64 * error * x;
             }
         }
@@ -88,7 +90,7 @@ fn an_epoch_is_one_pass_over_the_first_transitions() {
     let held_back: Vec<usize> = (44..59).collect();
     let errors = held_back
         .iter()
-        .map(|&t| x(t + 1)[1] + 0.9 * weighted_sum(&w, x(t + 1)) - weighted_sum(&w, x(t)))
+        .map(|&t| rows[t + 1][1] + 0.9 * weighted_sum(&w, rows[t + 1]) - weighted_sum(&w, rows[t]))
         .map(|error| error * error);
     let expected = errors.sum::<f64>() / 15.0;
     assert!((agent.curve[0].validation_loss - expected).abs() < 1e-6);

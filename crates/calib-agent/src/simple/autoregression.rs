@@ -30,13 +30,14 @@ pub(super) fn fit(
     for piece in stream.pieces() {
         starts[piece.clone()].fill(piece.start);
     }
-    let value = |t: usize| f64::from(stream.state(t)[column]);
-    let center = folds.rows.iter().map(|&t| value(t)).sum::<f64>() / folds.rows.len() as f64;
+    let values = folds.rows.iter().map(|&t| f64::from(stream.state(t)[column]));
+    let center = values.sum::<f64>() / folds.rows.len() as f64;
     // The constant comes first, so that every order is a leading block of the same matrix.
     let write = |t: usize, to: &mut [f64]| {
         to[0] = 1.0;
         for lag in 0..most {
-            to[lag + 1] = value(t.saturating_sub(lag).max(starts[t])) - center;
+            let row = t.saturating_sub(lag).max(starts[t]);
+            to[lag + 1] = f64::from(stream.state(row)[column]) - center;
         }
     };
     let second = folds.second_moments(size, write);

@@ -116,13 +116,11 @@ impl<'a> Fitter<'a> {
         let least = least.fold(f64::INFINITY, f64::min);
         // A fold in which the sensor is constant must not decide either.
         let rest = RESTING * least + f64::MIN_POSITIVE;
-        let typical = |judged: &Judged| {
-            let errors = judged.cross_errors.iter().map(|error| (error.max(0.0) + rest).ln());
-            (errors.sum::<f64>() / judged.cross_errors.len().max(1) as f64).exp()
-        };
-        let least = judged.iter().map(|(_, judged)| typical(judged)).fold(f64::INFINITY, f64::min);
+        let least = judged.iter().map(|(_, judged)| judged.typical_cross_error(rest));
+        let least = least.fold(f64::INFINITY, f64::min);
         // A hundredth of the root mean squared error.
-        judged.into_iter().find(|(_, judged)| typical(judged) <= 1.01 * 1.01 * least)
+        let limit = 1.01 * 1.01 * least;
+        judged.into_iter().find(|(_, judged)| judged.typical_cross_error(rest) <= limit)
     }
 
     /// Returns all predictors that can be validated on later folds, the simplest first.

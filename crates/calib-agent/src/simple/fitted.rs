@@ -108,12 +108,13 @@ impl Mixture {
         let mut sums: Vec<f64> = self.errors.iter().map(|error| prior * error).collect();
         let mut count = prior;
         for piece in stream.pieces() {
-            let value_at = |t: usize| f64::from(stream.state(t)[self.column]);
             for t in piece.clone() {
-                let value = value_at(t);
+                let value = f64::from(stream.state(t)[self.column]);
                 if t >= piece.start + delay {
                     let seen = (t - delay + 1..=t).zip(&powers);
-                    let seen: f64 = seen.map(|(row, power)| power * value_at(row)).sum();
+                    let seen: f64 = seen
+                        .map(|(row, power)| power * f64::from(stream.state(row)[self.column]))
+                        .sum();
                     let result = seen + powers[delay] * value / (1.0 - self.gamma);
                     for (sum, predictions) in sums.iter_mut().zip(&each) {
                         *sum += (f64::from(predictions[t - delay]) - result).powi(2);

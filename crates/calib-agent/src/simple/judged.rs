@@ -16,4 +16,10 @@ impl Judged {
     pub(super) fn mean_cross_error(&self) -> f64 {
         self.cross_errors.iter().sum::<f64>() / self.cross_errors.len().max(1) as f64
     }
+
+    /// Returns the geometric mean of the errors over folds, each with `rest` added.
+    pub(super) fn typical_cross_error(&self, rest: f64) -> f64 {
+        let errors = self.cross_errors.iter().map(|error| (error.max(0.0) + rest).ln());
+        (errors.sum::<f64>() / self.cross_errors.len().max(1) as f64).exp()
+    }
 }

@@ -264,13 +264,12 @@ mod tests {
         let splits = folds.splits();
         assert_eq!(splits.len(), 5);
         for (fold, split) in splits.iter().enumerate() {
-            let rows = |parts: &[usize]| -> Vec<usize> {
+            let [judged, fitted] = [&split.judged, &split.fitted].map(|parts| -> Vec<usize> {
                 let ranges = parts.iter().map(|&part| folds.parts[part].clone());
                 ranges.flat_map(|range| folds.rows[range].to_vec()).collect()
-            };
-            let judged = rows(&split.judged);
+            });
             assert_eq!(judged, (200 * fold..200 * (fold + 1)).collect::<Vec<_>>());
-            for t in rows(&split.fitted) {
+            for t in fitted {
                 assert!(judged.iter().all(|other| other.abs_diff(t) >= 30), "{t}");
             }
         }

@@ -118,12 +118,11 @@ fn best_of(values: Vec<f32>, columns: usize) -> Option<SimplePredictor> {
 #[test]
 fn the_best_is_what_predicts_what_comes_later() {
     let mut rng = Seed::new(12).rng();
-    let mut noise = || rng.normal() as f32;
-    let white = (0..4000).map(|_| noise()).collect();
+    let white = (0..4000).map(|_| rng.normal() as f32).collect();
     assert_eq!(best_of(white, 1), Some(SimplePredictor::Mean));
     let mut level = 0.0;
     let walk = (0..4000).map(|_| {
-        level += 0.1 * noise();
+        level += 0.1 * rng.normal() as f32;
         level
     });
     assert_eq!(best_of(walk.collect(), 1), Some(SimplePredictor::Persistence));

@@ -90,10 +90,8 @@ fn sensors_side_by_side_are_what_they_are_alone() {
 fn a_checkpoint_is_where_learning_starts() {
     let stream = waves(300);
     for kind in [mlp(), rounded(), AgentConfig { optimiser: OptimiserKind::Adam, ..linear() }] {
-        let with = |learning_rate| AgentConfig { learning_rate, ..kind.clone() };
-        let frozen = with(0.0);
-        let slow = with(1e-12);
-        let fast = with(1e-2);
+        let [frozen, slow, fast] =
+            [0.0, 1e-12, 1e-2].map(|learning_rate| AgentConfig { learning_rate, ..kind.clone() });
         let bare = checkpoint(&kind, false);
         let whole = checkpoint(&kind, true);
         let outcome = |config, start| {
@@ -182,15 +180,14 @@ fn an_interrupted_run_keeps_its_state() {
     let stream = waves(1_000);
     let agents = [mlp()];
     let learners = [Learner::new(&agents[0], 0)];
-    let stop = |work| {
+    let [short, long] = [8_000_000_000, 3_000_000_000].map(|work| {
         let memory = Memory { work, states: RefCell::default() };
         let impatient = Impatient { patience: 500, advanced: AtomicU64::new(0) };
         let stopped = train_learners(run(&stream), &learners, &memory, &impatient);
         assert_eq!(stopped, Err(Cancelled.into()));
         memory
-    };
-    assert!(stop(8_000_000_000).states.take().is_empty(), "a short run is not worth it");
-    let long = stop(3_000_000_000);
+    });
+    assert!(short.states.take().is_empty(), "a short run is not worth it");
     assert_eq!(long.states.borrow().len(), 1);
     let resumed = train_learners(run(&stream), &learners, &long, &Silent).expect("trains");
     assert_eq!(resumed, outcomes(&stream, &learners));

@@ -123,10 +123,9 @@ fn the_online_agent_is_the_textbooks() {
 
     let initial = calib_nn::Mlp::new(&[2, 1], Seed::new(5).child("parameters"));
     let mut w: Vec<f64> = initial.parameters().iter().map(|&p| f64::from(p)).collect();
-    let x = |t: usize| {
-        let state = stream.state(t);
-        [f64::from(state[0]), f64::from(state[1]), 1.0]
-    };
+    let rows: Vec<[f64; 3]> = (0..stream.len())
+        .map(|t| [f64::from(stream.state(t)[0]), f64::from(stream.state(t)[1]), 1.0])
+        .collect();
     let returns = discounted_returns(&stream, 0, config.gamma);
     let horizon = truncation_horizon(config.gamma);
     let mut sum = 0.0;
@@ -135,12 +134,12 @@ fn the_online_agent_is_the_textbooks() {
     for piece in [0..50, 50..51, 51..81, 81..120] {
         for (t, target) in returns.iter().enumerate().take(piece.end - 1).skip(piece.start) {
             if t >= 89 && t < piece.end - horizon {
-                sum += (weighted_sum(&w, x(t)) - target).powi(2);
+                sum += (weighted_sum(&w, rows[t]) - target).powi(2);
                 count += 1;
             }
-            let td_error =
-                x(t + 1)[0] + config.gamma * weighted_sum(&w, x(t + 1)) - weighted_sum(&w, x(t));
-            for (w, x) in w.iter_mut().zip(x(t)) {
+            let td_error = rows[t + 1][0] + config.gamma * weighted_sum(&w, rows[t + 1])
+                - weighted_sum(&w, rows[t]);
+            for (w, x) in w.iter_mut().zip(rows[t]) {
                 *w += config.learning_rate * td_error * x;
             }
             updates += 1;
@@ -323,17 +322,15 @@ fn the_monitor_sees_the_stream_once_and_can_stop() {
     let stream = waves(1_000);
     let agents = [linear(), mlp(), AgentConfig { gamma: 0.5, ..linear() }];
     let curve = CurveRule::default();
-    let seen = |patience| {
+    let [(finished, steps), (stopped, fewer)] = [u64::MAX, 500].map(|patience| {
         let monitor = Impatient { patience, ..Impatient::default() };
         let result = train(&stream, 0, &agents, curve, Seed::new(1), &monitor);
         (result, monitor.advanced.into_inner())
-    };
-    let (finished, advanced) = seen(u64::MAX);
+    });
     assert!(finished.is_ok());
-    assert_eq!(advanced, 999);
-    let (stopped, advanced) = seen(500);
+    assert_eq!(steps, 999);
     assert_eq!(stopped, Err(Cancelled.into()));
-    assert!((500..600).contains(&advanced), "{advanced}");
+    assert!((500..600).contains(&fewer), "{fewer}");
 }
 
 /// A monitor that asks to stop after twenty checks.
