@@ -26,11 +26,11 @@ impl DayGrid {
 
     /// Returns the rows at or after `from` and before `to` seconds.
     fn rows_between(&self, from: f64, to: f64) -> Range<usize> {
-        let row = |secs: f64| {
+        let [first, end] = [from, to].map(|secs| {
             let instant = (secs / self.period_secs).ceil() - self.first as f64;
             instant.clamp(0.0, self.rows as f64) as usize
-        };
-        row(from)..row(to)
+        });
+        first..end
     }
 }
 

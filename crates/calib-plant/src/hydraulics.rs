@@ -29,7 +29,6 @@ impl Demand {
     /// Returns the demand `elapsed` seconds into a `mode` that lasts `lasting` seconds, at
     /// level `level` of the membrane tank and with permeate target `target`.
     pub(crate) fn of(mode: Mode, elapsed: f64, lasting: f64, level: f64, target: f64) -> Self {
-        let pulsing = |on: f64, off: f64| elapsed % (on + off) < on;
         let air = 12.0;
         match mode {
             Mode::Production => Self {
@@ -37,7 +36,7 @@ impl Demand {
                 permeate: target,
                 drain: 0.05,
                 recycle: 0.45,
-                air: if pulsing(60.0, 60.0) { air } else { 0.0 },
+                air: if is_pulsing(elapsed, 60.0, 60.0) { air } else { 0.0 },
                 ..Self::default()
             },
             Mode::BackPulse => Self { back_pulse: 1.1, drain: 1.05, air, ..Self::default() },
@@ -48,8 +47,8 @@ impl Demand {
                 Self { feed: if level < TANK_LEVEL { 1.9 } else { 0.0 }, ..Self::default() }
             }
             Mode::ChemicalClean => Self {
-                back_pulse: if pulsing(60.0, 840.0) { 0.3 } else { 0.0 },
-                drain: if pulsing(60.0, 840.0) { 0.3 } else { 0.0 },
+                back_pulse: if is_pulsing(elapsed, 60.0, 840.0) { 0.3 } else { 0.0 },
+                drain: if is_pulsing(elapsed, 60.0, 840.0) { 0.3 } else { 0.0 },
                 recycle: 0.6,
                 ..Self::default()
             },
@@ -85,16 +84,15 @@ pub(crate) struct Hydraulics {
 
 impl Hydraulics {
     pub(crate) fn new(step_secs: f64, rng: &mut Rng) -> Self {
-        let follower = |tau_secs| Follower::new(0.0, tau_secs, step_secs);
         Self {
             step_secs,
-            feed: follower(FEED_SECS),
-            permeate: follower(PERMEATE_SECS),
-            back_pulse: follower(4.0),
-            drain: follower(5.0),
-            recycle: follower(6.0),
-            air: follower(5.0),
-            supply: follower(5.0),
+            feed: Follower::new(0.0, FEED_SECS, step_secs),
+            permeate: Follower::new(0.0, PERMEATE_SECS, step_secs),
+            back_pulse: Follower::new(0.0, 4.0, step_secs),
+            drain: Follower::new(0.0, 5.0, step_secs),
+            recycle: Follower::new(0.0, 6.0, step_secs),
+            air: Follower::new(0.0, 5.0, step_secs),
+            supply: Follower::new(0.0, 5.0, step_secs),
             feed_swing: Fluctuation::new(0.02, 45.0, step_secs, rng),
             supply_swing: Fluctuation::new(2.0, 900.0, step_secs, rng),
             header_swing: Fluctuation::new(0.8, 300.0, step_secs, rng),
@@ -227,6 +225,11 @@ impl Hydraulics {
 /// Returns 1 for a valve or a pump with a positive demand, and 0 otherwise.
 fn opening(wanted: f64) -> f64 {
     f64::from(u8::from(wanted > 0.0))
+}
+
+/// Returns whether something that is on and off in turns, for these seconds, is on.
+fn is_pulsing(elapsed: f64, on: f64, off: f64) -> bool {
+    elapsed % (on + off) < on
 }
 
 #[cfg(test)]

@@ -167,12 +167,11 @@ impl OperatedPlant {
     }
 
     fn read(&mut self, pressure: f64, resistance: f64, rng: &mut Rng) {
-        let mut shown = |value: f64| value * (1.0 + ERROR * rng.normal());
         self.reading = Reading {
-            pressure_kpa: shown(pressure),
-            resistance: shown(resistance),
-            temperature_celsius: shown(self.conditions.river),
-            turbidity_ntu: shown(self.conditions.turbidity),
+            pressure_kpa: measured(pressure, rng),
+            resistance: measured(resistance, rng),
+            temperature_celsius: measured(self.conditions.river, rng),
+            turbidity_ntu: measured(self.conditions.turbidity, rng),
         };
     }
 
@@ -230,6 +229,11 @@ impl OperatedPlant {
         self.since_pulse = 0.0;
         took
     }
+}
+
+/// Returns a value with the error of its instrument.
+fn measured(value: f64, rng: &mut Rng) -> f64 {
+    value * (1.0 + ERROR * rng.normal())
 }
 
 #[cfg(test)]

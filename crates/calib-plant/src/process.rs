@@ -279,11 +279,9 @@ mod tests {
             Signal::PermeateTotal,
             Signal::Turbidity,
         ] {
-            let mean = |rows: &[Frame]| {
+            let [a, b] = [&fine, &coarse].map(|rows| {
                 rows.iter().map(|frame| frame[signal]).sum::<f64>() / rows.len() as f64
-            };
-            let a = mean(&fine);
-            let b = mean(&coarse);
+            });
             assert!((a / b - 1.0).abs() < 0.05, "{signal:?} {a} {b}");
         }
     }

@@ -58,7 +58,6 @@ impl Mix {
 
 impl Quality {
     pub(crate) fn new(conditions: &Conditions, step_secs: f64, rng: &mut Rng) -> Self {
-        let follower = |value, tau_secs| Follower::new(value, tau_secs, step_secs);
         Self {
             running: Mix::new(60.0, 20.0, step_secs),
             standing: Mix::new(5.0 * 3600.0, 2.0 * 3600.0, step_secs),
@@ -68,11 +67,11 @@ impl Quality {
                 conductivity: conditions.conductivity,
                 acidity: conditions.acidity,
             },
-            flush: follower(0.0, 60.0),
-            tank_temperature: follower(conditions.river, 1500.0),
-            permeate_temperature: follower(conditions.river, 300.0),
-            tank_turbidity: follower(conditions.turbidity, 1500.0),
-            breakthrough: follower(0.0, 120.0),
+            flush: Follower::new(0.0, 60.0, step_secs),
+            tank_temperature: Follower::new(conditions.river, 1500.0, step_secs),
+            permeate_temperature: Follower::new(conditions.river, 300.0, step_secs),
+            tank_turbidity: Follower::new(conditions.turbidity, 1500.0, step_secs),
+            breakthrough: Follower::new(0.0, 120.0, step_secs),
             shimmer: Fluctuation::new(0.002, 600.0, step_secs, rng),
             dose: 0.0,
             hypochlorite: 40.0,

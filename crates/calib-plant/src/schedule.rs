@@ -89,10 +89,10 @@ impl Schedule {
     }
 
     fn draw_passage(&mut self, from: Mode) -> &'static Passage {
-        let all = || PASSAGES.iter().filter(move |passage| passage.from == from);
-        let total: u32 = all().map(|passage| passage.count).sum();
+        let all = PASSAGES.iter().filter(move |passage| passage.from == from);
+        let total: u32 = all.clone().map(|passage| passage.count).sum();
         let mut left = self.rng.below(total as usize) as u32;
-        for passage in all() {
+        for passage in all {
             if left < passage.count {
                 return passage;
             }
@@ -148,10 +148,9 @@ mod tests {
     #[test]
     fn successors_have_their_frequencies() {
         let segments = segments(2, 1000.0);
-        let in_mode = |mode| segments.iter().filter(move |segment| segment.0 == mode);
-        let share = |from, to| {
-            in_mode(from).filter(|segment| segment.1 == to).count() as f64
-                / in_mode(from).count() as f64
+        let share = |from: Mode, to: Mode| {
+            let own = segments.iter().filter(|segment| segment.0 == from);
+            own.clone().filter(|segment| segment.1 == to).count() as f64 / own.count() as f64
         };
         assert!(is_near(share(Mode::Production, Mode::BackPulse), 731.0, 1119.0));
         assert!(is_near(share(Mode::Production, Mode::Standby), 359.0, 1119.0));

@@ -50,11 +50,6 @@ pub(crate) fn column(
 
 /// Returns the values before any instrument error.
 fn ideal(recipe: Recipe, signals: &Signals, grid: &DayGrid) -> Vec<f32> {
-    let both = |a, b, combine: fn(f32, f32) -> f32| {
-        let a = signals.day(a);
-        let b = signals.day(b);
-        a.iter().zip(b).map(|(&a, &b)| combine(a, b)).collect()
-    };
     match recipe {
         Recipe::Lagged { signal, lag_secs } => {
             let lag = (lag_secs / grid.period_secs).round() as usize;
@@ -70,15 +65,17 @@ fn ideal(recipe: Recipe, signals: &Signals, grid: &DayGrid) -> Vec<f32> {
             });
             filtered.skip(signals.history()).collect()
         }
-        Recipe::Sum(a, b) => both(a, b, |a, b| a + b),
-        Recipe::Difference(a, b) => both(a, b, |a, b| a - b),
+        Recipe::Sum(a, b) => combined(signals.day(a), signals.day(b), |a, b| a + b),
+        Recipe::Difference(a, b) => combined(signals.day(a), signals.day(b), |a, b| a - b),
         Recipe::Ratio(a, b, least) => {
-            let a = signals.day(a);
-            let b = signals.day(b);
-            a.iter().zip(b).map(|(&a, &b)| if b >= least { a / b } else { 0.0 }).collect()
+            combined(signals.day(a), signals.day(b), |a, b| if b >= least { a / b } else { 0.0 })
         }
         Recipe::Constant(value) => vec![value; grid.rows],
     }
+}
+
+fn combined(a: &[f32], b: &[f32], combine: impl Fn(f32, f32) -> f32) -> Vec<f32> {
+    a.iter().zip(b).map(|(&a, &b)| combine(a, b)).collect()
 }
 
 /// Applies the errors of instrument and historian to the values: noise and drift, the range, the steps of the

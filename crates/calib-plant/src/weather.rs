@@ -189,8 +189,9 @@ mod tests {
             |first: usize| mean(conditions[first * 24..(first + 30) * 24].iter().map(|c| c.river));
         // November 1 is day 0: January starts on day 61, July on day 242.
         assert!(month(242) > month(61) + 7.0, "{} {}", month(242), month(61));
-        let at = |hour: f64| mean(conditions.iter().filter(|c| c.hour == hour).map(|c| c.river));
-        let swing = at(16.0) - at(4.0);
+        let [afternoon, night] = [16.0, 4.0]
+            .map(|hour: f64| mean(conditions.iter().filter(|c| c.hour == hour).map(|c| c.river)));
+        let swing = afternoon - night;
         assert!((1.2..2.0).contains(&swing), "{swing}");
         assert!(conditions.iter().all(|c| c.river > 0.0));
     }

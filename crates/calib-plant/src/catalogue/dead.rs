@@ -90,7 +90,7 @@ fn analyser(number: usize) -> Channel {
     let info = analog[number % analog.len()];
     let name = format!("LAB{number:03}.RESULT");
     let draw = name_number(&name);
-    let unit_draw = |shift: u32| f64::from((draw >> shift) as u16) / 65_536.0;
+    let [phase, share] = [16, 32].map(|shift: u32| f64::from((draw >> shift) as u16) / 65_536.0);
     let cycle_secs = 86_400.0 / (1 + draw % 4) as f64;
     Channel {
         instrument: Instrument::new(&name, info.nature, info.range),
@@ -103,8 +103,8 @@ fn analyser(number: usize) -> Channel {
         recipe: Recipe::Lagged { signal: info.signal, lag_secs: 0.0 },
         availability: Availability::Scheduled {
             cycle_secs,
-            phase_secs: cycle_secs * unit_draw(16),
-            share: 0.05 + 0.6 * unit_draw(32),
+            phase_secs: cycle_secs * phase,
+            share: 0.05 + 0.6 * share,
         },
     }
 }

@@ -42,8 +42,9 @@ mod tests {
     fn fates(count: usize) -> (usize, usize, usize) {
         let channels = channels(count);
         assert_eq!(channels.len(), count);
-        let with_fate = |fate| channels.iter().filter(|c| c.info.fate == fate).count();
-        (with_fate(Fate::Alive), with_fate(Fate::Constant), with_fate(Fate::Missing))
+        let [alive, constant, missing] = [Fate::Alive, Fate::Constant, Fate::Missing]
+            .map(|fate| channels.iter().filter(|c| c.info.fate == fate).count());
+        (alive, constant, missing)
     }
 
     #[test]

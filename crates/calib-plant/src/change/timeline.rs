@@ -45,8 +45,8 @@ mod tests {
     fn the_latest_event_holds() {
         let events = [(5.0, 'a'), (9.0, 'b')].map(|(at, value)| Dated { at, value });
         let timeline = Timeline::new(events.to_vec());
-        let at = |t| timeline.at(t).map(|event| event.value);
-        assert_eq!([at(4.9), at(5.0), at(8.9), at(9.0)], [None, Some('a'), Some('a'), Some('b')]);
+        let found = [4.9, 5.0, 8.9, 9.0].map(|t| timeline.at(t).map(|event| event.value));
+        assert_eq!(found, [None, Some('a'), Some('a'), Some('b')]);
         assert_eq!(Timeline::<char>::default().at(1.0), None);
     }
 }

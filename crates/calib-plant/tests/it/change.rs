@@ -282,14 +282,12 @@ fn mean(values: &[f64]) -> f64 {
 fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64 {
     let values = column(log, channel);
     let modes = column(log, mode);
-    let rows = |range: std::ops::Range<usize>| {
+    let [learnt, after] = [0..known, known..values.len()].map(|range| {
         range
             .map(|row: usize| (modes[row].to_bits(), f64::from(values[row])))
             .filter(|(_, value)| !value.is_nan())
             .collect::<Vec<_>>()
-    };
-    let learnt = rows(0..known);
-    let after = rows(known..values.len());
+    });
     let all: Vec<f64> = learnt.iter().map(|(_, value)| *value).collect();
     let whole = mean(&all);
     let variance = mean(&all.iter().map(|value| (value - whole).powi(2)).collect::<Vec<_>>());

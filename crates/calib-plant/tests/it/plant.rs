@@ -113,12 +113,10 @@ fn a_day_is_the_same_whether_or_not_the_days_before_it_were_made() {
 #[test]
 fn bytes_do_not_depend_on_threads_and_do_on_the_seed() {
     let options = options(64, 1.0, 10.0);
-    let with_threads = |threads| {
+    let [one, four] = [1, 4].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| log(&options))
-    };
-    let one = with_threads(1);
-    let four = with_threads(4);
+    });
     assert!(same(&one[0], &four[0]));
     let other = log(&PlantOptions { seed: Seed::new(1), ..options.clone() });
     assert!(!same(&one[0], &other[0]));
@@ -152,9 +150,10 @@ fn time_advances_by_the_period_but_for_gaps() {
     assert_eq!(times[0], options.start.as_micros());
     assert!(times.windows(2).all(|pair| pair[1] - pair[0] == 7_000_000));
     for day in &log {
-        let into_day = |time: i64| time - day.start.as_micros();
-        assert!(into_day(day.timestamps[0].as_micros()) < 7_000_000);
-        assert!(into_day(day.timestamps.last().unwrap().as_micros()) < DAY_SECS * 1_000_000);
+        let start = day.start.as_micros();
+        assert!(day.timestamps[0].as_micros() - start < 7_000_000);
+        let last = day.timestamps.last().unwrap().as_micros();
+        assert!(last - start < DAY_SECS * 1_000_000);
         assert!(day.columns.iter().all(|column| column.len() == day.timestamps.len()));
     }
 }
@@ -163,10 +162,10 @@ fn time_advances_by_the_period_but_for_gaps() {
 fn count_gaps_and_repeats(gaps_per_day: f64, duplicates_per_day: f64) -> (usize, usize) {
     let options = PlantOptions { gaps_per_day, duplicates_per_day, ..options(3, 60.0, 60.0) };
     let times = times(&log(&options));
-    let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
-    assert!(steps().all(|step| step >= 0));
-    let repeated = steps().filter(|&step| step == 0).count();
-    (steps().filter(|&step| step > 60_000_000).count(), repeated)
+    let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+    assert!(steps.clone().all(|step| step >= 0));
+    let repeated = steps.clone().filter(|&step| step == 0).count();
+    (steps.filter(|&step| step > 60_000_000).count(), repeated)
 }
 
 #[test]
@@ -261,16 +260,14 @@ fn pressure_creeps_up_until_the_clean() {
     let modes = series(&log, 3);
     let clean = modes.iter().position(|&mode| mode == number(Mode::ChemicalClean));
     let clean = clean.expect("a clean within 60 days");
-    let production = |rows: std::ops::Range<usize>| {
+    let stretches = [0..1440, clean - 1440..clean, clean + 360..clean + 1800];
+    let [first, last, cleaned] = stretches.map(|rows| {
         let values: Vec<f32> = rows
             .filter(|&row| modes[row] == number(Mode::Production) && !pressure[row].is_nan())
             .map(|row| pressure[row])
             .collect();
         values.iter().sum::<f32>() / values.len() as f32
-    };
-    let first = production(0..1440);
-    let last = production(clean - 1440..clean);
-    let cleaned = production(clean + 360..clean + 1800);
+    });
     assert!(last > first + 3.0 && cleaned < last - 3.0, "{first} {last} {cleaned}");
 }
 
@@ -278,12 +275,12 @@ fn pressure_creeps_up_until_the_clean() {
 fn temperature_has_a_daily_cycle() {
     let log = log(&PlantOptions { gaps_per_day: 0.0, ..options(3, 40.0, 60.0) });
     let temperature = series(&log, 1);
-    let at = |hour: usize| {
+    let [afternoon, night] = [16, 4].map(|hour: usize| {
         let hours = temperature.chunks(1440).flat_map(|day| &day[hour * 60..(hour + 1) * 60]);
         let present: Vec<f32> = hours.copied().filter(|value| !value.is_nan()).collect();
         present.iter().sum::<f32>() / present.len() as f32
-    };
-    let swing = at(16) - at(4);
+    });
+    let swing = afternoon - night;
     assert!((0.9..2.5).contains(&swing), "{swing} °C from 4 to 16 o'clock");
 }
 
@@ -291,18 +288,17 @@ fn temperature_has_a_daily_cycle() {
 fn two_days_of_the_default_plant_have_something_to_predict() {
     for seed in 0..6 {
         let log = log(&PlantOptions { seed: Seed::new(seed), ..options(3, 2.0, 5.0) });
-        let spread = |channel: usize| {
+        let [pressure, temperature, turbidity] = [0, 1, 2].map(|channel: usize| {
             let mut values = series(&log, channel);
             values.retain(|value| !value.is_nan());
             values.sort_unstable_by(f32::total_cmp);
-            let quantile = |q: f64| values[(q * (values.len() - 1) as f64) as usize];
-            (quantile(0.05), quantile(0.5), quantile(0.95), quantile(1.0))
-        };
-        let (low, middle, high, _) = spread(0);
+            [0.05, 0.5, 0.95, 1.0].map(|q: f64| values[(q * (values.len() - 1) as f64) as usize])
+        });
+        let [low, middle, high, _] = pressure;
         assert!(low < 1.0 && middle > 10.0 && high > middle + 4.0, "PIT300 {low} {middle} {high}");
-        let (low, _, high, _) = spread(1);
+        let [low, _, high, _] = temperature;
         assert!(high > low + 0.8, "TIT101 {low} {high}");
-        let (low, middle, high, top) = spread(2);
+        let [low, middle, high, top] = turbidity;
         assert!(
             low < 0.12 && high > middle + 0.05 && top > 0.3 && top <= 5.0,
             "TUIT101 {low} {middle} {high} {top}"
@@ -326,15 +322,13 @@ fn noise_and_drift_can_be_switched_off() {
     let plain = temperature(&plain);
     let noisy = temperature(&noisy);
     let drifting = temperature(&drifting);
-    let difference = |other: &[f32]| -> Vec<f64> {
+    let [noise, drift] = [&noisy, &drifting].map(|other| -> Vec<f64> {
         let pairs = plain.iter().zip(other).filter(|(a, b)| !a.is_nan() && !b.is_nan());
         pairs.map(|(a, b)| f64::from(b - a)).collect()
-    };
-    let noise = difference(&noisy);
+    });
     let deviation = mean(&noise.iter().map(|x| x * x).collect::<Vec<_>>()).sqrt();
     // Twice 0.0004 of the range of 30 °C.
     assert!((deviation / 0.024 - 1.0).abs() < 0.05, "{deviation}");
-    let drift = difference(&drifting);
     assert!(mean(&drift).abs() > 0.05 && drift.iter().all(|x| x.abs() < 1.3), "{}", mean(&drift));
 }
 
