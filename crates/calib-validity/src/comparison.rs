@@ -75,21 +75,20 @@ impl Comparison {
         against: &Choices,
         plants: &OverPlants,
     ) -> Result<Option<Self>, StatsError> {
-        let both = |pair: usize| method.regrets[pair].zip(against.regrets[pair]);
-        let known: Vec<usize> =
-            (0..method.regrets.len()).filter(|&pair| both(pair).is_some()).collect();
+        let has = |pair: usize| method.regrets[pair].is_some() && against.regrets[pair].is_some();
+        let known: Vec<usize> = (0..method.regrets.len()).filter(|&pair| has(pair)).collect();
         if known.is_empty() {
             return Ok(None);
         }
-        let count = |holds: fn(f64, f64) -> bool| {
-            known.iter().filter_map(|&pair| both(pair)).filter(|(a, b)| holds(*a, *b)).count()
-        };
+        let regrets: Vec<(f64, f64)> = known
+            .iter()
+            .filter_map(|&pair| method.regrets[pair].zip(against.regrets[pair]))
+            .collect();
         let counted = |pair| method.counted(pair).zip(against.counted(pair));
         let ratio = |pair: usize| counted(pair).map_or(f64::NAN, |(a, b)| quotient(a, b));
-        let each = |value: &dyn Fn(usize) -> f64| {
-            mean(&known.iter().map(|&pair| value(pair)).collect::<Vec<f64>>())
-        };
-        let has = |pair: usize| both(pair).is_some();
+        let differences: Vec<f64> =
+            known.iter().map(|&pair| counted(pair).map_or(f64::NAN, |(a, b)| a - b)).collect();
+        let ratios: Vec<f64> = known.iter().map(|&pair| ratio(pair)).collect();
         let error_ratio_interval =
             quotient_interval(plants.interval(has, |pairs| mean_of(pairs, ratio)));
         let of_plants = plants.each(has);
@@ -97,11 +96,11 @@ impl Comparison {
             method: method.method.clone(),
             against: against.method.clone(),
             pairs: known.len(),
-            wins: count(|a, b| a < b),
-            ties: count(|a, b| a == b),
-            losses: count(|a, b| a > b),
-            difference: each(&|pair| counted(pair).map_or(f64::NAN, |(a, b)| a - b))?,
-            error_ratio: each(&ratio)?.exp(),
+            wins: regrets.iter().filter(|(a, b)| a < b).count(),
+            ties: regrets.iter().filter(|(a, b)| a == b).count(),
+            losses: regrets.iter().filter(|(a, b)| a > b).count(),
+            difference: mean(&differences)?,
+            error_ratio: mean(&ratios)?.exp(),
             error_ratio_interval,
             finding: Finding::of(error_ratio_interval),
             of_plants: of_plants.iter().filter_map(|pairs| mean_of(pairs, ratio)).collect(),

@@ -14,7 +14,8 @@
 //! use calib_validity::{Pair, judge};
 //!
 //! // Two plants with one sensor each; no model, so the defaults are compared with chance.
-//! let pair = |plant: &str, regrets: [f64; 3]| Pair {
+//! let plants = [("a", [1.0, 0.0, 2.0]), ("b", [0.0, 0.25, 0.5])];
+//! let pairs = plants.map(|(plant, regrets)| Pair {
 //!     plant: plant.to_owned(),
 //!     sensor: "pressure".to_owned(),
 //!     optimiser: "adam".to_owned(),
@@ -23,10 +24,9 @@
 //!     regrets: Some(regrets.to_vec()),
 //!     default: Some(2),
 //!     ..Pair::default()
-//! };
+//! });
 //! let values = ["1e-4", "1e-3", "1e-2"].map(str::to_owned).to_vec();
-//! let pairs = vec![pair("a", [1.0, 0.0, 2.0]), pair("b", [0.0, 0.25, 0.5])];
-//! let validity = judge(values, pairs, &[])?;
+//! let validity = judge(values, pairs.into(), &[])?;
 //! assert_eq!(validity.best_default, 1); // regrets 0 and 25 %: typically less than the others
 //! # Ok::<(), calib_validity::ValidityError>(())
 //! ```

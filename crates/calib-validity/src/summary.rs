@@ -69,20 +69,20 @@ impl MethodSummary {
             (0..chosen.regrets.len()).filter_map(|pair| chosen.counted(pair)).collect();
         let has = |pair: usize| chosen.regrets[pair].is_some();
         let value = |pair: usize| chosen.counted(pair).unwrap_or(f64::NAN);
+        let good = regrets.iter().filter(|regret| **regret <= GOOD).count();
         let logarithms: Vec<f64> = counted.iter().map(|regret| regret.ln_1p()).collect();
-        let count = |holds: fn(&&f64) -> bool| regrets.iter().filter(holds).count();
         Ok(Self {
             method: chosen.method.clone(),
             pairs: regrets.len(),
-            diverged: count(|regret| regret.is_infinite()),
-            capped: count(|regret| **regret > CAP),
+            diverged: regrets.iter().filter(|regret| regret.is_infinite()).count(),
+            capped: regrets.iter().filter(|regret| **regret > CAP).count(),
             mean: mean(&counted)?,
             upper: plants.upper_bound(has, |pairs| mean_of(pairs, value)),
             typical: mean(&logarithms)?.exp_m1(),
             typical_interval: plants.typical_interval(has, |pair: usize| value(pair).ln_1p()),
             worst_tenth: mean(&worst_tenth(logarithms))?.exp_m1(),
             median: median(&counted)?,
-            good: count(|regret| **regret <= GOOD) as f64 / regrets.len() as f64,
+            good: good as f64 / regrets.len() as f64,
         })
     }
 }

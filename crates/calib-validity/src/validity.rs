@@ -101,10 +101,9 @@ pub fn judge(
     let models = models(&judged);
     let rules = rules(&judged);
     let all = JudgedPairs { pairs: &judged, regrets: &regrets, models: &models, rules: &rules };
-    let over = |copies: usize| {
-        OverPlants::new((0..copies).flat_map(|_| judged.iter().map(|pair| &*pair.plant)))
-    };
-    let plants = over(1);
+    let plants = OverPlants::new(judged.iter().map(|pair| &*pair.plant));
+    let in_all_models = (0..models.len()).flat_map(|_| judged.iter().map(|pair| &*pair.plant));
+    let plants_of_all_models = OverPlants::new(in_all_models);
     let methods = all.methods()?;
     let comparisons = comparisons(&methods, |chosen| chosen.method.is_model(), &plants)?;
     let of_models: Vec<Choices> = models.iter().flat_map(|model| all.rules_in(model)).collect();
@@ -128,7 +127,7 @@ pub fn judge(
         rule_comparisons: self::comparisons(
             &all.rules_in_all_models(),
             |_| true,
-            &over(models.len()),
+            &plants_of_all_models,
         )?,
         groups: groups(&judged, &methods, &plants)?,
         accuracy: accuracy::accuracies(&judged, &regrets, &plants)?,

@@ -67,30 +67,33 @@ fn near(a: f64, b: f64) {
     assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
 }
 
+fn mean_regret(validity: &Validity, name: &str) -> f64 {
+    summary(validity, name).mean
+}
+
 #[test]
 fn regrets_of_all_methods_by_hand() {
     let validity = judged(pairs());
     assert_eq!((validity.pairs, validity.plants.len(), validity.models.len()), (3, 2, 2));
     // Products of 1 + regret of x, y, z are 6, 2.5 and 4.5.
     assert_eq!(validity.best_default, 1);
-    let mean = |name: &str| summary(&validity, name).mean;
-    near(mean("model:a"), 1.25 / 3.0);
+    near(mean_regret(&validity, "model:a"), 1.25 / 3.0);
     near(summary(&validity, "model:a").median, 0.25);
     near(summary(&validity, "model:a").good, 1.0 / 3.0);
     near(summary(&validity, "model:a").typical, 2.5_f64.cbrt() - 1.0);
     near(summary(&validity, "model:a").worst_tenth, 1.0);
-    near(mean("model:b"), 2.5 / 3.0);
-    near(mean("best_default"), 1.25 / 3.0);
-    near(mean("log_replay"), 1.0);
-    near(mean("default"), 2.5 / 3.0);
-    near(mean("random"), (1.0 + 0.25 + 1.0) / 3.0);
+    near(mean_regret(&validity, "model:b"), 2.5 / 3.0);
+    near(mean_regret(&validity, "best_default"), 1.25 / 3.0);
+    near(mean_regret(&validity, "log_replay"), 1.0);
+    near(mean_regret(&validity, "default"), 2.5 / 3.0);
+    near(mean_regret(&validity, "random"), (1.0 + 0.25 + 1.0) / 3.0);
     // For the north, the south has z as its best value (2 and 0.5). For the south, the north has y (products 2, 1.25,
     // 4.5): regret 1.
-    near(mean("best_default_of_other_plants"), 3.5 / 3.0);
-    near(mean("hindsight"), 0.0);
-    near(mean("another_window"), 0.5);
+    near(mean_regret(&validity, "best_default_of_other_plants"), 3.5 / 3.0);
+    near(mean_regret(&validity, "hindsight"), 0.0);
+    near(mean_regret(&validity, "another_window"), 0.5);
     // One-step errors prefer a everywhere. There are no warping distances, and no latest windows.
-    near(mean("most_accurate_model"), 1.25 / 3.0);
+    near(mean_regret(&validity, "most_accurate_model"), 1.25 / 3.0);
     let absent = [Method::LeastWarped, Method::LatestWindow, Method::BestDefaultOfOptimiser];
     assert!(validity.methods.iter().all(|method| !absent.contains(&method.method)));
     assert_eq!(validity.agreement[0].stability, Some(0.75));
@@ -124,12 +127,11 @@ fn a_default_may_depend_on_the_optimiser() {
 #[test]
 fn two_by_two() {
     let validity = judged(pairs());
-    let compared = |method: &str, against: &str| comparison(&validity.comparisons, method, against);
-    let random = compared("model:a", "random"); // 0, 0.25, 1 against 1, 0.25, 1
+    let random = comparison(&validity.comparisons, "model:a", "random"); // 0, 0.25, 1 against 1, 0.25, 1
     assert_eq!((random.wins, random.ties, random.losses), (1, 2, 0));
     near(random.difference, -1.0 / 3.0);
     near(random.error_ratio, 0.5_f64.cbrt());
-    let replay = compared("model:b", "log_replay"); // 2, 0.5, 0 against 1, 0, 2
+    let replay = comparison(&validity.comparisons, "model:b", "log_replay"); // 2, 0.5, 0 against 1, 0, 2
     assert_eq!((replay.wins, replay.ties, replay.losses), (1, 0, 2));
     near(replay.error_ratio, (1.5_f64 * 1.5 / 3.0).cbrt());
     assert_eq!(
@@ -138,7 +140,7 @@ fn two_by_two() {
         "two plants"
     );
     // Two models are compared only once.
-    assert_eq!(compared("model:a", "model:b").wins, 2);
+    assert_eq!(comparison(&validity.comparisons, "model:a", "model:b").wins, 2);
     assert!(
         validity
             .comparisons
@@ -188,20 +190,22 @@ fn eight_plants_have_the_interval_of_students_t_on_logarithms() {
     assert_eq!(comparison(&few.comparisons, "model:a", "log_replay").error_ratio_interval, None);
 }
 
+/// Returns the mean of the worst tenth of so many plants.
+fn worst(count: usize) -> f64 {
+    let validity = plants(count, |plant: usize| {
+        let regret = match plant {
+            1 => 3.0,
+            2 => 8.0,
+            _ => 0.1,
+        };
+        [0.0, regret, 1.0]
+    });
+    summary(&validity, "model:a").worst_tenth
+}
+
 #[test]
 fn the_worst_tenth_is_of_pairs_and_never_empty() {
     // The largest regrets of the model are 8 and 3: quotients of errors of 9 and 4, whose geometric mean is 6.
-    let worst = |count: usize| {
-        let validity = plants(count, |plant: usize| {
-            let regret = match plant {
-                1 => 3.0,
-                2 => 8.0,
-                _ => 0.1,
-            };
-            [0.0, regret, 1.0]
-        });
-        summary(&validity, "model:a").worst_tenth
-    };
     near(worst(20), 5.0);
     near(worst(15), 5.0);
     for count in [4, 10, 14] {
@@ -227,52 +231,57 @@ fn what_plants_can_tell_follows_from_their_means() {
     assert_eq!(power.needed[2], calib_stats::observations_needed(std, 1.05_f64.ln()));
 }
 
+fn test_of<'a>(
+    tests: &'a [Test],
+    claim: Claim,
+    method: &str,
+    against: Option<&str>,
+) -> Option<&'a Test> {
+    tests.iter().find(|test| {
+        let other = test.against.as_ref().map(Method::name);
+        test.claim == claim && test.method.name() == method && other.as_deref() == against
+    })
+}
+
 #[test]
 fn claims_are_of_models_against_what_one_would_do_without() {
     let values = ["x", "y", "z"].map(str::to_owned).to_vec();
     let validity = judge(values, pairs(), &["b".to_owned()]).expect("valid");
-    let test_of = |claim, method: &str, against: Option<&str>| -> Option<&Test> {
-        validity.tests.iter().find(|test| {
-            let other = test.against.as_ref().map(Method::name);
-            test.claim == claim && test.method.name() == method && other.as_deref() == against
-        })
-    };
-    let regret = test_of(Claim::SmallRegret, "model:a", None).expect("claimed");
+    let tests = &validity.tests;
+    let regret = test_of(tests, Claim::SmallRegret, "model:a", None).expect("claimed");
     assert_eq!(regret.outcome, Outcome::Open, "two plants");
     near(regret.value, 1.25 / 3.0);
-    assert!(test_of(Claim::NoWorse, "model:a", Some("log_replay")).is_some());
-    assert!(test_of(Claim::Better, "model:a", Some("model:b")).is_some(), "b is a network");
-    assert!(test_of(Claim::Better, "model:b", Some("default")).is_some());
+    assert!(test_of(tests, Claim::NoWorse, "model:a", Some("log_replay")).is_some());
+    assert!(test_of(tests, Claim::Better, "model:a", Some("model:b")).is_some(), "b is a network");
+    assert!(test_of(tests, Claim::Better, "model:b", Some("default")).is_some());
     assert!(validity.tests.iter().all(|test| !test.against.as_ref().is_some_and(Method::is_floor)));
+}
+
+fn accuracy_of(validity: &Validity, predictor: Predictor, outcome: Badness) -> &Accuracy {
+    let mut all = validity.accuracy.iter();
+    all.find(|accuracy| accuracy.predictor == predictor && accuracy.outcome == outcome)
+        .expect("there")
 }
 
 #[test]
 fn the_more_accurate_model_chooses_better_or_not() {
     let validity = judged(pairs());
-    let accuracy_of = |predictor, outcome| {
-        let mut all = validity.accuracy.iter();
-        all.find(|accuracy| accuracy.predictor == predictor && accuracy.outcome == outcome)
-            .expect("there")
-            .clone()
-    };
     // a is more accurate in all three pairs and has the smaller regret in two of them.
-    let regret = accuracy_of(Predictor::OneStep, Badness::Regret);
+    let regret = accuracy_of(&validity, Predictor::OneStep, Badness::Regret);
     assert_eq!((regret.pairs, regret.models), (3, 6));
     near(regret.correlation.expect("defined"), 1.0 / 3.0);
-    let ranking = accuracy_of(Predictor::OneStep, Badness::Disagreement);
+    let ranking = accuracy_of(&validity, Predictor::OneStep, Badness::Disagreement);
     near(ranking.correlation.expect("defined"), 1.0);
-    assert_eq!(accuracy_of(Predictor::Dtw, Badness::Regret).correlation, None);
+    assert_eq!(accuracy_of(&validity, Predictor::Dtw, Badness::Regret).correlation, None);
 }
 
 #[test]
 fn rules_are_compared_over_the_pairs_of_all_models() {
     let validity = judged(pairs());
-    let rule = |name: &str| {
+    for (name, mean) in [("model:a:worst_rank", 1.25 / 3.0), ("model:b:pooled", 1.0)] {
         let found = validity.rules.iter().find(|rule| rule.method.name() == name);
-        found.expect("it is there").mean
-    };
-    near(rule("model:a:worst_rank"), 1.25 / 3.0);
-    near(rule("model:b:pooled"), 1.0);
+        near(found.expect("it is there").mean, mean);
+    }
     assert_eq!(validity.rule_comparisons.len(), 1, "two rules are compared once");
     // 0, 0.25, 1 of a and 2, 0.5, 0 of b against 1, 0, 2 in both.
     let compared = comparison(&validity.rule_comparisons, "rule:worst_rank", "rule:pooled");
