@@ -111,25 +111,19 @@ pub(crate) fn write_agent(
     let TrainedAgent { pretrained, baseline } = trained;
     let layer_sizes = layer_sizes(&agent, agent.seen_width(width));
     let [weights, moments] = names(sensor);
-    let tensors_of = |prefix: &str, values: Vec<f32>| -> Result<Vec<Tensor>, StepError> {
-        let mut tensors =
-            Mlp::from_parameters(&layer_sizes, &values)?.to_tensors(Naming::Sequential);
-        for tensor in &mut tensors {
-            tensor.name.insert_str(0, prefix);
-        }
-        Ok(tensors)
-    };
     let Checkpoint { parameters, moments: left } = pretrained.checkpoint;
     let metadata = BTreeMap::from([
         ("sensor".to_owned(), sensor.to_owned()),
         ("gamma".to_owned(), agent.gamma.to_string()),
         ("key".to_owned(), key.clone()),
     ]);
-    let content = Tensors { tensors: tensors_of("", parameters)?, metadata: metadata.clone() };
+    let tensors = tensors_of(&layer_sizes, "", &parameters)?;
+    let content = Tensors { tensors, metadata: metadata.clone() };
     write_tensors(&directory.join(&weights), &content)?;
     let mut files = vec![weights];
     if let Some(Moments { mean, square, powers }) = left {
-        let tensors = [tensors_of("mean.", mean)?, tensors_of("square.", square)?].concat();
+        let mut tensors = tensors_of(&layer_sizes, "mean.", &mean)?;
+        tensors.extend(tensors_of(&layer_sizes, "square.", &square)?);
         let powers = ("powers".to_owned(), serde_json::to_string(&powers)?);
         let metadata = metadata.into_iter().chain([powers]).collect();
         write_tensors(&directory.join(&moments), &Tensors { tensors, metadata })?;
@@ -148,6 +142,19 @@ pub(crate) fn write_agent(
     })
 }
 
+/// Returns the tensors of a network with these parameters, or of their moments, with a prefix to their names.
+fn tensors_of(
+    layer_sizes: &[usize],
+    prefix: &str,
+    values: &[f32],
+) -> Result<Vec<Tensor>, StepError> {
+    let mut tensors = Mlp::from_parameters(layer_sizes, values)?.to_tensors(Naming::Sequential);
+    for tensor in &mut tensors {
+        tensor.name.insert_str(0, prefix);
+    }
+    Ok(tensors)
+}
+
 /// Reads the files that [`write_agent`] wrote.
 fn read_agent(
     directory: &Path,
@@ -157,19 +164,7 @@ fn read_agent(
 ) -> Result<Checkpoint, StepError> {
     artefact::check_files(directory, &agent.files, command)?;
     let [weights, moments] = names(&agent.sensor);
-    let parameters = |file: &Tensors, prefix: &str| -> Result<Vec<f32>, StepError> {
-        let network = Mlp::from_tensors(file, prefix, Naming::Sequential)?;
-        let sizes: Vec<usize> = [network.inputs()]
-            .into_iter()
-            .chain(network.layers().iter().map(|layer| layer.outputs))
-            .collect();
-        ensure!(
-            sizes == agent.layer_sizes,
-            "layers of {sizes:?}, expected {:?}",
-            agent.layer_sizes
-        );
-        Ok(network.parameters().to_vec())
-    };
+    let sizes = &agent.layer_sizes;
     let read =
         |name: &str| -> Result<Tensors, StepError> { Ok(read_tensors(&directory.join(name))?) };
     let moments = match rule {
@@ -184,13 +179,24 @@ fn read_agent(
             let file = read(&moments)?;
             let powers = file.metadata.get("powers").context("no powers in the metadata")?;
             Some(Moments {
-                mean: parameters(&file, "mean.")?,
-                square: parameters(&file, "square.")?,
+                mean: parameters(&file, "mean.", sizes)?,
+                square: parameters(&file, "square.", sizes)?,
                 powers: serde_json::from_str(powers)?,
             })
         }
     };
-    Ok(Checkpoint { parameters: parameters(&read(&weights)?, "")?, moments })
+    Ok(Checkpoint { parameters: parameters(&read(&weights)?, "", sizes)?, moments })
+}
+
+/// Reads the parameters of a network of these layers, or their moments, from the tensors with a prefix.
+fn parameters(file: &Tensors, prefix: &str, layer_sizes: &[usize]) -> Result<Vec<f32>, StepError> {
+    let network = Mlp::from_tensors(file, prefix, Naming::Sequential)?;
+    let sizes: Vec<usize> = [network.inputs()]
+        .into_iter()
+        .chain(network.layers().iter().map(|layer| layer.outputs))
+        .collect();
+    ensure!(sizes == layer_sizes, "layers of {sizes:?}, expected {layer_sizes:?}");
+    Ok(network.parameters().to_vec())
 }
 
 /// Returns the learning curves, one row per epoch of an agent.

@@ -82,8 +82,7 @@ fn of_table(table: &Table, part: Part) -> Result<Runs, StepError> {
     let mut order: Vec<String> = Vec::new();
     let mut scales: BTreeMap<(&String, usize), f64> = BTreeMap::new();
     for row in 0..rows {
-        let at = || format!("row {row}");
-        let environment = environment(&environments[row]).with_context(at)?;
+        let environment = environment(&environments[row]).with_context(|| format!("row {row}"))?;
         let sensor = &sensors[row];
         if !order.contains(sensor) {
             order.push(sensor.clone());
@@ -108,7 +107,7 @@ fn of_table(table: &Table, part: Part) -> Result<Runs, StepError> {
             result.rows.iter().all(|other| other.candidate != candidate),
             "row {row}: candidate {candidate} has another row for {unit}"
         );
-        result.rows.push(measured.row(row, candidate, part).with_context(at)?);
+        result.rows.push(measured.row(row, candidate, part).with_context(|| format!("row {row}"))?);
     }
     for result in units.values_mut() {
         result.rows.sort_by_key(|row| row.candidate);
@@ -169,12 +168,13 @@ impl Measured {
             "error_scale is {scale}; expected a positive number"
         );
         // The returns of a diverged run are not known.
-        let over = |value: f64| if value.is_finite() { value / scale } else { 0.0 };
+        let [mean_return, return_std] = [self.mean_return[row], self.return_std[row]]
+            .map(|value| if value.is_finite() { value / scale } else { 0.0 });
         let score = PartScore {
             scored_steps: self.scored_steps[row].max(1) as usize,
             rmse: rmse / scale,
-            mean_return: over(self.mean_return[row]),
-            return_std: over(self.return_std[row]),
+            mean_return,
+            return_std,
         };
         Ok(RunRow {
             candidate,
@@ -390,11 +390,11 @@ mod tests {
         let labels: Vec<String> = runs.candidates.iter().map(Candidate::label).collect();
         assert_eq!(labels, ["step_size = 0", "step_size = 0.25"]);
         assert_eq!(runs.results.len(), 2);
-        let errors = |candidate: usize| -> Vec<Option<f64>> {
-            runs.results[candidate].rows.iter().map(|row| row.rmse(Part::FinalQuarter)).collect()
-        };
-        assert_eq!(errors(0), [Some(1.0), Some(2.0)]);
-        assert_eq!(errors(1), [Some(0.5), Some(f64::INFINITY)]);
+        let [first, second] = [0, 1].map(|unit: usize| -> Vec<Option<f64>> {
+            runs.results[unit].rows.iter().map(|row| row.rmse(Part::FinalQuarter)).collect()
+        });
+        assert_eq!(first, [Some(1.0), Some(2.0)]);
+        assert_eq!(second, [Some(0.5), Some(f64::INFINITY)]);
     }
 
     fn fine() -> Table {

@@ -165,13 +165,16 @@ fn a_program_that_is_not_there_is_told() {
 fn the_content_of_files_is_known() {
     let folder = tempfile::tempdir().expect("a folder");
     let command = ["python3", "agent.py", "--fast"].map(str::to_owned);
-    let fingerprinted = || fingerprint(&command, folder.path()).expect("readable");
-    let absent = fingerprinted();
+    let absent = fingerprint(&command, folder.path()).expect("readable");
     std::fs::write(folder.path().join("agent.py"), "1").expect("written");
-    let first = fingerprinted();
+    let first = fingerprint(&command, folder.path()).expect("readable");
     std::fs::write(folder.path().join("agent.py"), "2").expect("written");
-    assert!(absent != first && first != fingerprinted());
-    let before = fingerprinted();
+    assert!(absent != first && first != fingerprint(&command, folder.path()).expect("readable"));
+    let before = fingerprint(&command, folder.path()).expect("readable");
     std::fs::write(folder.path().join("python3"), "no path").expect("written");
-    assert_eq!(fingerprinted(), before, "a name is looked up elsewhere");
+    assert_eq!(
+        fingerprint(&command, folder.path()).expect("readable"),
+        before,
+        "a name is looked up elsewhere"
+    );
 }

@@ -49,20 +49,20 @@ impl Told for PretrainedAgents {
 /// Returns the row of an agent: the epoch of its checkpoint, next to the first epoch.
 fn row(agent: &PretrainedAgent) -> Vec<String> {
     let kept = agent.curve.get(agent.epoch.saturating_sub(1));
-    let loss = |value: fn(&Epoch) -> f64| {
-        kept.map_or_else(|| "unknown".to_owned(), |epoch| number(value(epoch)))
-    };
     vec![
         agent.sensor.clone(),
         format!("{} of {}", agent.epoch, agent.curve.len()),
-        loss(|epoch| epoch.training_loss),
-        loss(|epoch| epoch.validation_loss),
+        number_or_unknown(kept.map(|epoch| epoch.training_loss)),
+        number_or_unknown(kept.map(|epoch| epoch.validation_loss)),
         nrmse(kept),
         nrmse(agent.curve.first()),
     ]
 }
 
 fn nrmse(epoch: Option<&Epoch>) -> String {
-    let nrmse = epoch.and_then(|epoch| epoch.validation_nrmse);
-    nrmse.map_or_else(|| "unknown".to_owned(), number)
+    number_or_unknown(epoch.and_then(|epoch| epoch.validation_nrmse))
+}
+
+fn number_or_unknown(value: Option<f64>) -> String {
+    value.map_or_else(|| "unknown".to_owned(), number)
 }

@@ -107,6 +107,11 @@ impl EnvironmentSpec {
         }
     }
 
+    /// Says that what it is made of is missing.
+    fn lacks(&self) -> String {
+        format!("what {} is made of is not there", self.id())
+    }
+
     /// Opens the environment.
     ///
     /// # Errors
@@ -116,23 +121,23 @@ impl EnvironmentSpec {
         sources: Sources<'a>,
         StreamParameters { span, weights, seed }: StreamParameters,
     ) -> Result<Box<dyn Environment + 'a>, StepError> {
-        let lacks = || format!("what {} is made of is not there", self.id());
         Ok(match self {
             Self::Member { number, starts, inputs } => {
-                let (frames, model) = sources.states.zip(sources.model).with_context(lacks)?;
+                let (frames, model) =
+                    sources.states.zip(sources.model).with_context(|| self.lacks())?;
                 let states = frames.states();
                 let starts = starts.clone();
                 let options = RolloutOptions { span, weights, seed, inputs: inputs.clone() };
                 Box::new(MemberEnvironment::new(model, *number, states, starts, options))
             }
             Self::Online { windows, runs, inputs } => {
-                let held_out = sources.held_out.with_context(lacks)?;
+                let held_out = sources.held_out.with_context(|| self.lacks())?;
                 let windows = windows.clone();
                 let inputs = inputs.clone();
                 Box::new(ReplayEnvironment::online(held_out, windows, *runs, inputs))
             }
             Self::LogReplay { windows, inputs } => {
-                let train = sources.train.with_context(lacks)?;
+                let train = sources.train.with_context(|| self.lacks())?;
                 Box::new(ReplayEnvironment::log_replay(train, windows.clone(), inputs.clone()))
             }
         })

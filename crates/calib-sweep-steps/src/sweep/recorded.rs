@@ -67,14 +67,14 @@ fn thinned(dataset: &Dataset, frames: &Frames, column: usize) -> Vec<(Timestamp,
 /// Shortens long gaps in `times`, so that no intervals are spent on them. Gaps stay longer than an interval.
 fn without_long_gaps(times: impl Iterator<Item = f64>, period: f64) -> Vec<f64> {
     let times: Vec<f64> = times.collect();
-    let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
-    let recorded: f64 = steps().filter(|step| *step <= 2.0 * period).sum();
+    let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+    let recorded: f64 = steps.clone().filter(|step| *step <= 2.0 * period).sum();
     // Our choice: the figure cuts gaps longer than a tenth of the recorded time, to a hundredth of it.
     let long = recorded / 10.0;
     let short = recorded / 100.0;
     let mut at = times.first().copied().unwrap_or_default();
     let mut shortened: Vec<f64> = times.first().copied().into_iter().collect();
-    for step in steps() {
+    for step in steps {
         at += if step > long.max(2.0 * period) { short.max(3.0 * period) } else { step };
         shortened.push(at);
     }

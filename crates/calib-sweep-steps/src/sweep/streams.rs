@@ -132,12 +132,12 @@ pub struct OnlineWindow {
 
 /// Returns the windows of the held-out range, with their times.
 pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<OnlineWindow> {
-    let time = |row: usize| held_out.timestamps()[row];
+    let all = held_out.timestamps();
     windows
         .starts
         .iter()
         .map(|&start| {
-            let times = [time(start), time(start + windows.states - 1)];
+            let times = [all[start], all[start + windows.states - 1]];
             OnlineWindow { start_row: start, times }
         })
         .collect()

@@ -23,21 +23,20 @@ pub(crate) fn tables(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Table>, St
     // Deployments that share all rollouts have one table.
     let groups = groups(deployments);
     let several = groups.len() > 1;
-    let placed = |mut tables: Vec<Table>, place: &str| {
-        for table in tables.iter_mut().filter(|_| several) {
-            table.title = format!("{} ({place})", table.title);
-        }
-        tables
-    };
     for group in &groups {
         let mut own = one_step::report_tables(&group.predicting())?;
         own.extend(comparison::report_tables(&group.compared())?);
-        tables.extend(placed(own, group.parts[0].deployment_name()));
+        if several {
+            add_place(&mut own, group.parts[0].deployment_name());
+        }
+        tables.extend(own);
     }
     if several {
         let pooled = pooled(deployments)?;
         let models: Vec<ComparedModel<'_>> = pooled.iter().map(Pooled::compared).collect();
-        tables.extend(placed(comparison::report_tables(&models)?, "all deployments"));
+        let mut own = comparison::report_tables(&models)?;
+        add_place(&mut own, "all deployments");
+        tables.extend(own);
     }
     let mut shown: Vec<PathBuf> = Vec::new();
     for group in &groups {
@@ -67,6 +66,13 @@ pub(crate) fn tables(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Table>, St
         }));
     }
     Ok(tables)
+}
+
+/// Adds the place that tables are of to their titles.
+fn add_place(tables: &mut [Table], place: &str) {
+    for table in tables {
+        table.title = format!("{} ({place})", table.title);
+    }
 }
 
 /// Returns the warnings of all parts, each once. A warning that does not hold everywhere names the parts.

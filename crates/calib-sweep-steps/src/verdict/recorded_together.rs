@@ -79,23 +79,25 @@ mod tests {
         RecordedFigure { sensor: "PIT300".to_owned(), unit: None, periods }
     }
 
+    fn names(models: &[(&str, &RecordedFigure)], deployments: &[&RecordedFigure]) -> Vec<String> {
+        let whole = together(models, deployments).expect("there are models");
+        whole.periods.into_iter().map(|period| period.name).collect()
+    }
+
     #[test]
     fn models_and_deployments_have_one_figure_together() {
         use PeriodUse::{Deployment, Learning};
         let year = figure(&[("training", Learning, 0.0), ("april", Deployment, 400.0)]);
         let week = figure(&[("training", Learning, 358.0), ("april", Deployment, 400.0)]);
         let july = figure(&[("training", Learning, 0.0), ("july", Deployment, 480.0)]);
-        let names = |models: &[(&str, &RecordedFigure)]| -> Vec<String> {
-            let whole = together(models, &[&year, &july]).expect("there are models");
-            whole.periods.into_iter().map(|period| period.name).collect()
-        };
+        let both = [&year, &july];
         assert_eq!(
-            names(&[("week", &week), ("year", &year)]),
+            names(&[("week", &week), ("year", &year)], &both),
             ["training of year", "training of week", "april", "july"]
         );
-        assert_eq!(names(&[("knn", &year), ("nn", &year)]), ["training", "april", "july"]);
+        assert_eq!(names(&[("knn", &year), ("nn", &year)], &both), ["training", "april", "july"]);
         assert_eq!(
-            names(&[("a", &year), ("b", &year), ("c", &week)])[..2],
+            names(&[("a", &year), ("b", &year), ("c", &week)], &both)[..2],
             ["training of a, b", "training of c"]
         );
         assert_eq!(together(&[], &[]), None);

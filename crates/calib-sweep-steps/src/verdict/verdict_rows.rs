@@ -43,7 +43,6 @@ pub(crate) fn verdict_row(
     model: &str,
 ) -> Verdict {
     let candidates = &sweep.candidates;
-    let setting_at = |index: usize| setting(&candidates[index]);
     let selection = verdict.selection.as_ref();
     let of_members: usize = verdict.members.iter().map(|scores| scores.streams).sum();
     let of_log = verdict.log_replay.as_ref().map_or(0, |scores| scores.streams);
@@ -58,7 +57,7 @@ pub(crate) fn verdict_row(
         sensor: verdict.sensor.clone(),
         field: field(candidates),
         model: model.to_owned(),
-        chosen: setting_at(verdict.chosen),
+        chosen: setting(&candidates[verdict.chosen]),
         grade: verdict.grade,
         reason: match verdict.rule {
             Rule::WorstRank => Reason::WorstRank,
@@ -71,7 +70,7 @@ pub(crate) fn verdict_row(
         },
         evidence: separation(&verdict.scores),
         tie_set: selection.map_or_else(Vec::new, |ranks| {
-            ranks.tie_set.iter().map(|&tied| setting_at(tied)).collect()
+            ranks.tie_set.iter().map(|&tied| setting(&candidates[tied])).collect()
         }),
         worst_rank: selection.map_or(0, |ranks| ranks.worst_ranks[verdict.chosen]),
         values: candidates.len(),

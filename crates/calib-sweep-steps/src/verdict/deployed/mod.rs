@@ -165,13 +165,12 @@ fn of_sensor(sensor: &str, parts: &[&JudgedModel]) -> Result<Option<Deployed>, S
         .collect();
     let Some(judged) = judged else { return Ok(None) };
     let candidates = &parts[0].judged.manifest.candidates;
-    let label = |index: usize| verdict_rows::setting(&candidates[index]).to_string();
     let choices: Vec<Choice> = parts
         .iter()
         .zip(&judged)
         .map(|(part, (verdict, advised))| Choice {
             deployment: part.deployment_name().to_owned(),
-            chosen: label(verdict.chosen),
+            chosen: verdict_rows::setting(&candidates[verdict.chosen]).to_string(),
             values: values(&candidates[verdict.chosen]),
             regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
             grade: verdict.grade,
@@ -190,7 +189,7 @@ fn of_sensor(sensor: &str, parts: &[&JudgedModel]) -> Result<Option<Deployed>, S
         is_by_model: parts[0].judged.study().has_model(),
         for_all_recommendation: for_all_recommendation(&choices),
         choices,
-        for_all: label(for_all),
+        for_all: verdict_rows::setting(&candidates[for_all]).to_string(),
         for_all_values: values(&candidates[for_all]),
         regrets: regrets.collect(),
     }))
@@ -409,11 +408,11 @@ mod tests {
 
     #[test]
     fn a_default_that_is_better_is_kept_for_all() {
-        let kept = |deployment| Choice {
+        let kept = ["april", "july"].map(|deployment| Choice {
             recommendation: Recommendation::KeepDefault,
             ..choice(deployment, "0.01", Some(0.3), Grade::Poor)
-        };
-        let told = deployed(vec![kept("april"), kept("july")], vec![Some(0.3); 2]);
+        });
+        let told = deployed(kept.into(), vec![Some(0.3); 2]);
         let default = "the default (0.01 is worse)";
         assert_eq!(row(&told)[2..], [default, default, "the default"]);
     }
@@ -435,17 +434,17 @@ mod tests {
             Grade::NotLearnt,
             Grade::Unchecked,
         ];
-        let drawn = |deployment: &str, recommendation: Recommendation, grade: Grade| Choice {
-            recommendation,
-            ..choice(deployment, "0.01", Some(0.2), grade)
-        };
         for [one, other] in
             recommendations.iter().flat_map(|&one| recommendations.map(|other| [one, other]))
         {
             for [april, july] in grades.iter().flat_map(|&one| grades.map(|other| [one, other])) {
-                let choices = vec![drawn("april", one, april), drawn("july", other, july)];
+                let advised = [("april", one, april), ("july", other, july)];
+                let choices = advised.map(|(deployment, recommendation, grade)| Choice {
+                    recommendation,
+                    ..choice(deployment, "0.01", Some(0.2), grade)
+                });
                 let gets_one = choices.iter().any(Choice::has_agent);
-                let told = deployed(choices, vec![Some(0.2); 2]);
+                let told = deployed(choices.into(), vec![Some(0.2); 2]);
                 let text = for_all_text(&told);
                 let names_agent = text.starts_with("1e-4") || text.starts_with("the default");
                 assert_eq!(names_agent, gets_one, "{told:?}: {text}");
