@@ -494,18 +494,18 @@ mod tests {
         assert!(matches!(error, StepError::Missing(_)), "{error:?}");
     }
 
+    fn refused(directory: &Path) -> StepError {
+        require::<TestManifest>(directory, "calib make").err().expect("no manifest of this calib")
+    }
+
     #[test]
     fn manifests_that_cannot_be_used_are_missing_or_stale() {
         let directory = tempfile::tempdir().expect("a directory");
-        let refused = || {
-            let found = require::<TestManifest>(directory.path(), "calib make");
-            found.err().expect("no manifest")
-        };
-        let error = refused();
+        let error = refused(directory.path());
         assert!(error.to_string().ends_with("does not exist; run `calib make` first"), "{error}");
         assert!(matches!(error, StepError::Missing(_)), "{error:?}");
         fs::write(directory.path().join(MANIFEST), "{").expect("written");
-        let error = refused();
+        let error = refused(directory.path());
         assert!(error.to_string().starts_with("run `calib make` to make it again: "), "{error}");
         assert!(matches!(error, StepError::Stale(_)), "{error:?}");
     }
@@ -513,16 +513,13 @@ mod tests {
     #[test]
     fn results_of_another_calib_say_what_to_do() {
         let directory = tempfile::tempdir().expect("a directory");
-        let told = |format: u32| {
+        let [newer, older] = [3, 0].map(|format| {
             let claim = DirectoryLock::begun(directory.path()).expect("nobody has it");
             claim.complete(&TestManifest { format }).expect("writable");
-            let refused = require::<TestManifest>(directory.path(), "calib make");
-            refused.err().expect("another format").to_string()
-        };
-        let newer = told(3);
+            refused(directory.path()).to_string()
+        });
         let part = "has format 3, which a newer calib wrote, and this calib reads format 1; update calib (in Python: ";
         assert!(newer.contains(part) && newer.contains("or run `calib make`"), "{newer}");
-        let older = told(0);
         assert!(
             older.ends_with("has format 0, this calib reads format 1; run `calib make`"),
             "{older}"

@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_preparation_counts_once() {
-        let ended_after = |done: u64| {
+        let [ended, unfinished] = [1, 0].map(|done: u64| {
             let secs = processor_secs(&Silent, |monitor| {
                 thread::sleep(Duration::from_millis(400));
                 monitor.begin("nothing", 1);
@@ -194,10 +194,10 @@ mod tests {
                 Err::<(), _>(Cancelled)
             });
             secs.expect("no error")
-        };
+        });
         // The processor time of other threads counts too, from 0.1 s on.
-        assert!(ended_after(1).is_some_and(|secs| secs >= 0.1));
-        assert_eq!(ended_after(0), None);
+        assert!(ended.is_some_and(|secs| secs >= 0.1));
+        assert_eq!(unfinished, None);
     }
 
     #[test]

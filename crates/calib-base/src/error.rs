@@ -378,9 +378,12 @@ mod tests {
         assert_eq!(StepError::message("no such sensor").exit_code(), 2);
     }
 
+    fn full() -> FileError {
+        FileError::io("write", Path::new("a"), io::Error::other("the disk is full"))
+    }
+
     #[test]
     fn disks_are_the_cause_of_errors_of_other_crates_too() {
-        let full = || FileError::io("write", Path::new("a"), io::Error::other("the disk is full"));
         let model = ModelError::Search(KnnError::File(full()));
         let of_storage: [StepError; 4] = [
             full().into(),
@@ -400,10 +403,10 @@ mod tests {
 
     #[test]
     fn only_results_that_are_missing_or_stale_are_lacking() {
-        let text = || "run `calib sweep` first".to_owned();
+        let text = "run `calib sweep` first".to_owned();
         let in_context =
             |error: StepError| Err::<(), _>(error).context("the sweep").expect_err("an error");
-        for error in [StepError::Missing(text()), StepError::Stale(text())] {
+        for error in [StepError::Missing(text.clone()), StepError::Stale(text.clone())] {
             assert!(error.lacks_result());
             let error = in_context(error);
             assert!(error.lacks_result());
@@ -411,7 +414,7 @@ mod tests {
             assert_eq!(error.exit_code(), 2);
         }
         let month = RolloutError::Month { got: 13 };
-        for error in [StepError::Cancelled, StepError::message(text()), month.into()] {
+        for error in [StepError::Cancelled, StepError::message(text), month.into()] {
             assert!(!in_context(error).lacks_result());
         }
     }

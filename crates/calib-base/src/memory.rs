@@ -185,12 +185,10 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
         let group: PathBuf = base.join(path.trim_start_matches('/'));
         // Inside a container the path may be the host's; the container's own group is then the root.
         for directory in group.ancestors().take_while(|directory| directory.starts_with(&base)) {
-            let number = |name| fs::read_to_string(directory.join(name)).ok()?.trim().parse().ok();
-            let (Some(limit), Some(used)): (Option<u64>, Option<u64>) =
-                (number(limit), number(usage))
-            else {
-                continue;
-            };
+            let [limit, used] = [limit, usage].map(|name| -> Option<u64> {
+                fs::read_to_string(directory.join(name)).ok()?.trim().parse().ok()
+            });
+            let (Some(limit), Some(used)) = (limit, used) else { continue };
             // Cached pages of files count as used, but can be freed, even recently used ones. A log that was just
             // prepared consists entirely of them.
             let told = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
@@ -252,22 +250,23 @@ mod tests {
         assert_eq!(addresses_left(none, status), None);
     }
 
+    fn write(root: &Path, name: &str, text: &str) {
+        let path = root.join(name);
+        fs::create_dir_all(path.parent().expect("below the root")).expect("writable");
+        fs::write(path, text).expect("writable");
+    }
+
     #[test]
     fn a_group_and_those_around_it_may_allow_less() {
         let root = tempfile::tempdir().expect("a directory");
-        let write = |name: &str, text: &str| {
-            let path = root.path().join(name);
-            fs::create_dir_all(path.parent().expect("below the root")).expect("writable");
-            fs::write(path, text).expect("writable");
-        };
-        write("job/memory.max", "1000\n");
-        write("job/memory.current", "600\n");
-        write("job/memory.stat", "anon 300\ninactive_file 150\nactive_file 100\n");
-        write("job/step/memory.max", "max\n");
-        write("job/step/memory.current", "10\n");
+        write(root.path(), "job/memory.max", "1000\n");
+        write(root.path(), "job/memory.current", "600\n");
+        write(root.path(), "job/memory.stat", "anon 300\ninactive_file 150\nactive_file 100\n");
+        write(root.path(), "job/step/memory.max", "max\n");
+        write(root.path(), "job/step/memory.current", "10\n");
         assert_eq!(limits(root.path(), "0::/job/step\n"), [650]);
-        write("memory/old/memory.limit_in_bytes", "500");
-        write("memory/old/memory.usage_in_bytes", "600");
+        write(root.path(), "memory/old/memory.limit_in_bytes", "500");
+        write(root.path(), "memory/old/memory.usage_in_bytes", "600");
         assert_eq!(limits(root.path(), "3:cpu:/x\n4:cpu,memory:/old\n"), [0]);
         assert!(limits(root.path(), "0::/elsewhere\n").is_empty());
     }

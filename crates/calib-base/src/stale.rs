@@ -77,22 +77,23 @@ mod tests {
     #[test]
     fn what_decides_is_told_first_and_of_many_keys_some() {
         let made = job("");
-        let refused = |text: &str| {
+        let [without, many] = [
+            "[model]\nkind = \"none\"\n",
+            "seed = 4\n[agent]\ngamma = 0.5\nbatch_size = 9\nbeta1 = 0.1\nbeta2 = 0.2\n",
+        ]
+        .map(|text| {
             let kept = StoredArtefact {
                 step: StepKind::Sweep,
                 study: made.study(),
                 directory: Path::new("x"),
             };
             kept.check(&job(text)).expect_err("other keys").to_string()
-        };
-        let without = refused("[model]\nkind = \"none\"\n");
+        });
         assert!(
             without
                 .starts_with("the sweep in x was made with model.kind = \"knn\", now \"none\"; "),
             "{without}"
         );
-        let many =
-            refused("seed = 4\n[agent]\ngamma = 0.5\nbatch_size = 9\nbeta1 = 0.1\nbeta2 = 0.2\n");
         assert!(many.contains("agent.beta2 = 0.999, now 0.2; and 2 more keys; run"), "{many}");
     }
 }

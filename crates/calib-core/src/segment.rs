@@ -137,11 +137,8 @@ mod tests {
         let segments = Segments::from_lengths([3, 1, 2]).expect("valid");
         assert_eq!(segments.rows(), 6);
         assert_eq!(segments.as_slice()[1], Segment { start: 3, end: 4 });
-        let positions = |row| segments.position_of(row);
-        assert_eq!(
-            [positions(0), positions(2), positions(3), positions(4), positions(5), positions(6)],
-            [Some(0), Some(0), Some(1), Some(2), Some(2), None]
-        );
+        let positions = [0, 2, 3, 4, 5, 6].map(|row| segments.position_of(row));
+        assert_eq!(positions, [Some(0), Some(0), Some(1), Some(2), Some(2), None]);
     }
 
     #[test]

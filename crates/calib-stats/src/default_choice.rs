@@ -78,8 +78,8 @@ where
         .collect::<Result<Vec<_>, _>>()?;
     let better = (0..candidates)
         .filter(|&candidate| advantages[candidate].is_some_and(|advantage| advantage.is_told()));
-    let mean = |candidate: &usize| mean_log(&logs, *candidate);
-    let chosen = better.min_by(|a, b| mean(a).total_cmp(&mean(b))).unwrap_or(default);
+    let chosen = better.min_by(|&a, &b| mean_log(&logs, a).total_cmp(&mean_log(&logs, b)));
+    let chosen = chosen.unwrap_or(default);
     Ok(DefaultChoice { chosen, advantages })
 }
 

@@ -52,10 +52,12 @@ pub fn paired_difference<K: Ord>(
         return Err(StatsError::OpposedInfinities { what: "differences of pairs" });
     }
     let own = means_of_clusters(clusters, &differences)?;
-    let count = |is: fn(&f64) -> bool| own.iter().copied().filter(is).count();
     let mean = mean(&own)?;
     let interval = sample_std(&own)?.and_then(|std| t_interval(mean, std, own.len()));
-    let smaller = [count(|&difference| difference < 0.0), count(|&difference| difference > 0.0)];
+    let smaller = [
+        own.iter().filter(|&&difference| difference < 0.0).count(),
+        own.iter().filter(|&&difference| difference > 0.0).count(),
+    ];
     Ok(Difference { mean, interval, clusters: [own.len(); 2], smaller: Some(smaller) })
 }
 

@@ -64,11 +64,11 @@ pub fn error_ratio(x: &[f64], y: &[f64]) -> Result<Option<ErrorRatio>, StatsErro
     if ratio.is_nan() {
         return Ok(None);
     }
-    let block = |number: usize| number * steps / blocks..(number + 1) * steps / blocks;
     let z: Vec<f64> = (0..blocks)
         .map(|number| {
-            let x = total(&x[block(number)]);
-            let y = total(&y[block(number)]);
+            let block = number * steps / blocks..(number + 1) * steps / blocks;
+            let x = total(&x[block.clone()]);
+            let y = total(&y[block]);
             0.5 * blocks as f64 * (x / all_x - y / all_y)
         })
         .collect();
@@ -78,8 +78,10 @@ pub fn error_ratio(x: &[f64], y: &[f64]) -> Result<Option<ErrorRatio>, StatsErro
         let logarithm = around(ratio.ln(), standard_error, (blocks - 1) as f64)?;
         Some(Interval { low: logarithm.low.exp(), high: logarithm.high.exp() })
     });
-    let count = |is: fn((&f64, &f64)) -> bool| x.iter().zip(y).filter(|&pair| is(pair)).count();
-    let smaller = [count(|(x, y)| x < y), count(|(x, y)| x > y)];
+    let smaller = [
+        x.iter().zip(y).filter(|(x, y)| x < y).count(),
+        x.iter().zip(y).filter(|(x, y)| x > y).count(),
+    ];
     Ok(Some(ErrorRatio { ratio, interval: interval.flatten(), blocks, steps, smaller }))
 }
 

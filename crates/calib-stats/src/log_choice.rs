@@ -67,11 +67,11 @@ where
 
 /// Returns the mean logarithm of one candidate, or +∞ if any of its logarithms is.
 pub(crate) fn mean_log(logs: &[Vec<f64>], candidate: usize) -> f64 {
-    let own = || logs.iter().map(|stream| stream[candidate]);
-    if own().any(|log| log == f64::INFINITY) {
+    let own = logs.iter().map(|stream| stream[candidate]);
+    if own.clone().any(|log| log == f64::INFINITY) {
         return f64::INFINITY;
     }
-    own().sum::<f64>() / logs.len() as f64
+    own.sum::<f64>() / logs.len() as f64
 }
 
 #[cfg(test)]

@@ -44,15 +44,17 @@ impl StepErrors {
     /// If there is no such column.
     pub fn of_column(&self, column: usize) -> (f64, f64) {
         let n = self.predictions as f64;
-        let rmse = |squares: &[f64]| (squares[column] / n).sqrt();
-        (rmse(&self.squares), rmse(&self.squares_of_no_change))
+        let [own, of_no_change] =
+            [&self.squares, &self.squares_of_no_change].map(|squares| (squares[column] / n).sqrt());
+        (own, of_no_change)
     }
 
     /// Returns the RMSE over all columns, and that of no change; NaN without predictions.
     pub fn of_all(&self) -> (f64, f64) {
         let n = (self.predictions * self.squares.len()) as f64;
-        let rmse = |squares: &[f64]| (squares.iter().sum::<f64>() / n).sqrt();
-        (rmse(&self.squares), rmse(&self.squares_of_no_change))
+        let [own, of_no_change] = [&self.squares, &self.squares_of_no_change]
+            .map(|squares| (squares.iter().sum::<f64>() / n).sqrt());
+        (own, of_no_change)
     }
 }
 

@@ -23,8 +23,7 @@ pub fn smallest_difference(std: f64, n: usize) -> Option<f64> {
 /// Returns the fewest observations, at least two, with which a mean of `difference` is detected as in
 /// [`smallest_difference`]. `None` if a million do not suffice, or if the difference is 0.
 pub fn observations_needed(std: f64, difference: f64) -> Option<usize> {
-    let suffices = |n| smallest_difference(std, n).is_some_and(|least| least <= difference);
-    if difference.is_nan() || difference <= 0.0 || !suffices(MANY) {
+    if difference.is_nan() || difference <= 0.0 || !suffices(std, MANY, difference) {
         return None;
     }
     // Sufficiency is monotone in n, so bisection finds the limit.
@@ -32,9 +31,14 @@ pub fn observations_needed(std: f64, difference: f64) -> Option<usize> {
     let mut enough = MANY;
     while enough - few > 1 {
         let between = usize::midpoint(few, enough);
-        if suffices(between) { enough = between } else { few = between }
+        if suffices(std, between, difference) { enough = between } else { few = between }
     }
     Some(enough)
+}
+
+/// Returns whether so many observations show such a difference.
+fn suffices(std: f64, observations: usize, difference: f64) -> bool {
+    smallest_difference(std, observations).is_some_and(|least| least <= difference)
 }
 
 #[cfg(test)]

@@ -127,8 +127,7 @@ struct Span {
 
 impl Span {
     fn of_all(times: &[Timestamp]) -> Self {
-        let micros = |row: usize| times[row].as_micros();
-        Self { start: micros(0), end: micros(times.len() - 1) + 1 }
+        Self { start: times[0].as_micros(), end: times[times.len() - 1].as_micros() + 1 }
     }
 
     /// Returns the range of the study. Ends that it does not give are those of this span.
@@ -141,8 +140,9 @@ impl Span {
 
     /// Returns the rows in the span that `key` of the study asks for.
     fn rows(self, key: &str, times: &[Timestamp]) -> Result<Range<usize>, StepError> {
-        let before = |limit: i64| times.partition_point(|time| time.as_micros() < limit);
-        let rows = before(self.start)..before(self.end.max(self.start));
+        let [first, end] = [self.start, self.end.max(self.start)]
+            .map(|limit| times.partition_point(|time| time.as_micros() < limit));
+        let rows = first..end;
         ensure!(
             rows.len() > 1,
             "{key} ({self}) has {} states of the training range, which runs from {}; \

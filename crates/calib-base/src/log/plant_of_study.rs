@@ -52,14 +52,14 @@ impl PlantOfStudy {
             return Ok(());
         }
         let plant = Plant::new(self.options.clone())?;
-        let names = || plant.schema().iter().map(|channel| channel.name.as_str());
+        let names = plant.schema().iter().map(|channel| channel.name.as_str());
         for sensor in &study.sweep.sensors {
             // An angle of the plant is two columns of the states.
             let angle = sensor.strip_suffix("_sin").or_else(|| sensor.strip_suffix("_cos"));
-            if names().any(|name| name == sensor || Some(name) == angle) {
+            if names.clone().any(|name| name == sensor || Some(name) == angle) {
                 continue;
             }
-            let nearest = calib_data::nearest_names(sensor, names());
+            let nearest = calib_data::nearest_names(sensor, names.clone());
             let shown = nearest[..nearest.len().min(NEAREST)].join(", ");
             let rest = match nearest.len().saturating_sub(NEAREST) {
                 0 => String::new(),
@@ -68,7 +68,7 @@ impl PlantOfStudy {
                     job.command(StepKind::Simulate)
                 ),
             };
-            let hint = calib_data::hint(sensor, names());
+            let hint = calib_data::hint(sensor, names.clone());
             let has =
                 if hint.is_empty() { "; it has".to_owned() } else { format!("{hint} It has") };
             bail!(

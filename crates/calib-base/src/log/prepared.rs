@@ -211,20 +211,21 @@ impl Place {
     }
 
     fn map(&self, facts: LogFacts) -> Result<Prepared, StepError> {
-        let open = |name: &str| -> Result<Frames, StepError> {
-            let states = frames::map_states(&self.states(name))?;
-            frames::open(&self.rows(name), states)
-        };
         let dataset = Dataset {
             normaliser: facts.normaliser,
-            train: open(TRAIN)?,
-            held_out: facts.held_out.as_ref().map(|_| open(HELD_OUT)).transpose()?,
+            train: self.open_frames(TRAIN)?,
+            held_out: facts.held_out.as_ref().map(|_| self.open_frames(HELD_OUT)).transpose()?,
             period: facts.period,
             profile: facts.profile,
             fingerprint: facts.train,
             held_out_fingerprint: facts.held_out,
         };
         Ok(Prepared { dataset, states: Some(self.states(TRAIN)) })
+    }
+
+    fn open_frames(&self, name: &str) -> Result<Frames, StepError> {
+        let states = frames::map_states(&self.states(name))?;
+        frames::open(&self.rows(name), states)
     }
 
     fn states(&self, name: &str) -> PathBuf {

@@ -13,17 +13,19 @@ pub fn autocorrelation(values: &[f64], lags: usize) -> Result<Option<Vec<f64>>, 
     check_finite("values", values)?;
     let mean = mean(values)?;
     let centred: Vec<f64> = values.iter().map(|value| value - mean).collect();
-    let product = |lag: usize| -> f64 {
-        let later = centred.get(lag..).unwrap_or_default();
-        centred.iter().zip(later).map(|(now, later)| now * later).sum()
-    };
-    let variance = product(0);
+    let variance = product(&centred, 0);
     // Rounding of the mean gives a constant series a tiny variance.
     let largest = values.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()));
     if variance <= values.len() as f64 * (8.0 * f64::EPSILON * largest).powi(2) {
         return Ok(None);
     }
-    Ok(Some((1..=lags).map(|lag| product(lag) / variance).collect()))
+    Ok(Some((1..=lags).map(|lag| product(&centred, lag) / variance).collect()))
+}
+
+/// Returns the sum of the products of values with those that are `lag` later.
+fn product(values: &[f64], lag: usize) -> f64 {
+    let later = values.get(lag..).unwrap_or_default();
+    values.iter().zip(later).map(|(now, later)| now * later).sum()
 }
 
 /// Returns the distance between the autocorrelations of two series `x` `[n]` and `y` `[m]`: the root mean

@@ -299,8 +299,8 @@ fn chosen_from_a_log(random: &mut Random) -> (usize, f64, f64) {
         |drawn| Ok(choose_by_mean_log(&[drawn[0].runs(), drawn[1].runs()])?.chosen),
     );
     let counts = choices.expect("chosen").counts;
-    let share = |from: usize, to: usize| counts[from..=to].iter().sum::<usize>() as f64 / 200.0;
-    (chosen, share(chosen, chosen), share(chosen.saturating_sub(1), (chosen + 1).min(6)))
+    let nearby: usize = counts[chosen.saturating_sub(1)..=(chosen + 1).min(6)].iter().sum();
+    (chosen, counts[chosen] as f64 / 200.0, nearby as f64 / 200.0)
 }
 
 #[test]
