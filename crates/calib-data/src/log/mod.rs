@@ -52,7 +52,7 @@ pub(crate) use self::{
     column_aliases::{TAGS, plain},
     dedup::Contradicting,
     file::{FieldKind, classify},
-    gaps::{detect_period, inside, inside_both},
+    gaps::{detect_period, inside, inside_both, interval},
     memory_limit::MemoryLimit,
     plant_log::{Channel, Log},
     read::{Batch, ChannelValues, Codes},
