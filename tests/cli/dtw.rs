@@ -216,7 +216,7 @@ fn mistakes_are_explained() {
     assert!(gap.contains("sample 1") && gap.contains("fill or drop missing samples"), "{gap}");
     for word in ["bad", "n/a"] {
         place.write("word.csv", &format!("flow\n{word}\n1\n2\n"));
-        let told = message(&["word.csv", "r.csv"]);
+        let told = message(&place, &["word.csv", "r.csv"]);
         assert!(told.contains("column `flow`"), "{told}");
         assert!(told.contains(&format!("`{word}` in line 2")), "{word} is no unit: {told}");
     }

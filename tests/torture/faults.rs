@@ -163,7 +163,7 @@ fn campaign(job: &Job) {
     });
     let mut wrong = Vec::new();
     for (kind, name) in KINDS.iter().enumerate() {
-        let own: Vec<(&(usize, usize), &Result<Outcome, String>)> =
+        let own: Vec<_> =
             cases.iter().zip(&outcomes).filter(|((tried, _), _)| *tried == kind).collect();
         let [refused, still_whole, killed] = [Outcome::Refused, Outcome::Whole, Outcome::Killed]
             .map(|wanted| own.iter().filter(|(_, outcome)| **outcome == Ok(wanted)).count());

@@ -186,12 +186,11 @@ fn named(head: &Head, columns: &[HeadColumn], key: &str, name: &str) -> Result<u
 fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Roles>, DataError> {
     let columns = head.columns();
     let others = (0..columns.len()).filter(|&column| column != time);
-    let values: Vec<usize> = match &data.value {
-        Some(name) => vec![named(head, &columns, "value", name)?],
-        None => {
-            let known = [&VALUES[..], &FOREIGN_VALUES].concat();
-            others.clone().filter(|&column| is_called(&columns[column], &known)).collect()
-        }
+    let values: Vec<usize> = if let Some(name) = &data.value {
+        vec![named(head, &columns, "value", name)?]
+    } else {
+        let known = [&VALUES[..], &FOREIGN_VALUES].concat();
+        others.clone().filter(|&column| is_called(&columns[column], &known)).collect()
     };
     let tag = match &data.tag {
         Some(name) => Some(named(head, &columns, "tag", name)?),

@@ -114,7 +114,7 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
         assert!(told.contains(&both), "{told}");
         assert_refused(&DataConfig { period_secs: Some(period), ..folder.data() }, &[&both]);
     }
-    assert_eq!(doubts(Some(9.5)), Vec::<String>::new(), "clocks drift");
+    assert_eq!(clock_doubts(&folder, Some(9.5)), Vec::<String>::new(), "clocks drift");
     // Rows are recorded when values change: any period may be intended.
     let seconds = [0, 3, 10, 25, 31, 60, 61].map(|second| start + second);
     let uneven = Folder::of("a.parquet", &log_at(seconds, &[("x", &values[..7])]));
