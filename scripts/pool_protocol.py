@@ -6,6 +6,18 @@
 `docs/control` has the logs that were made: numbers 3 to 8. Reads `DIR/truth-TASK.json` and `DIR/pool.jsonl`. Chooses by each rule from the stored returns, in a program of its own, and prints
 Markdown: regret in % of a random choice's with 95 % intervals by a bootstrap over logs within cells, tasks weighted equally. Then, for
 each reason to refuse, the regret of the pool's choices that have it and of those that have not.
+
+**Intervals without the noise of agents.** Fixed on 27 November 2026, before logs 9 and 10 were made. The jackknife over the B blocks
+of the log counts what differs between training runs (B - 1)^2 times, and finds no difference where there is one. Members of K kinds
+that lack the same block differ by more than that block: with s^2, the mean square of kind times block, the noise of a block's mean
+over kinds is s^2 / K, and the error of the difference is J - (B - 2) s^2 / K, where J is the jackknife's. The new rule takes the larger of
+this and of J / 4, because a difference of variances may come out near 0. (Other shares were tried on logs 3 to 8, on the drawn tasks and
+on the public environments.) On logs 9 and 10, every setting is compared with the choice and with every third other setting. The rule
+is accepted if it tells more pairs apart, and if at most 2.5 % of those that it tells apart among all pairs are the other way round in
+truth:
+
+    cargo run --release -p calib-control --example protocol -- DIR 9..11 30 nearest --model pool
+    python3 scripts/pool_protocol.py DIR --logs 9 11
 """
 
 import argparse
@@ -121,15 +133,55 @@ def of_others(truth, task):
     return min(range(len(truth[task])), key=lambda c: sum(own[c] for own in others))
 
 
-def is_ahead(log, chosen):
-    """Whether ranks or returns of the choice are better than the default's, by the jackknife over the five blocks of the log."""
-    of_ranks = [[[-rank for rank in ranks(member)] for member in log[kind]["returns"]] for kind in KINDS]
-    for own in [of_ranks, [log[kind]["returns"] for kind in KINDS]]:
-        blocks = [mean([kind[block][chosen] - kind[block][DEFAULT] for kind in own]) for block in range(5)]
-        error = math.sqrt(4 / 5 * sum((block - mean(blocks)) ** 2 for block in blocks))
-        if mean(blocks) > 2.776 * error:
-            return True
-    return chosen == DEFAULT
+def is_more(kinds, one, other, without_noise):
+    """Whether a setting has more than another, `kinds` by `[blocks][settings]`, by an interval over the five blocks of the log."""
+    differences = [[block[one] - block[other] for block in kind] for kind in kinds]
+    blocks = [mean(block) for block in columns(differences)]
+    whole = mean(blocks)
+    if not math.isfinite(whole):
+        return False
+    variance = 4 / 5 * sum((block - whole) ** 2 for block in blocks)
+    if without_noise:
+        rest = [value - mean(kind) - block + whole for kind in differences for value, block in zip(kind, blocks)]
+        noise = sum(value**2 for value in rest) / ((len(kinds) - 1) * 4)
+        variance = max(variance - 3 * noise / len(kinds), variance / 4)
+    return whole > 2.776 * math.sqrt(variance)
+
+
+def estimates(log):
+    """Returns ranks, of which more is better, and returns, by kind of model."""
+    returns = [log[kind]["returns"] for kind in KINDS]
+    return [[[-rank for rank in ranks(member)] for member in kind] for kind in returns], returns
+
+
+def is_ahead(log, chosen, without_noise=False):
+    """Whether ranks or returns of the choice are better than the default's."""
+    return chosen == DEFAULT or any(is_more(kinds, chosen, DEFAULT, without_noise) for kinds in estimates(log))
+
+
+def told_apart(truth, logs, chosen):
+    """Compares both intervals: how many pairs of settings they tell apart, and how many of these are the other way round in truth."""
+    print("\n| pairs | interval | told apart | the other way round | by more than a tenth of a random choice's regret |")
+    print("|---|---|---|---|---|")
+    for label, pairs_of in (
+        ("the choice and another", lambda own, places: [(own, other) for other in places]),
+        ("every third and every third", lambda own, places: [(one, other) for one in places[::3] for other in places[::3]]),
+    ):
+        for name, without_noise in (("jackknife", False), ("without the noise of agents", True)):
+            pairs, gains = 0, []
+            for log, own in zip(logs, chosen):
+                true = truth[log["task"]]
+                returns = estimates(log)[1]
+                for one, other in pairs_of(own, range(len(true))):
+                    if one != other:
+                        pairs += 1
+                        if is_more(returns, one, other, without_noise):
+                            gains.append((true[one] - true[other]) / (max(true) - mean(true)))
+            wrong, far = sum(gain < 0 for gain in gains), sum(gain < -0.1 for gain in gains)
+            print(
+                f"| {label} | {name} | {len(gains)} of {pairs} ({100 * len(gains) / pairs:.0f} %) "
+                f"| {wrong} ({100 * wrong / len(gains):.1f} %) | {far} ({100 * far / len(gains):.1f} %) |"
+            )
 
 
 def reasons(log, chosen):
@@ -170,8 +222,14 @@ def ahead(logs, chosen, regrets, of_default):
     """Compares the choice with the default, where it is ahead of it in the models and where it is not."""
     print("\n| the choice is | logs | its regret (95 %), worst | regret of the default |")
     print("|---|---|---|---|")
-    is_it = [is_ahead(log, c) for log, c in zip(logs, chosen)]
-    for name, wanted in (("ahead of the default", True), ("not ahead of it", False)):
+    by_both = {way: [is_ahead(log, c, way) for log, c in zip(logs, chosen)] for way in (False, True)}
+    for name, without_noise, wanted in (
+        ("ahead of the default", False, True),
+        ("not ahead of it", False, False),
+        ("ahead, without the noise of agents", True, True),
+        ("not ahead, without the noise of agents", True, False),
+    ):
+        is_it = by_both[without_noise]
         places = [place for place, it in enumerate(is_it) if it == wanted]
         own, default = [regrets[place] for place in places], [of_default[place] for place in places]
         whole, low, high = bootstrap(by_cell([logs[place] for place in places], own), DRAWS)
@@ -237,6 +295,7 @@ def main():
     refusals(logs, chosen["pool, mean rank"], pool)
     agreements(logs, pool)
     ahead(logs, chosen["pool, mean rank"], pool, regrets["calib's default"])
+    told_apart(truth, logs, chosen["pool, mean rank"])
 
 
 if __name__ == "__main__":
