@@ -2,10 +2,7 @@
 
 use calib_core::Segments;
 
-use crate::{
-    ControlConfig, Ending, RewardRow,
-    decision_rows::{each_shown, endings},
-};
+use crate::{ControlConfig, Ending, RewardRow, decision_rows::each_shown};
 
 /// Findings in the columns of actions and terminals of a log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -69,7 +66,7 @@ impl ColumnFindings {
             let place = place.unwrap_or_else(|| unreachable!("the terminal is one of the columns"));
             &recorded[place][..]
         });
-        let endings = endings(terminal, segments.rows());
+        let endings = Ending::of_rows(terminal, segments.rows());
         let mut found = Self {
             terminal: terminal.map(TerminalCells::of_column).unwrap_or_default(),
             gaps: UnendedGaps::new(segments, &endings),

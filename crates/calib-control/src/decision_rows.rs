@@ -127,7 +127,7 @@ impl DecisionRows {
         let names = config.columns();
         let place = |name: &String| names.iter().position(|other| other == name);
         let terminal = config.terminal.as_ref().and_then(place);
-        let endings = endings(terminal.map(|place| &recorded[place][..]), segments.rows());
+        let endings = Ending::of_rows(terminal.map(|place| &recorded[place][..]), segments.rows());
         let actions = config.actions.len();
         let probability = config.probability.as_ref().and_then(place);
         for column in (0..actions).chain(probability) {
@@ -281,13 +281,6 @@ pub(crate) fn each_shown(
             take(row, shown);
         }
     }
-}
-
-/// Returns how the step to each of `rows` rows ends, by the column of terminals. Without that column every step continues.
-pub(crate) fn endings(terminal: Option<&[f64]>, rows: usize) -> Vec<Ending> {
-    let Some(terminal) = terminal else { return vec![Ending::Continues; rows] };
-    let values = terminal.iter();
-    values.map(|&value| Ending::terminal_if(value != 0.0 && !value.is_nan())).collect()
 }
 
 fn at<T: Copy>(column: &[T], rows: &[usize]) -> Vec<T> {

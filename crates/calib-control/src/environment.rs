@@ -29,6 +29,13 @@ impl Ending {
     pub(crate) fn terminal_if(is_terminal: bool) -> Self {
         if is_terminal { Self::Terminal } else { Self::Continues }
     }
+
+    /// Returns how the step to each of `rows` rows ends, by the column of terminals. Without that column every step continues.
+    pub(crate) fn of_rows(terminal: Option<&[f64]>, rows: usize) -> Vec<Self> {
+        let Some(terminal) = terminal else { return vec![Self::Continues; rows] };
+        let values = terminal.iter();
+        values.map(|&value| Self::terminal_if(value != 0.0 && !value.is_nan())).collect()
+    }
 }
 
 /// An environment in which an agent acts: a simulator, or a model of a log. States are `f32 [columns]`, each column

@@ -2,7 +2,7 @@
 
 use calib_core::Segments;
 
-use crate::{ControlConfig, ControlError, Ending, decision_rows::endings};
+use crate::{ControlConfig, ControlError, Ending};
 
 /// The columns of a log of steps, converted to rows that hold the reward and the end of the step that led to them.
 ///
@@ -43,7 +43,7 @@ impl StepRows {
         let names = config.columns();
         let terminal = config.terminal.as_ref();
         let place = terminal.and_then(|name| names.iter().position(|other| other == name));
-        let endings = endings(place.map(|place| &recorded[place][..]), segments.rows());
+        let endings = Ending::of_rows(place.map(|place| &recorded[place][..]), segments.rows());
         let mut rows = Vec::with_capacity(segments.rows());
         let mut lengths = Vec::with_capacity(segments.len());
         for segment in segments.iter() {

@@ -46,11 +46,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
     },
     KnownCircle {
         package: "calib-control",
-        files: &["decision_rows.rs", "step_rows.rs"],
-        reason: "rows of decisions may be rows of steps, and the other way round",
-    },
-    KnownCircle {
-        package: "calib-control",
         files: &["model/network/files.rs", "model/network/mod.rs", "model/network/train.rs"],
         reason: "the network model opens its files, which hold one",
     },
