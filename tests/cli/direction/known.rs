@@ -50,18 +50,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
         reason: "the network model opens its files, which hold one",
     },
     KnownCircle {
-        package: "calib-control",
-        files: &[
-            "task/acrobot.rs",
-            "task/cart_pole.rs",
-            "task/membrane.rs",
-            "task/mod.rs",
-            "task/pendulum.rs",
-            "task/puddle_world.rs",
-        ],
-        reason: "the list of tasks is beside the trait that tasks implement",
-    },
-    KnownCircle {
         package: "calib-pipeline",
         files: &["control/advice.rs", "control/advice/beside.rs", "control/advice/reasons.rs"],
         reason: "the advice holds the words that its reasons use",
