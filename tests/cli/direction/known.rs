@@ -45,11 +45,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
         reason: "the section checks its parts, and the parts read the section",
     },
     KnownCircle {
-        package: "calib-control",
-        files: &["model/network/files.rs", "model/network/mod.rs", "model/network/train.rs"],
-        reason: "the network model opens its files, which hold one",
-    },
-    KnownCircle {
         package: "calib-pipeline",
         files: &["control/advice.rs", "control/advice/beside.rs", "control/advice/reasons.rs"],
         reason: "the advice holds the words that its reasons use",
