@@ -13,17 +13,6 @@ pub(super) const KNOWN: &[KnownCircle] = &[
     KnownCircle {
         package: "calib-control",
         files: &[
-            "agent/config.rs",
-            "agent/linear.rs",
-            "agent/mod.rs",
-            "agent/network.rs",
-            "agent/stored.rs",
-        ],
-        reason: "an agent's configuration makes agents, and agents are stored with it",
-    },
-    KnownCircle {
-        package: "calib-control",
-        files: &[
             "config.rs",
             "constant.rs",
             "level_grid.rs",

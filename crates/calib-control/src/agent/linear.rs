@@ -1,8 +1,9 @@
 use calib_files::{Tensor, Tensors};
 
 use super::{
-    AgentConfig, Algorithm, Tiles, policy,
-    stored::{progress, progress_of, values_of},
+    AgentConfig, Algorithm, Tiles,
+    arrays::{progress, progress_of, values_of},
+    policies::policy,
     weights::{Change, Weights},
 };
 use crate::{ControlError, Ending, Outcome};

@@ -4,7 +4,7 @@ use calib_nn::{Adam, AdamRule, Mlp, Moments, Workspace};
 
 use super::{
     AgentConfig,
-    stored::{moments_of, named, network_of, progress, progress_of},
+    arrays::{moments_of, named, network_of, progress, progress_of},
 };
 use crate::{ControlError, Ending, Outcome};
 
