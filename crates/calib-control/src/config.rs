@@ -4,12 +4,9 @@ use serde::{Deserialize, Serialize};
 use calib_stats::RankRule;
 
 use crate::{
-    ActionModelConfig, ActionModelKind, AgentConfig, ControlError, Grid, Reward, Support,
-    error::check_fields,
+    ActionModelConfig, ActionModelKind, AgentConfig, ControlError, Grid, LEAST_LEVELS, Reward,
+    Support, error::check_fields,
 };
-
-/// The fewest levels of a column of continuous actions. With fewer there is nothing to choose.
-pub const LEAST_LEVELS: usize = 2;
 
 /// `[control]`: an agent that acts, tuned on a log with actions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

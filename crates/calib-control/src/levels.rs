@@ -4,6 +4,12 @@ use calib_core::exact;
 
 use crate::ControlError;
 
+/// An action with fewer steps is hardly known. Our choice.
+pub const FEW_STEPS: usize = 30;
+
+/// The fewest levels of a column of continuous actions. With fewer there is nothing to choose.
+pub const LEAST_LEVELS: usize = 2;
+
 /// The actions of a log: every combination of values of its action columns that occurs, in ascending
 /// order.
 #[derive(Clone, Debug, PartialEq)]

@@ -41,7 +41,7 @@ pub use agent::{Agent, AgentConfig, Algorithm};
 pub use agent_run::{Actor, AgentRun, RunLength, run_agent};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use column_findings::{ColumnFindings, LaggedDecisions, TerminalCells, UnendedGaps};
-pub use config::{ControlConfig, LEAST_LEVELS, RewardRow, StartRows};
+pub use config::{ControlConfig, RewardRow, StartRows};
 pub use constant::{ConstantReturns, FixedPolicy, FixedWalks, constant_returns};
 pub use decision_rows::{ChangedDecisions, DecisionRows, RowsWithoutReward};
 pub use drift::Drift;
@@ -49,7 +49,7 @@ pub use environment::{Ending, Environment, Outcome};
 pub use error::ControlError;
 pub use grid::Grid;
 pub use importance::Importance;
-pub use levels::Levels;
+pub use levels::{FEW_STEPS, LEAST_LEVELS, Levels};
 pub use log::{Columns, Decisions};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,
@@ -70,7 +70,7 @@ pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };
 pub use trajectory::{Trajectory, trajectory};
-pub use usage::{CoverageMap, FEW_STEPS, Spread, hardly_taken};
+pub use usage::{CoverageMap, Spread, hardly_taken};
 pub use verdict::{
     BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, KindMean, KindReturns, OutlyingMember,
     Question, RandomActions, Regret, ReturnVerdict, Support, judge, regret,

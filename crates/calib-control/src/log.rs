@@ -169,6 +169,16 @@ impl Decisions {
         Ok(States::new(values, self.len(), self.states.columns())?)
     }
 
+    /// Returns the next state of every transition in `metric`, which has one row per row of the log.
+    pub(crate) fn next_states(&self, metric: &States) -> Result<States, ControlError> {
+        let mut values = Vec::with_capacity(self.len() * metric.columns());
+        for number in 0..self.len() {
+            let next = self.transitions.next(TransitionIndex::new(number));
+            values.extend_from_slice(metric.row(next.get()));
+        }
+        Ok(States::new(values, self.len(), metric.columns())?)
+    }
+
     /// Returns the observations, `[rows, columns]`.
     pub fn states(&self) -> &States {
         &self.states

@@ -1,8 +1,8 @@
 //! Continuous actions: levels of the recorded range, and the values that were set.
 
-use calib_core::{States, TransitionIndex};
+use calib_core::States;
 
-use crate::{ControlError, Decisions, LEAST_LEVELS, Levels, level_grid::of_column};
+use crate::{ControlError, LEAST_LEVELS, Levels, level_grid::of_column};
 
 /// The recorded values of continuous actions, and the levels that an agent chooses among. Each column is a share of its recorded range.
 #[derive(Clone, Debug, PartialEq)]
@@ -162,16 +162,6 @@ fn joined<'a>(
     }
     let width = values.len().checked_div(rows).unwrap_or(columns);
     Ok(States::new(values, rows, width)?)
-}
-
-/// Returns the next state of every transition, in `metric`.
-pub(crate) fn next_states(log: &Decisions, metric: &States) -> Result<States, ControlError> {
-    let mut values = Vec::with_capacity(log.len() * metric.columns());
-    for number in 0..log.len() {
-        let next = log.transitions().next(TransitionIndex::new(number));
-        values.extend_from_slice(metric.row(next.get()));
-    }
-    Ok(States::new(values, log.len(), metric.columns())?)
 }
 
 #[cfg(test)]

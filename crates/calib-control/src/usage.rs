@@ -3,13 +3,10 @@
 use calib_core::TransitionIndex;
 use calib_stats::quantile;
 
-use crate::{ActionModel, ControlError, Decisions};
+use crate::{ActionModel, ControlError, Decisions, FEW_STEPS};
 
 /// The states in which an action was taken: the 5 %, 50 % and 95 % quantiles of a column.
 pub type Spread = [f64; 3];
-
-/// An action with fewer steps is hardly known. Our choice.
-pub const FEW_STEPS: usize = 30;
 
 /// An action with at least one step in this many is not rare in a short log. Our choice: 5 %.
 const STEPS_TO_ONE: usize = 20;

@@ -1,13 +1,17 @@
 //! Judges a sweep of agents that act.
 
 mod ahead;
+mod difference;
+mod doubt;
 mod evidence;
 mod floors;
+mod kind_returns;
+mod support;
 
 use calib_core::Seed;
 use calib_stats::{
-    Difference, Direction, Drawn, Nested, RankRule, Selection, StatsError, hierarchical, jackknife,
-    paired_difference, select_by, spearman,
+    Difference, Direction, Drawn, Nested, RankRule, Selection, StatsError, hierarchical, select_by,
+    spearman,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -17,9 +21,13 @@ use crate::{
 };
 pub use ahead::FEWEST_BLOCKS;
 use ahead::{is_ahead, ranks_ahead};
+use difference::beyond;
+pub use doubt::Doubt;
 use evidence::{Evidence, median_rate};
 pub use floors::{BestConstant, KindMean, OutlyingMember, RandomActions};
 use floors::{best_constant, random_actions};
+pub use kind_returns::KindReturns;
+pub use support::Support;
 
 const HIGHER: Direction = Direction::HigherIsBetter;
 
@@ -28,109 +36,6 @@ const FEWEST_ORDERED: usize = 4;
 
 /// Kinds of models with a lower agreement do not support an order of the settings. Our choice: docs/control.md.
 pub const KINDS_AGREE: f64 = 0.5;
-
-/// The limits below which a choice is refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Support {
-    /// The largest share of the chosen setting's steps that the log may leave uncovered.
-    pub most_uncovered: f64,
-    /// The fewest terminals of the log; 0 for a task without terminals.
-    pub fewest_terminals: usize,
-}
-
-impl Default for Support {
-    /// Half of the steps, and ten terminals. Our choice: over the logs of docs/control.md, limits from a third to six tenths keep choices
-    /// of the same quality.
-    fn default() -> Self {
-        Self { most_uncovered: 0.5, fewest_terminals: 10 }
-    }
-}
-
-/// Why the log does not support a choice.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", tag = "reason")]
-pub enum Doubt {
-    /// An action was never taken.
-    ActionNeverTaken {
-        /// Index of the action.
-        action: usize,
-    },
-    /// Too many steps of the chosen setting are not covered by the log.
-    Uncovered {
-        /// Uncovered share of its steps.
-        share: f64,
-    },
-    /// Too many decisions of a held-out period were made in states that the log does not cover.
-    HeldOutUncovered {
-        /// Name of the deployment; none for a period without a name.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        deployment: Option<String>,
-        /// Share of its decisions whose state no recorded decision covers, whatever the actions.
-        share: f64,
-    },
-    /// The log has too few terminals to learn what they depend on.
-    FewTerminals {
-        /// Number of terminals in the log.
-        terminals: usize,
-    },
-    /// The ensemble members rank all settings equally.
-    NotToldApart,
-    /// The chosen setting may be no better than the default.
-    NotBetterThanDefault,
-    /// The chosen setting gets a lower return in the model than the recorded behaviour got.
-    BelowRecorded {
-        /// Its mean return per episode in the model.
-        promised: f64,
-        /// Mean return per episode of the recorded behaviour.
-        recorded: f64,
-    },
-    /// The predicted mean return is higher than the return of every recorded episode.
-    AboveRecorded {
-        /// Mean return per episode of the chosen setting in the model.
-        promised: f64,
-        /// The highest return of a recorded episode.
-        best: f64,
-    },
-    /// Episodes end in a terminal less than a tenth as often as in the log.
-    RareTerminals {
-        /// Terminals per step of the chosen setting in the model.
-        in_model: f64,
-        /// Terminals per step of the log.
-        in_log: f64,
-    },
-    /// One constant action gets a higher return in the model than the chosen setting, though that could be chance.
-    WorseThanConstant {
-        /// Index of the action.
-        action: usize,
-        /// Mean return per episode of the action in the model.
-        constant: f64,
-        /// Mean return per episode of the chosen setting.
-        promised: f64,
-    },
-    /// The chosen setting is not shown to be better than random actions: it may get no more in the model, or gets no more in the only
-    /// ensemble member.
-    NotBetterThanRandomActions {
-        /// Mean return per episode of random actions in the model.
-        random: f64,
-        /// Mean return per episode of the chosen setting.
-        promised: f64,
-    },
-    /// Jumps between recorded transitions displace the chosen setting's episodes in one direction, further than twice the recorded range.
-    Displaced {
-        /// Index of the column.
-        column: usize,
-        /// Mean over episodes of the sum of the jumps, in units of the states: 1 is the recorded range of a column.
-        mean: f64,
-        /// Standard error of that mean, over episodes.
-        error: f64,
-    },
-    /// A single ensemble member gives no interval, so that the choice is not shown to be better than anything.
-    OneMember,
-    /// The chosen setting diverged in an ensemble member.
-    Diverged,
-    /// The default could not be compared, because its program or its agent failed.
-    DefaultFailed,
-}
 
 /// Result of a sweep of agents that act.
 ///
@@ -176,19 +81,6 @@ pub struct ReturnVerdict {
     pub drift: Drift,
     /// Reasons why the log does not support the choice; empty if it does.
     pub doubts: Vec<Doubt>,
-}
-
-/// Results of the ensemble members of one kind.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct KindReturns {
-    /// The kind of model.
-    pub kind: ActionModelKind,
-    /// Index of the setting that these ensemble members alone would choose, by the same rule.
-    pub chosen: usize,
-    /// Mean return of each setting over the runs of each ensemble member, `[members][candidates]` (`"-inf"` in files where it diverged).
-    #[serde(with = "calib_stats::diverged::rows")]
-    #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
-    pub members: Vec<Vec<f64>>,
 }
 
 /// The options of a judgement about the runs of a sweep.
@@ -397,10 +289,6 @@ fn drift_of<'a>(runs: impl Iterator<Item = &'a &'a Run>) -> Drift {
     runs.fold(Drift::default(), |all, run| all.and(&run.drift))
 }
 
-fn mean(returns: &[f64]) -> f64 {
-    returns.iter().sum::<f64>() / returns.len() as f64
-}
-
 /// Returns the coverage of each setting's steps, over these runs.
 fn coverage_of<'a>(runs: impl Iterator<Item = &'a Run>, candidates: usize) -> Vec<Coverage> {
     let mut coverage = vec![Coverage::default(); candidates];
@@ -444,21 +332,6 @@ fn over_kinds(block: &[f64], candidates: usize) -> Vec<f64> {
     (0..candidates)
         .map(|candidate| block.iter().skip(candidate).step_by(candidates).sum::<f64>() / kinds)
         .collect()
-}
-
-/// Returns the mean of `own` minus `other`, `[members]` each; `None` if both diverged in a member, so that there is no difference.
-///
-/// Each ensemble member lacks one block of the log and shares all others, so the interval is the jackknife's over blocks. An
-/// interval that treated members as independent would contain another log's difference the less often, the more runs there are.
-fn beyond(own: &[f64], other: &[f64]) -> Result<Option<Difference>, StatsError> {
-    let members: Vec<usize> = (0..own.len()).collect();
-    let difference = match paired_difference(&members, own, other) {
-        Ok(difference) => difference,
-        Err(StatsError::OpposedInfinities { .. }) => return Ok(None),
-        Err(error) => return Err(error),
-    };
-    let each: Vec<f64> = own.iter().zip(other).map(|(own, other)| own - other).collect();
-    Ok(Some(Difference { interval: jackknife(difference.mean, &each), ..difference }))
 }
 
 /// The cost of a choice, if the true returns are known.

@@ -6,7 +6,7 @@ use super::{
     ActionModel, ActionModelConfig, ActionTable, FillingTable, Rules, Starts,
     radius::{ActionLists, Outside},
 };
-use crate::{ControlError, Decisions, settings::next_states};
+use crate::{ControlError, Decisions};
 
 /// Queries per thread that one search for all actions has at least: two bands of the join.
 const QUERIES_PER_THREAD: usize = 2_048;
@@ -74,7 +74,7 @@ impl ActionModel {
                 let weight = config.action_weight;
                 let taken = settings.taken(metric, weight)?;
                 let sources = Sources::new(&taken, log.transitions(), &blocks)?;
-                let next = next_states(&log, metric)?;
+                let next = log.next_states(metric)?;
                 for level in 0..log.levels() {
                     let [next, starts] = [&next, &starts.metric]
                         .map(|metric| settings.at_level(metric, level, weight));

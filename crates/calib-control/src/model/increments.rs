@@ -4,7 +4,7 @@
 use calib_core::{Monitor, Rng, States, TransitionIndex};
 use calib_knn::{Blocks, Sources};
 
-use super::step::{Draw, MOST_LIVE, Nearest};
+use super::draw::{Draw, MOST_LIVE, Nearest};
 use super::{
     ActionModel, ActionModelKind, Coverage, Ensemble, ModelEnvironment, Rules, Step, Target,
     radius::Outside,

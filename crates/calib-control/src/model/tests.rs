@@ -2,7 +2,7 @@ use calib_core::{Seed, Segments, Silent};
 use proptest::prelude::*;
 
 use super::*;
-use crate::{Columns, Ending, Environment};
+use crate::{Columns, ControlError, Ending, Environment};
 
 /// Returns a log of `rows` rows, two columns and three actions, in episodes of seven rows.
 fn log(rows: usize, seed: u64, actions: usize) -> Decisions {

@@ -1,45 +1,7 @@
 use calib_core::Rng;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::{ActionModel, At, Covered, ModelEnvironment, Target};
+use super::{ActionModel, ActionModelKind, At, Coverage, Ensemble, ModelEnvironment, Target};
 use crate::{Drift, Environment, Outcome};
-
-/// Coverage of the steps of a rollout by recorded transitions.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Coverage {
-    /// Number of steps.
-    pub steps: u64,
-    /// Steps with an action that occurs in no transition of the ensemble member.
-    pub missing: u64,
-    /// Steps whose nearest transition with the action is beyond the radius.
-    pub far: u64,
-}
-
-impl Coverage {
-    /// Returns the share of the steps that the log does not cover; 0
-    /// without steps.
-    pub fn uncovered(&self) -> f64 {
-        (self.missing + self.far) as f64 / self.steps.max(1) as f64
-    }
-
-    /// Returns the sum of both.
-    #[must_use]
-    pub fn and(self, other: Self) -> Self {
-        Self {
-            steps: self.steps + other.steps,
-            missing: self.missing + other.missing,
-            far: self.far + other.far,
-        }
-    }
-
-    /// Counts a step.
-    pub(crate) fn count(&mut self, covered: Covered) {
-        self.steps += 1;
-        self.missing += u64::from(covered == Covered::Missing);
-        self.far += u64::from(covered == Covered::Far);
-    }
-}
 
 /// An agent's rollout in one ensemble member of a model.
 #[derive(Clone, Debug)]
@@ -57,7 +19,7 @@ pub struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    pub(super) fn new(model: &'a ActionModel, member: usize) -> Self {
+    fn new(model: &'a ActionModel, member: usize) -> Self {
         Self {
             model,
             member,
@@ -67,6 +29,23 @@ impl<'a> Walk<'a> {
             is_begun: false,
             drift: Drift::default(),
         }
+    }
+}
+
+impl Ensemble for ActionModel {
+    type Walk<'a> = Walk<'a>;
+
+    fn kind(&self) -> ActionModelKind {
+        ActionModelKind::Neighbors
+    }
+
+    fn members(&self) -> usize {
+        self.tables.len()
+    }
+
+    fn walk(&self, member: usize) -> Walk<'_> {
+        assert!(member < self.members(), "a member of the ensemble");
+        Walk::new(self, member)
     }
 }
 

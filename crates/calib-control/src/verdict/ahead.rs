@@ -2,7 +2,7 @@
 
 use calib_stats::{Difference, StatsError};
 
-use super::beyond;
+use super::difference::beyond;
 
 /// The fewest blocks of the log for which ranks count. With fewer, every interval is weak: ranks are small integers, so few blocks often
 /// have the same difference, and its interval then has no width. Our choice.

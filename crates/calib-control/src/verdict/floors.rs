@@ -4,7 +4,10 @@ use calib_stats::{Difference, StatsError, jackknife, median};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{FEWEST_BLOCKS, KindReturns, beyond, mean};
+use super::{
+    FEWEST_BLOCKS, KindReturns,
+    difference::{beyond, mean},
+};
 use crate::{ActionModelKind, ConstantReturns};
 
 /// The constant action with the highest mean return in the model, over ensemble members and kinds of models, among actions whose steps the
