@@ -242,12 +242,11 @@ impl ControlConfig {
 
     /// Returns the key of `[control]` that names one of these columns, such as `reward[2].set_point`.
     pub fn key_of(&self, column: &str) -> String {
-        let is_it = |name: &String| name == column;
-        if self.actions.iter().any(is_it) {
+        if self.actions.iter().any(|action| action == column) {
             return "actions".to_owned();
         }
-        let other =
-            if self.terminal.as_ref().is_some_and(is_it) { "terminal" } else { "probability" };
+        let is_terminal = self.terminal.as_deref() == Some(column);
+        let other = if is_terminal { "terminal" } else { "probability" };
         self.reward.key_of(column).unwrap_or_else(|| other.to_owned())
     }
 }
@@ -316,9 +315,12 @@ mod tests {
         assert!(none.check().expect_err("none").to_string().contains("steps"));
     }
 
+    fn checked(text: &str) -> Result<(), ControlError> {
+        toml::from_str::<ControlConfig>(text).expect("valid").check()
+    }
+
     #[test]
     fn a_column_is_one_thing() {
-        let checked = |text: &str| toml::from_str::<ControlConfig>(text).expect("valid").check();
         for (text, keys) in [
             ("actions = ['dose', 'dose']", ["actions", "actions"]),
             ("actions = ['dose']\nreward = 'dose'", ["reward", "actions"]),

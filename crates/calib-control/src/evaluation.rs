@@ -61,11 +61,16 @@ struct Targets<'a> {
 impl<'a> Targets<'a> {
     fn new(log: &Decisions, after: &'a [f64], gamma: f64, timeout: usize) -> Self {
         let rewards = log.rewards().iter().copied().map(f64::from);
-        let extreme = |reward: f64| (timeout as f64 * reward).min(reward.min(0.0));
-        let lowest = extreme(rewards.clone().fold(f64::INFINITY, f64::min));
-        let highest = -extreme(rewards.map(|reward| -reward).fold(f64::INFINITY, f64::min));
+        let lowest = lowest_return(rewards.clone().fold(f64::INFINITY, f64::min), timeout);
+        let least = rewards.map(|reward| -reward).fold(f64::INFINITY, f64::min);
+        let highest = -lowest_return(least, timeout);
         Self { after, gamma, lowest, highest }
     }
+}
+
+/// Returns the lowest return of an episode of up to `timeout` steps, if `reward` is the lowest reward.
+fn lowest_return(reward: f64, timeout: usize) -> f64 {
+    (timeout as f64 * reward).min(reward.min(0.0))
 }
 
 /// The change of the values at the recorded steps from one check to the next.
@@ -149,28 +154,29 @@ impl FittedQ {
         let Self { tiles, actions, weights, .. } = self;
         let (actions, length) = (*actions, tiles.len());
         let states = log.states();
-        let source = |number: usize| log.transitions().source(TransitionIndex::new(number)).get();
-        let next = |number: usize| log.transitions().next(TransitionIndex::new(number)).get();
         // Every pass computes the features again: those of all rows of a long log would take more memory than the log.
         let mut here = Vec::new();
         let mut ahead = Vec::new();
         let mut row_here = None;
         let step = STEP / tiles.active() as f64;
         for number in (0..log.len()).rev() {
+            let transition = TransitionIndex::new(number);
             let mut target = f64::from(log.rewards()[number]);
             if log.endings()[number] == Ending::Continues {
                 let policy = &targets.after[number * actions..][..actions];
+                let next = log.transitions().next(transition).get();
                 // In reverse order the next row is mostly the row of the previous step, whose features are in `here`.
-                if row_here == Some(next(number)) {
+                if row_here == Some(next) {
                     std::mem::swap(&mut here, &mut ahead);
                 } else {
-                    tiles.put_features(states.row(next(number)), &mut ahead);
+                    tiles.put_features(states.row(next), &mut ahead);
                 }
                 target += targets.gamma * expected(weights, policy, &ahead);
             }
             let own = &mut weights[usize::from(log.actions()[number]) * length..][..length];
-            tiles.put_features(states.row(source(number)), &mut here);
-            row_here = Some(source(number));
+            let source = log.transitions().source(transition).get();
+            tiles.put_features(states.row(source), &mut here);
+            row_here = Some(source);
             let value = sum(own, &here);
             seen(number, value);
             let change = step * (target.clamp(targets.lowest, targets.highest) - value);

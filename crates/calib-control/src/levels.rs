@@ -27,14 +27,9 @@ impl Levels {
     /// If there are more than `most`.
     pub fn new(columns: &[Vec<f64>], most: usize) -> Result<Self, ControlError> {
         let rows = columns.first().map_or(0, Vec::len);
-        let of_row = |row: usize| -> Option<Vec<f64>> {
-            // Adding 0 turns −0 into 0.
-            let values: Vec<f64> = columns.iter().map(|column| column[row] + 0.0).collect();
-            values.iter().all(|value| !value.is_nan()).then_some(values)
-        };
         let mut values: Vec<Vec<f64>> = Vec::new();
         for row in 0..rows {
-            let Some(here) = of_row(row) else { continue };
+            let Some(here) = values_in(columns, row) else { continue };
             if let Err(place) = values.binary_search_by(|level| compare(level, &here)) {
                 if values.len() == most {
                     return Err(ControlError::ManyActions { most });
@@ -44,7 +39,7 @@ impl Levels {
         }
         let of_rows = (0..rows)
             .map(|row: usize| {
-                let here = of_row(row)?;
+                let here = values_in(columns, row)?;
                 values
                     .binary_search_by(|level| compare(level, &here))
                     .ok()
@@ -61,6 +56,13 @@ impl Levels {
             values.map(|(column, &value)| format!("{column}={}", exact(value))).collect();
         told.join(" ")
     }
+}
+
+/// Returns the values of `columns` in a row; `None` if one is missing.
+fn values_in(columns: &[Vec<f64>], row: usize) -> Option<Vec<f64>> {
+    // Adding 0 turns −0 into 0.
+    let values: Vec<f64> = columns.iter().map(|column| column[row] + 0.0).collect();
+    values.iter().all(|value| !value.is_nan()).then_some(values)
 }
 
 /// Compares two actions by the first values that differ.

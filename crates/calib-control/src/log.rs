@@ -274,10 +274,11 @@ impl Decisions {
         if transitions >= all {
             return Ok(self.clone());
         }
-        let bound = |stretch: usize| stretch * all / STRETCHES;
+        let bounds: Vec<usize> = (0..=STRETCHES).map(|stretch| stretch * all / STRETCHES).collect();
         let each = transitions.div_ceil(STRETCHES);
-        let numbers: Vec<usize> = (0..STRETCHES)
-            .flat_map(|stretch| bound(stretch)..(bound(stretch) + each).min(bound(stretch + 1)))
+        let numbers: Vec<usize> = bounds
+            .windows(2)
+            .flat_map(|bounds| bounds[0]..(bounds[0] + each).min(bounds[1]))
             .collect();
         if numbers.is_empty() {
             return Err(ControlError::NoTransitions);

@@ -145,15 +145,15 @@ fn candidate_values(
 ) -> Result<CandidateValues, Cancelled> {
     let agent = &mut trained_on_log(log, config, updates);
     let gamma = config.gamma;
-    let transitions = || (0..log.len()).map(TransitionIndex::new);
-    let after = policies(agent, &config, transitions().map(|at| log.ends(at)[1]));
+    let transitions = (0..log.len()).map(TransitionIndex::new);
+    let after = policies(agent, &config, transitions.clone().map(|at| log.ends(at)[1]));
     let mut fitted = FittedQ::fit(log, &after, gamma, timeout, monitor)?;
     // `after` has a number per transition and action, and so has `here`.
     drop(after);
     let first = policies(agent, &config, (0..starts.rows()).map(|row| starts.row(row)));
     let value = fitted.mean_over(starts, &first);
     let sampled = log.probabilities().map(|logged| {
-        let here = policies(agent, &config, transitions().map(|at| log.ends(at)[0]));
+        let here = policies(agent, &config, transitions.map(|at| log.ends(at)[0]));
         let ratios = log_ratios(log, logged, &here);
         let importance = estimate(&episodes(log, &ratios, &[]), gamma, timeout);
         let doubly_robust = if value.is_finite() {

@@ -49,13 +49,18 @@ impl OutlyingActions {
         }
         let others = &counted[inner(&counted, (values.len() / ROWS_TO_ONE).max(1))];
         let others = [others.first()?.value, others.last()?.value];
-        let stands_out = |value: f64| value < others[0] || value > others[1];
-        let rows: Vec<usize> = (0..column.len()).filter(|&row| stands_out(column[row])).collect();
-        let mut outlying = values.into_iter().filter(|&value| stands_out(value));
+        let rows: Vec<usize> =
+            (0..column.len()).filter(|&row| is_outside(column[row], others)).collect();
+        let mut outlying = values.into_iter().filter(|&value| is_outside(value, others));
         let least = outlying.next()?;
         let largest = outlying.next_back().unwrap_or(least);
         Some(Self { rows, range: [least, largest], others })
     }
+}
+
+/// Returns whether a value is below the least or above the largest of others. A missing value is not.
+fn is_outside(value: f64, [least, largest]: [f64; 2]) -> bool {
+    value < least || value > largest
 }
 
 /// Returns which of at least three values are not outlying, if at most `most_rows` rows may be.
@@ -116,9 +121,13 @@ mod tests {
         doses
     }
 
+    /// Returns the outlying values of 600 doses with other values in some rows.
+    fn found(others: &[(usize, f64)]) -> Option<OutlyingActions> {
+        OutlyingActions::of_column(&doses(600, others), 7)
+    }
+
     #[test]
     fn values_far_from_all_others_stand_out() {
-        let found = |others: &[(usize, f64)]| OutlyingActions::of_column(&doses(600, others), 7);
         assert_eq!(found(&[]), None);
         let one = found(&[(300, 1e6), (4, f64::NAN)]).expect("a slip");
         assert_eq!((&one.rows[..], one.range, one.others), (&[300][..], [1e6; 2], [0.0, 99.0]));

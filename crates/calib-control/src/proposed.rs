@@ -43,20 +43,19 @@ impl ProposedSettings {
     /// Returns the settings for recorded returns with this standard deviation, a positive number in units of reward. The agents have
     /// the algorithm and the pairs of `agent`, in states of `columns` columns, at least 1.
     pub fn for_spread(spread: f64, agent: &AgentConfig, columns: usize) -> Self {
-        let in_units = |share: f64| two_digits(share * spread);
         let weights = agent.initial_weights_in_value(columns);
         let step_sizes = if agent.algorithm == Algorithm::DeepQLearning {
             NETWORK_STEP_SIZES
         } else {
-            STEPS_OF_VALUES.map(|share| in_units(share / weights))
+            STEPS_OF_VALUES.map(|share| two_digits(share / weights * spread))
         };
-        let temperatures = TEMPERATURES.map(in_units);
+        let temperatures = TEMPERATURES.map(|share| two_digits(share * spread));
         Self {
             step_size: step_sizes[DEFAULT],
             temperature: temperatures[DEFAULT],
             step_sizes,
             temperatures,
-            initial_weights: FIRST_VALUES.map(|share| in_units(share / weights)),
+            initial_weights: FIRST_VALUES.map(|share| two_digits(share / weights * spread)),
         }
     }
 }

@@ -47,13 +47,13 @@ impl Decisions {
         let rewards: Vec<f64> = pieces.iter().map(|piece| piece.reward).collect();
         let shares: Vec<f64> = pieces.iter().map(|piece| piece.share).collect();
         let estimate = ratio_of_sums(&rewards, &shares)?;
-        let whole = || pieces.iter().filter(|piece| piece.share == 1.0).map(|piece| piece.reward);
+        let whole = pieces.iter().filter(|piece| piece.share == 1.0).map(|piece| piece.reward);
         Ok(RecordedReturn {
             mean: estimate.value,
             interval: estimate.interval,
             episodes: shares.iter().sum(),
-            best: whole().reduce(f64::max),
-            worst: whole().reduce(f64::min),
+            best: whole.clone().reduce(f64::max),
+            worst: whole.reduce(f64::min),
         })
     }
 
@@ -185,14 +185,16 @@ pub(crate) mod tests {
         assert_near(log(&[(2, END)]).return_spread(0.5, 100).expect("unlike"), 0.25);
     }
 
+    /// Returns the spread of returns in an episode whose rewards alternate around `offset`.
+    fn spread(ending: Ending, offset: f32) -> f64 {
+        let log = log_of(&[(100, ending)], |step: usize| {
+            offset + if step.is_multiple_of(2) { 1.0 } else { -1.0 }
+        });
+        log.return_spread(1.0, 50).expect("unlike")
+    }
+
     #[test]
     fn what_every_step_gets_is_in_the_spread_only_if_actions_can_end_episodes() {
-        let spread = |ending: Ending, offset: f32| {
-            let log = log_of(&[(100, ending)], |step: usize| {
-                offset + if step.is_multiple_of(2) { 1.0 } else { -1.0 }
-            });
-            log.return_spread(1.0, 50).expect("unlike")
-        };
         // Returns alternate between 0 and -1.
         assert_near(spread(ON, 0.0), 0.5);
         assert_near(spread(ON, 100.0), 0.5);

@@ -58,11 +58,8 @@ impl Levels {
             .collect();
         let lows: Vec<f64> =
             own.iter().map(|column| column.first().copied().unwrap_or(0.0)).collect();
-        let shares = |values: &[f64]| -> Vec<f32> {
-            let each = values.iter().zip(&lows).zip(&ranges);
-            each.map(|((value, low), range)| ((value - low) / range) as f32).collect()
-        };
-        let of_levels: Vec<f32> = values.iter().flat_map(|set| shares(set)).collect();
+        let of_levels: Vec<f32> =
+            values.iter().flat_map(|set| shares(set, &lows, &ranges)).collect();
         let width = columns.len();
         let rows = columns.first().map_or(0, Vec::len);
         let mut of_rows = Vec::with_capacity(rows * width);
@@ -70,13 +67,19 @@ impl Levels {
         for row in 0..rows {
             let set: Vec<f64> = columns.iter().map(|column| column[row]).collect();
             let there = set.iter().all(|value| !value.is_nan());
-            let set = if there { shares(&set) } else { vec![0.0; width] };
+            let set = if there { shares(&set, &lows, &ranges) } else { vec![0.0; width] };
             nearest.push(there.then(|| nearest_of(&of_levels, &set)));
             of_rows.extend(set);
         }
         let settings = Settings { columns: width, of_rows, of_levels };
         Ok((Self { values, of_rows: nearest }, settings))
     }
+}
+
+/// Returns values of each column as shares of its range.
+fn shares(values: &[f64], lows: &[f64], ranges: &[f64]) -> Vec<f32> {
+    let each = values.iter().zip(lows).zip(ranges);
+    each.map(|((value, low), range)| ((value - low) / range) as f32).collect()
 }
 
 /// Returns the level nearest to the values that were set, or the first of several.
@@ -187,16 +190,13 @@ mod tests {
     fn columns_combine_and_few_values_stay_as_they_are() {
         let dose = (0..100).map(f64::from).collect::<Vec<_>>();
         let pump = (0..100).map(|row| f64::from(row % 2) * 5.0).collect::<Vec<_>>();
-        let (levels, _) = Levels::of_range(&[dose.clone(), pump.clone()], 3, 6).expect("six");
+        let columns = [dose, pump];
+        let (levels, _) = Levels::of_range(&columns, 3, 6).expect("six");
         assert_eq!(levels.values.len(), 6);
         assert_eq!(levels.values[3], [49.5, 5.0]);
-        let told = |levels: usize, most: usize| {
-            let columns = [dose.clone(), pump.clone()];
-            Levels::of_range(&columns, levels, most).expect_err("too many").to_string()
-        };
-        let eight = told(4, 6);
+        let eight = Levels::of_range(&columns, 4, 6).expect_err("too many").to_string();
         assert!(eight.contains("more than 6 combinations; set control.levels lower"), "{eight}");
-        let four = told(2, 3);
+        let four = Levels::of_range(&columns, 2, 3).expect_err("too many").to_string();
         assert!(four.contains("; name fewer columns in control.actions"), "{four}");
         let (constant, _) = Levels::of_range(&[vec![3.0; 4]], 4, 6).expect("one");
         assert_eq!(constant.values, [[3.0]]);

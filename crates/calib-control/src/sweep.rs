@@ -294,10 +294,9 @@ fn tenths(returns: &[f64]) -> Vec<f64> {
     if returns.len() < 10 {
         return Vec::new();
     }
-    let bound = |tenth: usize| tenth * returns.len() / 10;
     (0..10)
-        .map(|tenth| {
-            let part = &returns[bound(tenth)..bound(tenth + 1)];
+        .map(|tenth: usize| {
+            let part = &returns[tenth * returns.len() / 10..(tenth + 1) * returns.len() / 10];
             part.iter().sum::<f64>() / part.len() as f64
         })
         .collect()

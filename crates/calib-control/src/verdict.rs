@@ -185,9 +185,7 @@ pub fn judge(
     let chosen = selection.chosen;
     let each = of_each_kind(&blocks, &kinds, rule, candidates)?;
     let members: Vec<Vec<f64>> = blocks.iter().map(|block| over_kinds(block, candidates)).collect();
-    let of_candidate = |candidate: usize| -> Vec<f64> {
-        members.iter().map(|returns| returns[candidate]).collect()
-    };
+    let own_returns = returns_of(&members, chosen);
     let random: Vec<f64> =
         members.iter().map(|returns| returns.iter().sum::<f64>() / candidates as f64).collect();
     // Coverage and drift come from the first kind, which is neighbours if there are any: only they know the coverage
@@ -195,7 +193,7 @@ pub fn judge(
     let first = runs.iter().filter(|run| run.kind == kinds[0]);
     let coverage = coverage_of(first, candidates);
     let over_default = match default {
-        Some(default) => beyond(&of_candidate(chosen), &of_candidate(default))?,
+        Some(default) => beyond(&own_returns, &returns_of(&members, default))?,
         None => None,
     };
     let ranks_over_default = match default {
@@ -205,8 +203,8 @@ pub fn judge(
     // A kind whose agents could not be tried is left out.
     let constants: Vec<&ConstantReturns> =
         constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
-    let constant = best_constant(&constants, &of_candidate(chosen), support.most_uncovered)?;
-    let random_actions = random_actions(&constants, &each, chosen, &of_candidate(chosen))?;
+    let constant = best_constant(&constants, &own_returns, support.most_uncovered)?;
+    let random_actions = random_actions(&constants, &each, chosen, &own_returns)?;
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
     let drift = drift_of(own.iter().filter(|run| run.kind == kinds[0]));
@@ -233,7 +231,7 @@ pub fn judge(
         ranks_over_default,
         constant,
         random_actions,
-        over_random: beyond(&of_candidate(chosen), &random)?.unwrap_or(Difference {
+        over_random: beyond(&own_returns, &random)?.unwrap_or(Difference {
             mean: f64::INFINITY,
             interval: None,
             clusters: [members.len(); 2],
@@ -247,6 +245,11 @@ pub fn judge(
         selection,
         members,
     })
+}
+
+/// Returns the returns of a setting in each block, from `[blocks][candidates]`.
+fn returns_of(members: &[Vec<f64>], candidate: usize) -> Vec<f64> {
+    members.iter().map(|returns| returns[candidate]).collect()
 }
 
 /// Returns the results of each kind, from `[blocks][kinds × candidates]`.

@@ -41,14 +41,16 @@ pub(super) fn values_of<'t>(
 /// Returns the network whose tensor names have this prefix. It must have the shape of `like`.
 pub(super) fn network_of(tensors: &Tensors, prefix: &str, like: &Mlp) -> Result<Mlp, ControlError> {
     let network = Mlp::from_tensors(tensors, prefix, Naming::Layers).map_err(ControlError::from)?;
-    let sizes = |network: &Mlp| -> Vec<[usize; 2]> {
-        network.layers().iter().map(|layer| [layer.inputs, layer.outputs]).collect()
-    };
     if sizes(&network) != sizes(like) {
         let reason = format!("`{prefix}` is another network than its settings describe");
         return Err(ControlError::NoAgent { reason });
     }
     Ok(network)
+}
+
+/// Returns the inputs and outputs of each layer.
+fn sizes(network: &Mlp) -> Vec<[usize; 2]> {
+    network.layers().iter().map(|layer| [layer.inputs, layer.outputs]).collect()
 }
 
 /// Returns the layers of a network, with a prefix to their names.

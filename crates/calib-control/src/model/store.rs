@@ -137,14 +137,9 @@ pub fn open_action_model(
         settings,
         record.levels,
     );
-    let tables = |kind: &str, rows: usize| -> Result<Vec<ActionTable>, ControlError> {
-        (0..record.config.members)
-            .map(|member| folder.table(kind, member, rows, record.levels, count))
-            .collect()
-    };
     Ok(ActionModel {
-        tables: tables("", count)?,
-        start_tables: tables("starts-", observed.rows())?,
+        tables: folder.tables("", record, count, count)?,
+        start_tables: folder.tables("starts-", record, observed.rows(), count)?,
         starts: Starts { observed, metric: metric_of_starts },
         metric,
         log,
@@ -190,6 +185,19 @@ impl Folder<'_> {
         let rows = mapped.rows();
         let columns = mapped.columns();
         Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
+    }
+
+    /// Returns the table of each ensemble member for `rows` states, in a model of `transitions` transitions.
+    fn tables(
+        &self,
+        kind: &str,
+        record: &ActionModelRecord,
+        rows: usize,
+        transitions: usize,
+    ) -> Result<Vec<ActionTable>, ControlError> {
+        (0..record.config.members)
+            .map(|member| self.table(kind, member, rows, record.levels, transitions))
+            .collect()
     }
 
     fn table(

@@ -57,6 +57,11 @@ impl Acrobot {
     }
 }
 
+/// Returns the state after `secs` seconds of this change per second.
+fn moved(state: [f64; 4], change: [f64; 4], secs: f64) -> [f64; 4] {
+    std::array::from_fn(|part| state[part] + secs * change[part])
+}
+
 /// Returns the angle plus or minus full turns, in ±π.
 pub(super) fn wrapped(mut angle: f64) -> f64 {
     while angle > PI {
@@ -113,13 +118,10 @@ impl Task for Acrobot {
     fn step(&mut self, action: usize, _rng: &mut Rng) -> Outcome {
         let torque = [-1.0, 0.0, 1.0][action];
         let Self { state: from, step } = *self;
-        let moved = |by: [f64; 4], secs: f64| -> [f64; 4] {
-            std::array::from_fn(|part| from[part] + secs * by[part])
-        };
         let k1 = Self::change(from, torque);
-        let k2 = Self::change(moved(k1, step / 2.0), torque);
-        let k3 = Self::change(moved(k2, step / 2.0), torque);
-        let k4 = Self::change(moved(k3, step), torque);
+        let k2 = Self::change(moved(from, k1, step / 2.0), torque);
+        let k3 = Self::change(moved(from, k2, step / 2.0), torque);
+        let k4 = Self::change(moved(from, k3, step), torque);
         let mut next: [f64; 4] = std::array::from_fn(|part| {
             from[part] + step / 6.0 * (k1[part] + 2.0 * k2[part] + 2.0 * k3[part] + k4[part])
         });

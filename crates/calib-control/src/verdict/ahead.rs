@@ -22,14 +22,16 @@ pub(super) fn ranks_ahead(
     [first, second]: [usize; 2],
     blocks: usize,
 ) -> Result<Option<Difference>, StatsError> {
+    beyond(&mean_ranks(ranks, second, blocks), &mean_ranks(ranks, first, blocks))
+}
+
+/// Returns the mean rank of a setting over kinds of models, `[blocks]`.
+fn mean_ranks(ranks: &[Vec<usize>], candidate: usize, blocks: usize) -> Vec<f64> {
     let kinds = (ranks.len() / blocks) as f64;
-    let of_block = |candidate: usize| -> Vec<f64> {
-        (0..blocks)
-            .map(|block| ranks.iter().skip(block).step_by(blocks))
-            .map(|of_kinds| of_kinds.map(|ranks| ranks[candidate] as f64).sum::<f64>() / kinds)
-            .collect()
-    };
-    beyond(&of_block(second), &of_block(first))
+    (0..blocks)
+        .map(|block| ranks.iter().skip(block).step_by(blocks))
+        .map(|of_kinds| of_kinds.map(|ranks| ranks[candidate] as f64).sum::<f64>() / kinds)
+        .collect()
 }
 
 /// Returns whether a difference is surely above 0: by its interval, or because the other setting diverged.

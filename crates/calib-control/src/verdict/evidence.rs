@@ -142,9 +142,9 @@ pub(super) fn median_rate(runs: &[&Run], kinds: &[ActionModelKind]) -> f64 {
     let mut rates: Vec<f64> = kinds
         .iter()
         .map(|kind| {
-            let own = || runs.iter().filter(|run| run.kind == *kind);
-            let steps: u64 = own().map(|run| run.coverage.steps).sum();
-            own().map(|run| run.terminals).sum::<usize>() as f64 / steps.max(1) as f64
+            let own = runs.iter().filter(|run| run.kind == *kind);
+            let steps: u64 = own.clone().map(|run| run.coverage.steps).sum();
+            own.map(|run| run.terminals).sum::<usize>() as f64 / steps.max(1) as f64
         })
         .collect();
     rates.sort_by(f64::total_cmp);

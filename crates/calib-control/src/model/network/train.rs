@@ -51,13 +51,14 @@ fn unless_zero(spread: f32) -> f32 {
 
 impl Scales {
     pub(super) fn new(log: &Decisions) -> Self {
-        let all = || (0..log.len()).map(TransitionIndex::new);
+        let all = (0..log.len()).map(TransitionIndex::new);
         Self {
             columns: (0..log.states().columns())
                 .map(|column: usize| {
-                    let values = all().flat_map(move |at| log.ends(at).map(|state| state[column]));
+                    let values =
+                        all.clone().flat_map(move |at| log.ends(at).map(|state| state[column]));
                     let Reward { mean, std, lowest, highest } = spread(values);
-                    let squares = all().map(|at| {
+                    let squares = all.clone().map(|at| {
                         let [from, to] = log.ends(at);
                         f64::from(to[column] - from[column]).powi(2)
                     });
