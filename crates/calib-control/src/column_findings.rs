@@ -182,25 +182,27 @@ mod tests {
         assert!(!UnendedGaps::default().are_many());
     }
 
+    /// Returns the counts of the cells in a column of terminals.
+    fn cells(ends: &[f64]) -> TerminalCells {
+        found("", &vec![1.0; ends.len()], ends).terminal
+    }
+
     #[test]
     fn empty_terminals_are_unclear_beside_zeros() {
-        let valve = [1.0; 6];
-        let cells = |ends: [f64; 6]| found("", &valve, &ends).terminal;
-        let mixed = cells([0.0, NONE, 1.0, 0.0, NONE, 0.0]);
+        let mixed = cells(&[0.0, NONE, 1.0, 0.0, NONE, 0.0]);
         let expected =
             TerminalCells { rows: 6, terminals: 1, zeros: 3, empty: 2, first_empty: Some(1) };
         assert_eq!(mixed, expected);
         assert!(mixed.are_unclear() && !mixed.are_mostly_terminals());
-        assert!(!cells([NONE, NONE, 1.0, NONE, NONE, 1.0]).are_unclear(), "1 at the ends alone");
-        assert!(!cells([0.0, 0.0, 1.0, 0.0, 0.0, 1.0]).are_unclear());
+        assert!(!cells(&[NONE, NONE, 1.0, NONE, NONE, 1.0]).are_unclear(), "1 at the ends alone");
+        assert!(!cells(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]).are_unclear());
     }
 
     #[test]
     fn terminals_in_most_rows_are_noticed() {
-        let cells = |ends: [f64; 4]| found("", &[1.0; 4], &ends).terminal;
-        assert!(cells([1.0, 1.0, 0.0, 1.0]).are_mostly_terminals());
-        assert!(cells([2.0; 4]).are_mostly_terminals());
-        assert!(!cells([0.0, 1.0, 0.0, 1.0]).are_mostly_terminals());
+        assert!(cells(&[1.0, 1.0, 0.0, 1.0]).are_mostly_terminals());
+        assert!(cells(&[2.0; 4]).are_mostly_terminals());
+        assert!(!cells(&[0.0, 1.0, 0.0, 1.0]).are_mostly_terminals());
         let config =
             ControlConfig { actions: vec!["valve".to_owned()], ..ControlConfig::default() };
         let segments = Segments::from_lengths([2]).expect("rows");
@@ -213,10 +215,18 @@ mod tests {
         let mut ends = [0.0; 10];
         ends[4] = 1.0;
         ends[9] = 1.0;
-        let lagged = |lag: usize| found(&format!("lag = {lag}"), &[1.0; 10], &ends).lagged;
-        assert_eq!(lagged(1), LaggedDecisions { count: 0, decisions: 8 });
+        assert_eq!(
+            found("lag = 1", &[1.0; 10], &ends).lagged,
+            LaggedDecisions { count: 0, decisions: 8 }
+        );
         // Row 3 is one row before the terminal in row 4, and row 8 one row before that in row 9.
-        assert_eq!(lagged(2), LaggedDecisions { count: 2, decisions: 8 });
-        assert_eq!(lagged(500), LaggedDecisions { count: 8, decisions: 8 });
+        assert_eq!(
+            found("lag = 2", &[1.0; 10], &ends).lagged,
+            LaggedDecisions { count: 2, decisions: 8 }
+        );
+        assert_eq!(
+            found("lag = 500", &[1.0; 10], &ends).lagged,
+            LaggedDecisions { count: 8, decisions: 8 }
+        );
     }
 }

@@ -173,13 +173,15 @@ mod tests {
         assert_eq!(found, again);
     }
 
+    /// Returns the numbers of rollouts of random actions, and of each constant action.
+    fn walks(runs: usize, steps: usize, timeout: usize, actions: usize) -> [usize; 2] {
+        let FixedWalks { random, constant } =
+            FixedWalks::new(runs, RunLength { steps, timeout }, actions);
+        [random, constant]
+    }
+
     #[test]
     fn walks_are_as_many_as_tell_what_an_episode_gets() {
-        let walks = |runs: usize, steps: usize, timeout: usize, actions: usize| {
-            let FixedWalks { random, constant } =
-                FixedWalks::new(runs, RunLength { steps, timeout }, actions);
-            [random, constant]
-        };
         assert_eq!(walks(1, 300, 50, 3), [17, 6]);
         assert_eq!(walks(1, 15_000, 500, 2), [4, 2]);
         assert_eq!(walks(1, 50, 500, 2), [32, 16], "no more than so many");
@@ -193,6 +195,12 @@ mod tests {
         assert_eq!(FixedWalks::new(1, RunLength { steps: 300, timeout: 50 }, 3).in_member(3), 35);
     }
 
+    /// Returns the sum of squared distances from the mean.
+    fn spread(returns: &[f64]) -> f64 {
+        let mean = returns.iter().sum::<f64>() / returns.len() as f64;
+        returns.iter().map(|value| (value - mean).powi(2)).sum::<f64>()
+    }
+
     #[test]
     fn noise_of_walks_is_small_beside_that_of_one() {
         let log = corridor();
@@ -202,10 +210,6 @@ mod tests {
         let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
         // Each rollout has about one episode.
         let extent = Extent { runs: 1, span: RunLength { steps: 60, timeout: 60 } };
-        let spread = |returns: Vec<f64>| -> f64 {
-            let mean = returns.iter().sum::<f64>() / returns.len() as f64;
-            returns.iter().map(|value| (value - mean).powi(2)).sum::<f64>()
-        };
         let (mut of_all, mut of_one) = (Vec::new(), Vec::new());
         for number in 0..20 {
             let seed = Seed::new(number);
@@ -216,7 +220,7 @@ mod tests {
             while episodes.step(&mut FixedPolicy::Random(2), &mut walk) {}
             of_one.push(episodes.run.mean_return());
         }
-        let (many, alone) = (spread(of_all), spread(of_one));
+        let (many, alone) = (spread(&of_all), spread(&of_one));
         assert!(alone > 0.0 && many < alone / 8.0, "{many} {alone}");
     }
 }

@@ -191,17 +191,21 @@ mod tests {
         assert_eq!(told[3].1, "8", "the last field changes fastest");
     }
 
+    fn refused(grid: &Grid, agent: AgentConfig) -> String {
+        grid.candidates(agent).expect_err("refused").to_string()
+    }
+
     #[test]
     fn what_no_agent_uses_and_values_that_come_twice_are_refused() {
         let agent = AgentConfig::default();
-        let refused = |grid: Grid| grid.candidates(agent).expect_err("refused").to_string();
-        let unused = refused(Grid { epsilon: Some(vec![0.1, 0.2]), ..Grid::default() });
+        let unused = refused(&Grid { epsilon: Some(vec![0.1, 0.2]), ..Grid::default() }, agent);
         assert!(unused.contains("grid.epsilon") && unused.contains("expected_sarsa"), "{unused}");
-        let unused = refused(Grid { hidden_width: Some(vec![8]), ..Grid::default() });
+        let unused = refused(&Grid { hidden_width: Some(vec![8]), ..Grid::default() }, agent);
         assert!(unused.contains("grid.hidden_width"), "{unused}");
-        let twice = refused(Grid { step_size: Some(vec![0.1, 0.2, 0.1]), ..Grid::default() });
+        let twice =
+            refused(&Grid { step_size: Some(vec![0.1, 0.2, 0.1]), ..Grid::default() }, agent);
         assert!(twice.contains("grid.step_size") && twice.contains("0.1 twice"), "{twice}");
-        let twice = refused(Grid { pairs: Some(vec![true, true]), ..Grid::default() });
+        let twice = refused(&Grid { pairs: Some(vec![true, true]), ..Grid::default() }, agent);
         assert!(twice.contains("true twice"), "{twice}");
         // The values of a field apply only to the algorithms that use it.
         let mixed = Grid {
@@ -219,9 +223,8 @@ mod tests {
         let empty = Grid { epsilon: Some(vec![]), ..Grid::default() };
         let told = empty.candidates(AgentConfig::default()).expect_err("empty").to_string();
         assert!(told.contains("epsilon"), "{told}");
-        let refused = |grid: Grid, agent| grid.candidates(agent).expect_err("wrong").to_string();
         let tiles = Grid { tiles: Some(vec![8, 0]), ..Grid::default() };
-        let told = refused(tiles, AgentConfig::default());
+        let told = refused(&tiles, AgentConfig::default());
         assert_eq!(told, "`control.grid.tiles` is 0, expected from 1 to 64");
         // The batches of the grid are larger than the agent's replay buffer.
         let agent = AgentConfig {
@@ -229,7 +232,7 @@ mod tests {
             replay: 100,
             ..AgentConfig::default()
         };
-        let told = refused(Grid { batch: Some(vec![32, 200]), ..Grid::default() }, agent);
+        let told = refused(&Grid { batch: Some(vec![32, 200]), ..Grid::default() }, agent);
         assert!(told.starts_with("`control.agent.replay` is 100, expected from batch"), "{told}");
         assert_eq!(Grid::default().candidates(AgentConfig::default()).expect("one").len(), 1);
     }

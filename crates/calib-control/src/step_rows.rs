@@ -120,23 +120,27 @@ mod tests {
 
     #[test]
     fn a_missing_reward_is_in_the_row_of_its_action() {
-        let lacking = |row: usize| decisions_lacking("", &[row]).without_reward;
-        let within = lacking(1);
+        let within = decisions_lacking("", &[1]).without_reward;
         assert_eq!((&within.missing[..], within.missing_terminals), (&[1][..], 0));
-        let last = lacking(2);
+        let last = decisions_lacking("", &[2]).without_reward;
         assert_eq!((&last.missing[..], last.missing_terminals), (&[2][..], 1), "of the terminal");
-        assert!(lacking(5).missing.is_empty(), "its step leads nowhere in the log");
+        assert!(
+            decisions_lacking("", &[5]).without_reward.missing.is_empty(),
+            "its step leads nowhere in the log"
+        );
+    }
+
+    /// Returns the rows without an action of a log of four rows that has none in `row`, and a terminal in row 1.
+    fn without_action(row: usize) -> Vec<usize> {
+        let mut valve = vec![1.0; 4];
+        valve[row] = NONE;
+        let recorded = [valve, vec![1.0; 4], vec![0.0, 1.0, 0.0, 0.0]];
+        let segments = Segments::from_lengths([4]).expect("rows");
+        ColumnFindings::new(&config(""), &recorded, &segments).without_action
     }
 
     #[test]
     fn an_action_is_taken_in_the_row_of_a_terminal() {
-        let without_action = |row: usize| {
-            let mut valve = vec![1.0; 4];
-            valve[row] = NONE;
-            let recorded = [valve, vec![1.0; 4], vec![0.0, 1.0, 0.0, 0.0]];
-            let segments = Segments::from_lengths([4]).expect("rows");
-            ColumnFindings::new(&config(""), &recorded, &segments).without_action
-        };
         assert_eq!(without_action(1), [1], "the row of a terminal");
         assert_eq!(without_action(2), [2]);
         assert!(without_action(3).is_empty(), "the log ends there");

@@ -350,8 +350,8 @@ mod tests {
         let increments = Arc::new(Increments::new(&model, 0.95, &Silent).expect("made"));
         let ensemble = IncrementModel::new(&model, &increments);
         let step_model = StepModel::Increments(Arc::clone(&increments));
-        let new = || Walkers::new(&model, &[1, 2]).with_step_model(step_model.clone());
-        let mut walkers = new();
+        let unmoved = Walkers::new(&model, &[1, 2]).with_step_model(step_model);
+        let mut walkers = unmoved.clone();
         walkers.seed(0, 5);
         let mut walk = ensemble.walk(1);
         let mut rng = draws(5);
@@ -372,7 +372,7 @@ mod tests {
                 let stored = serde_json::to_string(&walkers).expect("stored");
                 let read: Walkers = serde_json::from_str(&stored).expect("read");
                 assert!(read.clone().restored(&model, &Walkers::new(&model, &[1, 2])).is_none());
-                walkers = read.restored(&model, &new()).expect("walks like these");
+                walkers = read.restored(&model, &unmoved).expect("walks like these");
             }
         }
         assert_eq!(walkers.walks()[0].coverage, walk.coverage());

@@ -110,13 +110,12 @@ mod tests {
     #[test]
     fn near_states_share_features_and_far_ones_do_not() {
         let mut coder = Tiles::new(16, 8, 2, true);
-        let mut features_of = |state: [f32; 2]| {
+        let [here, near, far] = [[0.5, 0.5], [0.52, 0.5], [0.9, 0.1]].map(|state: [f32; 2]| {
             let mut features = Vec::new();
             coder.put_features(&state, &mut features);
             features
-        };
-        let here = features_of([0.5, 0.5]);
-        assert!(shared(&here, &features_of([0.52, 0.5])) > 30, "of 48");
-        assert_eq!(shared(&here, &features_of([0.9, 0.1])), 0);
+        });
+        assert!(shared(&here, &near) > 30, "of 48");
+        assert_eq!(shared(&here, &far), 0);
     }
 }

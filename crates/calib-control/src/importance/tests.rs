@@ -145,9 +145,9 @@ fn who_learns_to_lead_on_is_better() {
     let found =
         off_policy_values(&log, &starts, &[sharp, dull], 20_000, 100, &Silent).expect("run");
     let values = found.importance.expect("probabilities are logged");
-    let value_at = |at: usize| values[at].value.expect("a value");
+    let [of_sharp, of_dull] = [0, 1].map(|at: usize| values[at].value.expect("a value"));
     // Going straight on takes four steps. Random actions take 20 on average, which the discount shortens.
-    assert!(value_at(0) > -7.0 && value_at(1) < -11.0, "{values:?}");
+    assert!(of_sharp > -7.0 && of_dull < -11.0, "{values:?}");
     assert!(values.iter().all(|value| value.effective_episodes > 20.0), "{values:?}");
     let robust = found.doubly_robust.expect("probabilities are logged");
     for (robust, fitted) in robust.into_iter().zip(found.fitted_q) {

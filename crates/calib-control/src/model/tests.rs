@@ -67,8 +67,10 @@ fn squared(model: &ActionModel, from: &[f32], transition: u32) -> f64 {
 fn plain(model: &ActionModel, member: usize, from: &[f32], action: usize) -> Vec<u32> {
     let mut all: Vec<u32> = model.log().with_action(action);
     all.retain(|&candidate| model.blocks().contains(member, TransitionIndex(candidate)));
-    let squared = |transition| squared(model, from, transition);
-    all.sort_by(|&a, &b| squared(a).total_cmp(&squared(b)).then(a.cmp(&b)));
+    all.sort_by(|&a, &b| {
+        let [to_a, to_b] = [a, b].map(|transition| squared(model, from, transition));
+        to_a.total_cmp(&to_b).then(a.cmp(&b))
+    });
     all.truncate(3);
     all
 }
@@ -322,21 +324,26 @@ fn every_number_of_threads_gives_the_same_tables() {
     let queries = one.log().len();
     assert!((3 * 2_048..4 * 2_048).contains(&queries), "{queries}: three parts, and one");
     assert_eq!(one.radius(), four.radius());
-    let tables = |model: &ActionModel| [model.tables.clone(), model.start_tables.clone()].concat();
-    for (one, four) in tables(&one).iter().zip(&tables(&four)) {
-        assert_eq!(one.neighbors(), four.neighbors());
-        assert_eq!(one.distances(), four.distances());
+    let pairs = [(&one.tables, &four.tables), (&one.start_tables, &four.start_tables)];
+    for (one, four) in pairs {
+        assert_eq!(one.len(), four.len());
+        for (one, four) in one.iter().zip(four) {
+            assert_eq!(one.neighbors(), four.neighbors());
+            assert_eq!(one.distances(), four.distances());
+        }
     }
+}
+
+/// Returns the memory of the lists that one search finds on so many threads.
+fn bytes_of_lists(log: &Decisions, config: &ActionModelConfig, threads: usize) -> u64 {
+    on_threads(threads, || {
+        ActionModel::build_bytes(log, 5, config) - ActionModel::bytes(log, 5, config)
+    })
 }
 
 #[test]
 fn memory_includes_the_lists_of_one_search() {
     let config = ActionModelConfig { members: 2, neighbors: 3, ..Default::default() };
-    let bytes = |log: &Decisions, threads| {
-        on_threads(threads, || {
-            ActionModel::build_bytes(log, 5, &config) - ActionModel::bytes(log, 5, &config)
-        })
-    };
     let log = log(14_001, 1, 3);
     let queries = log.len() as u64;
     // Two members have three neighbours of eight bytes for each action.
@@ -344,10 +351,10 @@ fn memory_includes_the_lists_of_one_search() {
     assert_eq!(ActionModel::bytes(&log, 5, &config), (queries + 5) * 3 * list);
     // A third of the queries, then 2,048 per thread, then all.
     assert_eq!(
-        [1, 4, 16].map(|threads| bytes(&log, threads)),
+        [1, 4, 16].map(|threads| bytes_of_lists(&log, &config, threads)),
         [queries.div_ceil(3), 4 * 2_048, queries].map(|queries| queries * 3 * list)
     );
     let (continuous, _) = continuous(60, 1);
     let queries = continuous.len() as u64;
-    assert_eq!(bytes(&continuous, 16), queries * list, "one level at a time");
+    assert_eq!(bytes_of_lists(&continuous, &config, 16), queries * list, "one level at a time");
 }

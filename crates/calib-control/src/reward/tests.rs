@@ -20,9 +20,13 @@ fn rewards(text: &str, x: &[f64], set_points: &[f64], valve: &[f64]) -> Vec<f32>
 
 const MISSING: f64 = f64::NAN;
 
+/// Returns the rewards of rows with these values of `x`.
+fn of_x(text: &str, x: &[f64]) -> Vec<f32> {
+    rewards(text, x, &vec![0.0; x.len()], &vec![0.0; x.len()])
+}
+
 #[test]
 fn terms_are_their_formulas() {
-    let of_x = |text: &str, x: &[f64]| rewards(text, x, &vec![0.0; x.len()], &vec![0.0; x.len()]);
     assert_eq!(of_x("[{ column = 'x', weight = -2 }]", &[3.0]), [-6.0]);
     assert_eq!(of_x("[{ column = 'x', weight = -2, set_point = 5 }]", &[3.0, 7.5]), [-4.0, -5.0]);
     let limits = "[{ column = 'x', weight = -2, low = 1.0, high = 2.0 }]";
@@ -48,21 +52,24 @@ fn a_set_point_may_be_a_column() {
     assert_eq!(read(text).columns().collect::<Vec<_>>(), ["x", "sp"]);
 }
 
+/// Returns the rewards of rows with these values of `x`, for a square with these keys. The set-point is 5.
+fn of_squares(keys: &str, x: &[f64]) -> Vec<f32> {
+    let text = format!("[{{ column = 'x', weight = -2, power = 2{keys} }}]");
+    rewards(&text, x, &vec![5.0; x.len()], &vec![0.0; x.len()])
+}
+
 #[test]
 fn what_counts_may_be_squared() {
-    let of_x = |keys: &str, x: &[f64]| {
-        let text = format!("[{{ column = 'x', weight = -2, power = 2{keys} }}]");
-        rewards(&text, x, &vec![5.0; x.len()], &vec![0.0; x.len()])
-    };
-    assert_eq!(of_x("", &[3.0, -1.0]), [-18.0, -2.0], "of x itself");
-    assert_eq!(of_x(", set_point = 'sp'", &[3.0, 6.0]), [-8.0, -2.0], "of the distance");
-    assert_eq!(of_x(", low = 1, high = 2", &[-2.0, 1.5, 4.0]), [-18.0, 0.0, -8.0]);
-    assert!(of_x("", &[MISSING])[0].is_nan());
+    assert_eq!(of_squares("", &[3.0, -1.0]), [-18.0, -2.0], "of x itself");
+    assert_eq!(of_squares(", set_point = 'sp'", &[3.0, 6.0]), [-8.0, -2.0], "of the distance");
+    assert_eq!(of_squares(", low = 1, high = 2", &[-2.0, 1.5, 4.0]), [-18.0, 0.0, -8.0]);
+    assert!(of_squares("", &[MISSING])[0].is_nan());
     let cube = read("[{ column = 'x' }, { column = 'x', power = 3 }]");
     let told = cube.check().expect_err("a cube").to_string();
     assert!(told.contains("`reward[1].power` is 3, expected 1, or 2"), "{told}");
-    let written = |text: &str| serde_json::to_string(&read(text)).expect("JSON");
-    assert!(!written("[{ column = 'x', power = 1 }]").contains("power"), "as without the key");
+    let linear = read("[{ column = 'x', power = 1 }]");
+    let written = serde_json::to_string(&linear).expect("JSON");
+    assert!(!written.contains("power"), "as without the key");
 }
 
 #[test]
@@ -76,10 +83,14 @@ fn an_action_counts_in_the_step_that_it_was_taken_in() {
     assert_eq!(got[1..], [-4.0, -3.0], "a set-point that an agent sets");
 }
 
+/// Returns the rewards of five rows with these actions.
+fn of_valve(text: &str, valve: &[f64]) -> Vec<f32> {
+    rewards(text, &[7.0; 5], &[0.0; 5], valve)
+}
+
 #[test]
 fn a_change_of_an_action_counts_in_the_step_that_it_made() {
     let valve = [1.0, 3.0, 3.0, 2.0, 5.0];
-    let of_valve = |text: &str, valve: &[f64]| rewards(text, &[7.0; 5], &[0.0; 5], valve);
     let text = "[{ column = 'valve', change = true, weight = -2 }]";
     // The step to row 1 begins the episode. The step to row 2 has action 3 after 1, that to row 3 has 3 after 3, and that to row 4 has
     // 2 after 3. The last action makes no step.
@@ -119,9 +130,12 @@ fn the_key_of_a_column_names_its_term() {
     assert_eq!(read("'x'").key_of("x").as_deref(), Some("reward"));
 }
 
+fn refused(text: &str) -> String {
+    read(text).check().expect_err(text).to_string()
+}
+
 #[test]
 fn terms_that_make_no_sense_are_refused() {
-    let refused = |text: &str| read(text).check().expect_err(text).to_string();
     let told = refused("[{ column = 'x' }, { column = 'x', low = 3, high = 2 }]");
     assert!(told.starts_with("`reward[1].low` is 3, expected at most what `high` is"), "{told}");
     assert!(read("[{ column = 'x', low = 2, high = 2 }]").check().is_ok());
@@ -134,7 +148,6 @@ fn terms_that_make_no_sense_are_refused() {
 
 #[test]
 fn what_means_two_things_is_refused() {
-    let refused = |text: &str| read(text).check().expect_err(text).to_string();
     let told = refused("[{ column = 'x' }, { column = 'x', set_point = 'sp', high = 2 }]");
     assert!(told.starts_with("reward[1] has both set_point and high"), "{told}");
     assert!(told.contains("two terms"), "{told}");

@@ -22,12 +22,11 @@ fn the_same_for_any_number_of_threads() {
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
     let extent = Extent { runs: 2, span: RunLength { steps: 400, timeout: 50 } };
-    let runs = |threads: usize| {
+    let [one, three] = [1, 3].map(|threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| sweep(&model, &candidates, extent, Seed::new(5), &Silent)).expect("run")
-    };
-    let one = runs(1);
-    assert_eq!(one, runs(3));
+    });
+    assert_eq!(one, three);
     assert_eq!(one.len(), 3 * 2 * 2);
     let places: Vec<_> = one.iter().map(|run| (run.member, run.run, run.candidate)).collect();
     assert!(places.is_sorted());
@@ -70,6 +69,13 @@ fn tenths_are_means_in_order() {
     assert!(tenths(&returns[..9]).is_empty());
 }
 
+/// Makes two runs of each of two agents in each of three ensemble members.
+fn swept(model: &ActionModel, agents: &[AgentConfig], keeper: &dyn RunKeeper) -> Vec<Run> {
+    let span = RunLength { steps: 200, timeout: 50 };
+    let ids = runs_here(ActionModelKind::Neighbors, 3, 2, 2, keeper);
+    sweep_keeping(model, &agents, ids, span, Seed::new(5), keeper, &Silent).expect("run")
+}
+
 #[test]
 fn a_sweep_goes_on_from_what_was_kept() {
     use std::sync::Mutex;
@@ -94,19 +100,12 @@ fn a_sweep_goes_on_from_what_was_kept() {
     let kept = Kept::default();
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
-    let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 50 } };
-    let swept = |keeper: &dyn RunKeeper| {
-        let ids = runs_here(ActionModelKind::Neighbors, 3, extent.runs, 2, keeper);
-        let agents = &candidates[..];
-        sweep_keeping(&model, &agents, ids, extent.span, Seed::new(5), keeper, &Silent)
-            .expect("run")
-    };
-    let whole = swept(&NotKept);
+    let whole = swept(&model, &candidates, &NotKept);
     assert!(whole.iter().all(|run| run.drift.episodes > 0));
-    assert_eq!(swept(&kept), whole);
+    assert_eq!(swept(&model, &candidates, &kept), whole);
     kept.runs.lock().expect("not poisoned").truncate(7);
     *kept.made.lock().expect("not poisoned") = 0;
-    assert_eq!(swept(&kept), whole);
+    assert_eq!(swept(&model, &candidates, &kept), whole);
     assert_eq!(*kept.made.lock().expect("not poisoned"), whole.len() - 7);
 }
 

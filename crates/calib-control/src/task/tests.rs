@@ -89,31 +89,33 @@ fn pendulum_steps_as_gymnasium() {
     }
 }
 
+/// Returns the states of a rollout with random actions.
+fn walk<T: Task + Default>(begin: Begin, seed: u64) -> Vec<f32> {
+    let mut simulated = Simulated::new(T::default(), begin);
+    let mut rng = Seed::new(seed).rng();
+    let mut state = vec![0.0; simulated.columns()];
+    let mut all = Vec::new();
+    for _ in 0..20 {
+        simulated.start(&mut rng, &mut state);
+        for _ in 0..30 {
+            all.extend_from_slice(&state);
+            let action = rng.below(simulated.actions());
+            if simulated.step(action, &mut rng, &mut state).ending == Ending::Terminal {
+                break;
+            }
+        }
+    }
+    all
+}
+
 /// Checks that states are scaled, that episodes begin in the chosen start states, and
 /// that equal seeds give equal rollouts.
 fn is_an_environment<T: Task + Default>() {
     for begin in [Begin::AsTheTask, Begin::Anywhere] {
-        let walk = |seed: u64| -> Vec<f32> {
-            let mut simulated = Simulated::new(T::default(), begin);
-            let mut rng = Seed::new(seed).rng();
-            let mut state = vec![0.0; simulated.columns()];
-            let mut all = Vec::new();
-            for _ in 0..20 {
-                simulated.start(&mut rng, &mut state);
-                for _ in 0..30 {
-                    all.extend_from_slice(&state);
-                    let action = rng.below(simulated.actions());
-                    if simulated.step(action, &mut rng, &mut state).ending == Ending::Terminal {
-                        break;
-                    }
-                }
-            }
-            all
-        };
-        let one = walk(3);
+        let one = walk::<T>(begin, 3);
         assert!(one.iter().all(|value| (-0.5..=1.5).contains(value)), "{one:?}");
-        assert_eq!(one, walk(3));
-        assert_ne!(one, walk(4));
+        assert_eq!(one, walk::<T>(begin, 3));
+        assert_ne!(one, walk::<T>(begin, 4));
     }
 }
 

@@ -1,6 +1,6 @@
 use std::{
     fs,
-    path::Path,
+    path::{Path, PathBuf},
     sync::atomic::{AtomicUsize, Ordering},
 };
 
@@ -91,12 +91,12 @@ fn nothing_leaves_the_range_of_the_log() {
 #[test]
 fn the_same_for_any_number_of_threads() {
     let config = NetworkConfig { updates: 30, ..NetworkConfig::default() };
-    let networks = |threads: usize| {
+    let [one, three] = [1, 3].map(|threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| model(config)).networks
-    };
-    assert_eq!(networks(1), networks(3));
-    assert_ne!(networks(1)[0], networks(1)[1], "members differ");
+    });
+    assert_eq!(one, three);
+    assert_ne!(one[0], one[1], "members differ");
 }
 
 #[test]
@@ -130,6 +130,11 @@ impl Monitor for Updates {
     }
 }
 
+/// Returns the file with the network of an ensemble member.
+fn file_of(folder: &Path, member: usize) -> PathBuf {
+    folder.join(format!("network-{member}.safetensors"))
+}
+
 /// Returns the networks of `members` with the files in `folder`, and the number of updates for them.
 fn stored(folder: &Path, key: &str, members: &[usize], seed: u64) -> (Vec<Option<Mlp>>, usize) {
     let config = NetworkConfig { updates: 30, members: 3, ..NetworkConfig::default() };
@@ -145,23 +150,26 @@ fn stored(folder: &Path, key: &str, members: &[usize], seed: u64) -> (Vec<Option
 #[test]
 fn stored_networks_are_trained_once() {
     let folder = tempfile::tempdir().expect("a folder");
-    let at = |member: usize| folder.path().join(format!("network-{member}.safetensors"));
     let all = model(NetworkConfig { updates: 30, members: 3, ..NetworkConfig::default() }).networks;
     let (two, updates) = stored(folder.path(), "log", &[0, 2], 2);
     assert_eq!(updates, 60);
     assert_eq!(two, [all[0].clone(), None, all[2].clone()]);
-    assert!(at(0).exists() && !at(1).exists() && at(2).exists());
+    assert!(
+        file_of(folder.path(), 0).exists()
+            && !file_of(folder.path(), 1).exists()
+            && file_of(folder.path(), 2).exists()
+    );
     // The missing one alone is trained.
     assert_eq!(stored(folder.path(), "log", &[0, 1, 2], 2), (all.clone(), 30));
     assert_eq!(stored(folder.path(), "log", &[0, 1, 2], 2), (all.clone(), 0));
     // A damaged one, or that of another member, is trained again.
-    let whole = fs::read(at(1)).expect("there");
+    let whole = fs::read(file_of(folder.path(), 1)).expect("there");
     let mut damaged = whole.clone();
     *damaged.last_mut().expect("not empty") ^= 1;
-    fs::write(at(1), damaged).expect("writable");
-    fs::copy(at(0), at(2)).expect("writable");
+    fs::write(file_of(folder.path(), 1), damaged).expect("writable");
+    fs::copy(file_of(folder.path(), 0), file_of(folder.path(), 2)).expect("writable");
     assert_eq!(stored(folder.path(), "log", &[0, 1, 2], 2), (all, 60));
-    assert_eq!(fs::read(at(1)).expect("there"), whole, "the same bytes");
+    assert_eq!(fs::read(file_of(folder.path(), 1)).expect("there"), whole, "the same bytes");
     // Another log and another seed need other networks.
     assert_eq!(stored(folder.path(), "another log", &[0, 1, 2], 2).1, 90);
     assert_eq!(stored(folder.path(), "another log", &[0, 1, 2], 3).1, 90);
@@ -177,34 +185,34 @@ fn networks_without_a_valid_file_are_counted() {
     let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
     let files = NetworkFiles::new(folder.path(), "log");
     let seed = Seed::new(2);
-    let count = |members: &[usize]| NetworkModel::count_untrained(&model, members, seed, &files);
-    assert_eq!(count(&[0, 1, 2]), 3);
+    assert_eq!(NetworkModel::count_untrained(&model, &[0, 1, 2], seed, &files), 3);
     NetworkModel::for_members(&model, &[1], seed, Some(&files), &Silent).expect("trained");
-    assert_eq!([count(&[0, 1, 2]), count(&[1])], [2, 0]);
+    assert_eq!(NetworkModel::count_untrained(&model, &[0, 1, 2], seed, &files), 2);
+    assert_eq!(NetworkModel::count_untrained(&model, &[1], seed, &files), 0);
     fs::write(folder.path().join("network-1.safetensors"), "damaged").expect("writable");
-    assert_eq!(count(&[1]), 1);
+    assert_eq!(NetworkModel::count_untrained(&model, &[1], seed, &files), 1);
+}
+
+/// Trains the networks of `members`, and stores them in `folder`.
+fn trained_in(folder: &Path, config: &NetworkConfig, members: &[usize]) -> NetworkModel {
+    let files = NetworkFiles::new(folder, "log");
+    let seed = Seed::new(2);
+    NetworkModel::train_members(&log(), one_start(), config, members, seed, Some(&files), &Silent)
+        .expect("learnt")
 }
 
 #[test]
 fn networks_that_cannot_be_stored_are_used() {
     let folder = tempfile::tempdir().expect("a folder");
-    let at = |member: usize| folder.path().join(format!("network-{member}.safetensors"));
     // No file can be put in the place of a folder.
-    fs::create_dir_all(at(1).join("in the way")).expect("writable");
+    fs::create_dir_all(file_of(folder.path(), 1).join("in the way")).expect("writable");
     let config = NetworkConfig { updates: 30, members: 3, ..NetworkConfig::default() };
-    let files = NetworkFiles::new(folder.path(), "log");
-    let train = |members: &[usize]| {
-        let starts = one_start();
-        let seed = Seed::new(2);
-        NetworkModel::train_members(&log(), starts, &config, members, seed, Some(&files), &Silent)
-            .expect("learnt")
-    };
-    let all = train(&[0, 1, 2]);
+    let all = trained_in(folder.path(), &config, &[0, 1, 2]);
     assert_eq!(all.networks, model(config).networks);
     let told = all.unstored().expect("not stored").to_string();
     assert!(told.contains("network-1.safetensors"), "{told}");
-    assert!(at(0).is_file() && at(2).is_file());
-    assert!(train(&[0, 2]).unstored().is_none());
+    assert!(file_of(folder.path(), 0).is_file() && file_of(folder.path(), 2).is_file());
+    assert!(trained_in(folder.path(), &config, &[0, 2]).unstored().is_none());
 }
 
 #[test]
