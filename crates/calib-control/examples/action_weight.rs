@@ -36,12 +36,9 @@ const WEIGHTS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 
 fn main() -> Outcome<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |place: usize, default: usize| -> Outcome<usize> {
-        Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
-    };
     let directory = Path::new(arguments.first().ok_or("where to write?")?);
-    let logs = number(1, 10)?;
-    let truth_runs = number(2, 30)?;
+    let logs = number(&arguments, 1, 10)?;
+    let truth_runs = number(&arguments, 2, 30)?;
     fs::create_dir_all(directory)?;
     let candidates = Grid::published().candidates(AgentConfig::default())?;
     let truth = true_returns(&directory.join("truth.json"), &candidates, truth_runs)?;
@@ -54,6 +51,11 @@ fn main() -> Outcome<()> {
         }
     }
     table(&path, &truth)
+}
+
+/// Returns the number at a place of the arguments, or `default` if there is none.
+fn number(arguments: &[String], place: usize, default: usize) -> Outcome<usize> {
+    Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
 }
 
 /// Returns the true mean return of each setting. Reads it from `path`, or computes it and writes it there.
@@ -85,16 +87,18 @@ fn one(
     truth: &[f64],
 ) -> Outcome<()> {
     let name = format!("{}/{length}/{number}", quality.name());
-    let done = |weight: f64| {
-        lines(path).iter().any(|line| line["name"] == name.as_str() && line["weight"] == weight)
-    };
-    if WEIGHTS.into_iter().all(done) {
+    let done = lines(path);
+    let left = WEIGHTS.into_iter().filter(|&weight| {
+        !done.iter().any(|line| line["name"] == name.as_str() && line["weight"] == weight)
+    });
+    let left: Vec<f64> = left.collect();
+    if left.is_empty() {
         return Ok(());
     }
     let seed = Seed::new(2).child(quality.name()).number(length as u64).number(number as u64);
     let log = log_of(quality, length, candidates, truth, seed)?;
     let starts = starts(&log)?;
-    for weight in WEIGHTS.into_iter().filter(|&weight| !done(weight)) {
+    for weight in left {
         let config = ActionModelConfig { action_weight: weight, ..Default::default() };
         let metric = log.states().clone();
         let worst = KIND.worst_return();
@@ -185,12 +189,12 @@ fn table(path: &Path, truth: &[f64]) -> Outcome<()> {
         "| behaviour and steps | weight | logs | percentile | regret in % of a random choice's | not covered, % |\n|---|---|---|---|---|---|\n",
     );
     for ((cell, weight), rows) in cells {
-        let told = |column: usize| -> Outcome<String> {
+        let [percentile, regret, uncovered] = [0, 1, 2].map(|column: usize| -> Outcome<String> {
             let summary = summarise(&rows.iter().map(|row| row[column]).collect::<Vec<_>>())?;
             let half = summary.interval.map_or(f64::NAN, |interval| interval.high - summary.mean);
             Ok(format!("{:.0} ± {half:.0}", summary.mean))
-        };
-        let [percentile, regret, uncovered] = [told(0)?, told(1)?, told(2)?];
+        });
+        let [percentile, regret, uncovered] = [percentile?, regret?, uncovered?];
         let logs = rows.len();
         writeln!(text, "| {cell} | {weight} | {logs} | {percentile} | {regret} | {uncovered} |")?;
     }

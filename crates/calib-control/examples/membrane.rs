@@ -33,13 +33,10 @@ const KIND: TaskKind = TaskKind::Membrane;
 
 fn main() -> Outcome<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |place: usize, default: usize| -> Outcome<usize> {
-        Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
-    };
     let directory = Path::new(arguments.first().ok_or("where to write?")?);
-    let plants = number(1, 20)?;
-    let transitions = number(2, 5000)?;
-    let truth_runs = number(3, 3)?;
+    let plants = number(&arguments, 1, 20)?;
+    let transitions = number(&arguments, 2, 5000)?;
+    let truth_runs = number(&arguments, 3, 3)?;
     let policy: Quality = match arguments.get(4) {
         Some(name) => serde_json::from_value(json!(name))?,
         None => Quality::Perturbed,
@@ -50,6 +47,11 @@ fn main() -> Outcome<()> {
         study.plant(plant)?;
     }
     study.table()
+}
+
+/// Returns the number at a place of the arguments, or `default` if there is none.
+fn number(arguments: &[String], place: usize, default: usize) -> Outcome<usize> {
+    Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
 }
 
 struct Study {
@@ -101,10 +103,9 @@ impl Study {
     /// Chooses a setting from the log of one plant, and compares it with the truth.
     fn one(&self, number: usize) -> Outcome<Value> {
         let seed = Seed::new(19).child("membrane").number(number as u64);
-        let make = || Simulated::new(Membrane::new(seed), Begin::AsTheTask);
         let span = RunLength { steps: STEPS, timeout: KIND.timeout() };
         let mut operators = self.operators()?;
-        let (model, starts) = self.model(&mut operators, &mut make(), seed)?;
+        let (model, starts) = self.model(&mut operators, &mut simulated(seed), seed)?;
         let candidates = grid().candidates(default())?;
         let untuned = candidates.iter().position(|candidate| *candidate == default());
         let extent = Extent { runs: 1, span };
@@ -120,23 +121,24 @@ impl Study {
         let best_fitted = (0..fitted.len())
             .max_by(|&a, &b| fitted[a].value.total_cmp(&fitted[b].value).then(b.cmp(&a)));
         let extent = Extent { runs: self.truth_runs, span };
-        let lives = truth(make, &candidates, extent, seed, &Silent)?;
+        let lives = truth(|| simulated(seed), &candidates, extent, seed, &Silent)?;
         let means: Vec<f64> = (0..candidates.len())
             .map(|candidate: usize| {
                 lives.iter().map(|run| run[candidate]).sum::<f64>() / lives.len() as f64
             })
             .collect();
-        let taught = |config| self.taught(&model, config, make, span, seed);
-        let by_policy = |behaviour: &mut Behaviour| {
-            behaviour.mean_return(&mut make(), 100, span.timeout, seed.child("policy"))
-        };
         let mut rule = Behaviour::rule_of::<Membrane>().ok_or("a plant has a rule")?;
+        let [rule, logged] = [&mut rule, &mut operators].map(|behaviour: &mut Behaviour| {
+            behaviour.mean_return(&mut simulated(seed), 100, span.timeout, seed.child("policy"))
+        });
+        let [taught, taught_default] = [candidates[verdict.chosen], default()]
+            .map(|config: AgentConfig| self.taught(&model, config, span, seed));
         Ok(json!({
             "plant": number, "policy": self.policy, "transitions": self.transitions,
             "actions": log.counts(), "terminals": log.terminals(), "covered": model.covered(),
             "truth": means, "chosen": verdict.chosen, "fitted": best_fitted, "default": untuned,
-            "taught": taught(candidates[verdict.chosen]), "taught_default": taught(default()),
-            "rule": by_policy(&mut rule), "logged": by_policy(&mut operators),
+            "taught": taught, "taught_default": taught_default,
+            "rule": rule, "logged": logged,
             "uncovered": verdict.coverage[verdict.chosen].uncovered(),
             "doubts": verdict.doubts, "model": verdict.selection.mean_errors,
             "percentile": regret(&means, verdict.chosen).percentile,
@@ -173,14 +175,7 @@ impl Study {
 
     /// Returns the true mean return of an agent that first learned in every ensemble member, one after the other, and
     /// then acts at the plant.
-    fn taught(
-        &self,
-        model: &ActionModel,
-        config: AgentConfig,
-        make: impl Fn() -> Simulated<Membrane>,
-        span: RunLength,
-        seed: Seed,
-    ) -> f64 {
+    fn taught(&self, model: &ActionModel, config: AgentConfig, span: RunLength, seed: Seed) -> f64 {
         let mut agent = Agent::new(config, 4, 8);
         for member in 0..model.members() {
             let seed = seed.child("taught").number(member as u64);
@@ -188,8 +183,8 @@ impl Study {
         }
         (0..self.truth_runs)
             .map(|run: usize| {
-                let seed = seed.child("truth").number(run as u64);
-                run_agent(&mut agent.clone(), &mut make(), span, seed).mean_return()
+                let run_seed = seed.child("truth").number(run as u64);
+                run_agent(&mut agent.clone(), &mut simulated(seed), span, run_seed).mean_return()
             })
             .sum::<f64>()
             / self.truth_runs as f64
@@ -204,25 +199,28 @@ impl Study {
         writeln!(text, "|---|---|---|---|")?;
         for (name, value) in &ways {
             let own: Vec<f64> = lines.iter().map(value).collect();
-            let less = |way: usize| -> Outcome<String> {
-                let over: Vec<f64> =
-                    lines.iter().map(|line| ways[way].1(line) - value(line)).collect();
-                told(&over)
-            };
-            writeln!(text, "| {name} | {} | {} | {} |", told(&own)?, less(0)?, less(1)?)?;
+            let [tuned, taught] = [ways[0].1, ways[1].1].map(|other: fn(&Value) -> f64| {
+                told(&lines.iter().map(|line| other(line) - value(line)).collect::<Vec<f64>>())
+            });
+            writeln!(text, "| {name} | {} | {} | {} |", told(&own)?, tuned?, taught?)?;
         }
-        let percent =
-            |key: &str| lines.iter().map(|line| 100.0 * read(line, key)).collect::<Vec<f64>>();
+        let [percentile, uncovered] = ["percentile", "uncovered"].map(|key| {
+            told(&lines.iter().map(|line| 100.0 * read(line, key)).collect::<Vec<f64>>())
+        });
         let refused = lines.iter().filter(|line| line["doubts"] != json!([])).count();
         writeln!(
             text,
             "\npercentile of the choice {}; {} % of its steps in the model not covered; {refused} refused",
-            told(&percent("percentile"))?,
-            told(&percent("uncovered"))?
+            percentile?, uncovered?
         )?;
         let name = format!("{}-{}.md", self.policy.name(), self.transitions);
         Ok(fs::write(self.directory.join(name), text)?)
     }
+}
+
+/// Returns the plant of this seed as an environment.
+fn simulated(seed: Seed) -> Simulated<Membrane> {
+    Simulated::new(Membrane::new(seed), Begin::AsTheTask)
 }
 
 fn read(line: &Value, key: &str) -> f64 {

@@ -86,6 +86,11 @@ impl Variant {
         }
     }
 
+    /// Returns the name of the line of a log with this many steps.
+    fn log_name(&self, length: usize) -> String {
+        format!("{}/{}/{length}", self.kind.name(), self.number)
+    }
+
     fn seed(&self) -> Seed {
         Seed::new(4).child("drawn").child(self.kind.name()).number(self.number as u64)
     }
@@ -108,9 +113,11 @@ fn logs<T: Task>(path: &Path, variant: &Variant, task: T) -> Outcome<()> {
     let lines = fs::read_to_string(path).unwrap_or_default();
     let done: Vec<Value> =
         lines.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-    let name = |length: usize| format!("{}/{}/{length}", variant.kind.name(), variant.number);
-    let is_done = |length: usize| done.iter().any(|line| line["name"] == name(length).as_str());
-    let left: Vec<usize> = LENGTHS.into_iter().filter(|&length| !is_done(length)).collect();
+    let left = LENGTHS.into_iter().filter(|&length| {
+        let name = variant.log_name(length);
+        !done.iter().any(|line| line["name"] == name.as_str())
+    });
+    let left: Vec<usize> = left.collect();
     if left.is_empty() {
         return Ok(());
     }
@@ -122,7 +129,7 @@ fn logs<T: Task>(path: &Path, variant: &Variant, task: T) -> Outcome<()> {
     for length in left {
         let line = one_log(variant, &task, length, &candidates, &returns)?;
         let mut file = OpenOptions::new().create(true).append(true).open(path)?;
-        writeln!(file, "{}", with(line, &name(length)))?;
+        writeln!(file, "{}", with(line, &variant.log_name(length)))?;
     }
     Ok(())
 }
@@ -135,8 +142,14 @@ fn true_returns<T: Task>(
 ) -> Outcome<Vec<f64>> {
     let span = RunLength { steps: STEPS, timeout: variant.kind.timeout() };
     let extent = Extent { runs: TRUTH_RUNS, span };
-    let make = || Simulated::new(task.clone(), Begin::AsTheTask);
-    Ok(means(&truth(make, agents, extent, variant.seed(), &Silent)?))
+    let returns = truth(
+        || Simulated::new(task.clone(), Begin::AsTheTask),
+        agents,
+        extent,
+        variant.seed(),
+        &Silent,
+    );
+    Ok(means(&returns?))
 }
 
 fn one_log<T: Task>(

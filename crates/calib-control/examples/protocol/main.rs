@@ -111,24 +111,18 @@ fn main() -> Outcome<()> {
             })?
         }
     };
-    let number = |place: usize, default: usize| -> Outcome<usize> {
-        Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
-    };
     let directory = Path::new(arguments.first().ok_or("where to write?")?);
     let logs = match arguments.get(1).and_then(|text| text.split_once("..")) {
         Some((first, end)) => first.parse::<usize>()?..end.parse()?,
-        None => 0..number(1, 30)?,
+        None => 0..number(&arguments, 1, 30)?,
     };
-    let truth_runs = number(2, 30)?;
+    let truth_runs = number(&arguments, 2, 30)?;
     let pessimism = match arguments.get(3).map(String::as_str) {
         None | Some("nearest") => Pessimism::Nearest,
         Some("minimum_return") => Pessimism::MinimumReturn,
         Some(other) => return Err(format!("`{other}` is no rule for what is not covered").into()),
     };
     let wanted = arguments.get(4);
-    let is_wanted = |kind: TaskKind| {
-        wanted.is_none_or(|names| names.split(',').any(|name| name == kind.name()))
-    };
     fs::create_dir_all(directory)?;
     if model == Model::Drawn {
         return drawn::run(&directory.join(model.file()), logs);
@@ -139,17 +133,27 @@ fn main() -> Outcome<()> {
     let poles = study.truth(TaskKind::CartPole, &cart_pole)?;
     let puddles = study.truth(TaskKind::PuddleWorld, &PuddleWorld::default())?;
     for log in logs {
-        if is_wanted(TaskKind::PuddleWorld) {
+        if is_wanted(wanted, TaskKind::PuddleWorld) {
             study.log(TaskKind::PuddleWorld, &PuddleWorld::default(), log, &puddles)?;
         }
-        if is_wanted(TaskKind::CartPole) {
+        if is_wanted(wanted, TaskKind::CartPole) {
             study.log(TaskKind::CartPole, &cart_pole, log, &poles)?;
         }
-        if is_wanted(TaskKind::Acrobot) {
+        if is_wanted(wanted, TaskKind::Acrobot) {
             study.log(TaskKind::Acrobot, &Acrobot::default(), log, &acrobot)?;
         }
     }
     Ok(())
+}
+
+/// Returns the number at a place of the arguments, or `default` if there is none.
+fn number(arguments: &[String], place: usize, default: usize) -> Outcome<usize> {
+    Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
+}
+
+/// Returns whether the names, separated by commas, include this task. Without names, all tasks are wanted.
+fn is_wanted(names: Option<&String>, kind: TaskKind) -> bool {
+    names.is_none_or(|names| names.split(',').any(|name| name == kind.name()))
 }
 
 struct Study<'a> {

@@ -133,28 +133,29 @@ fn a_candidate_that_diverges_is_not_chosen() {
     assert_eq!(verdict.doubts, [], "a default that diverges is surely worse");
 }
 
+/// Returns the agreement of neighbours and networks on four settings with these returns in every ensemble member.
+fn agreement(returns: [[f64; 4]; 2]) -> Option<f64> {
+    let log = plain();
+    let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network];
+    let mut runs = Vec::new();
+    for (kind, own) in kinds.into_iter().zip(returns) {
+        for member in 0..2 {
+            let candidates = own.into_iter().enumerate();
+            runs.extend(
+                candidates.map(|(candidate, mean)| Run { kind, ..run(member, candidate, mean) }),
+            );
+        }
+    }
+    let question = Question { default: Some(0), ..Question::new(&log, 500, 4) };
+    judge(&runs, &question, Seed::new(1)).expect("judged").kinds_agreement()
+}
+
 #[test]
 fn kinds_agree_on_an_order_as_far_as_their_ranks_do() {
-    let log = plain();
-    let of_kinds = |returns: [[f64; 4]; 2]| {
-        let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network];
-        let mut runs = Vec::new();
-        for (kind, own) in kinds.into_iter().zip(returns) {
-            for member in 0..2 {
-                let candidates = own.into_iter().enumerate();
-                runs.extend(
-                    candidates
-                        .map(|(candidate, mean)| Run { kind, ..run(member, candidate, mean) }),
-                );
-            }
-        }
-        let question = Question { default: Some(0), ..Question::new(&log, 500, 4) };
-        judge(&runs, &question, Seed::new(1)).expect("judged").kinds_agreement()
-    };
     let order = [-9.0, -8.0, -7.0, -6.0];
-    assert_eq!(of_kinds([order, [-90.0, -80.0, -70.0, -60.0]]), Some(1.0));
-    assert_eq!(of_kinds([order, [-6.0, -7.0, -8.0, -9.0]]), Some(-1.0));
-    assert_eq!(of_kinds([order, [-1.0; 4]]), Some(0.0), "a kind that ranks all alike");
+    assert_eq!(agreement([order, [-90.0, -80.0, -70.0, -60.0]]), Some(1.0));
+    assert_eq!(agreement([order, [-6.0, -7.0, -8.0, -9.0]]), Some(-1.0));
+    assert_eq!(agreement([order, [-1.0; 4]]), Some(0.0), "a kind that ranks all alike");
     assert_eq!(judged(&GOOD, Support::default()).kinds_agreement(), None, "of one kind");
 }
 
@@ -194,38 +195,37 @@ fn a_choice_that_may_be_no_better_than_the_default_is_doubted() {
 fn ranks_over_few_blocks_alone_put_no_choice_ahead_of_the_default() {
     // The difference is one rank in every block, and a return of 1.1 or 0.1.
     let returns = [[-10.1, -9.0, -12.0], [-9.1, -9.0, -12.0]].repeat(2);
-    let with_blocks = |blocks: usize| {
+    for blocks in [2, 3, FEWEST_BLOCKS] {
         let verdict = judged(&returns[..blocks], Support::default());
-        let interval = |over: Option<Difference>| over.expect("two").interval.expect("blocks");
-        assert!(interval(verdict.over_default).low < 0.0);
-        assert_eq!(interval(verdict.ranks_over_default), Interval { low: 1.0, high: 1.0 });
-        verdict
-    };
-    for few in [2, 3] {
-        let verdict = with_blocks(few);
-        assert_eq!(verdict.doubts, [Doubt::NotBetterThanDefault], "{few} blocks");
-        assert!(!verdict.is_ahead_of_default());
+        let [of_returns, of_ranks] = [verdict.over_default, verdict.ranks_over_default]
+            .map(|over: Option<Difference>| over.expect("two").interval.expect("blocks"));
+        assert!(of_returns.low < 0.0);
+        assert_eq!(of_ranks, Interval { low: 1.0, high: 1.0 });
+        let expected =
+            if blocks < FEWEST_BLOCKS { vec![Doubt::NotBetterThanDefault] } else { Vec::new() };
+        assert_eq!(verdict.doubts, expected, "{blocks} blocks");
+        assert_eq!(verdict.is_ahead_of_default(), expected.is_empty(), "{blocks} blocks");
     }
-    let verdict = with_blocks(FEWEST_BLOCKS);
-    assert!(verdict.doubts.is_empty() && verdict.is_ahead_of_default(), "{:?}", verdict.doubts);
     let ranks = judged(&GOOD, Support::default()).ranks_over_default.expect("a default");
     assert!((ranks.mean - 5.0 / 3.0).abs() < 1e-12, "of 3 and 1, 3 and 2, 3 and 1");
 }
 
+/// Returns the doubts about good runs with this many terminals each in the three kinds of models.
+fn doubts_with_terminals(terminals: [usize; 3]) -> Vec<Doubt> {
+    let log = plain();
+    let all = ActionModelKind::ALL.into_iter().zip(terminals).flat_map(|(kind, terminals)| {
+        runs(&GOOD).into_iter().map(move |run| Run { kind, terminals, ..run })
+    });
+    let all: Vec<Run> = all.collect();
+    let question = Question { rule: RankRule::MeanRank, ..question(&log) };
+    judge(&all, &question, Seed::new(1)).expect("judged").doubts
+}
+
 #[test]
 fn terminals_are_rare_where_most_kinds_of_models_have_few() {
-    let log = plain();
-    let of_kinds = |terminals: [usize; 3]| -> Vec<Doubt> {
-        let all = ActionModelKind::ALL.into_iter().zip(terminals).flat_map(|(kind, terminals)| {
-            runs(&GOOD).into_iter().map(move |run| Run { kind, terminals, ..run })
-        });
-        let all: Vec<Run> = all.collect();
-        let question = Question { rule: RankRule::MeanRank, ..question(&log) };
-        judge(&all, &question, Seed::new(1)).expect("judged").doubts
-    };
     // Terminals occur in one of ten steps of the log, and in one of a hundred steps or in none of models.
-    assert_eq!(of_kinds([0, 10, 10]), [], "one kind alone");
-    assert!(matches!(of_kinds([0, 0, 10])[..], [Doubt::RareTerminals { .. }]));
+    assert_eq!(doubts_with_terminals([0, 10, 10]), [], "one kind alone");
+    assert!(matches!(doubts_with_terminals([0, 0, 10])[..], [Doubt::RareTerminals { .. }]));
 }
 
 #[test]
@@ -340,7 +340,8 @@ fn a_wall_of_the_log_is_told_by_displacement() {
     let starts = Starts { observed: metric.slice(0..20), metric: metric.slice(0..20) };
     let config = ActionModelConfig::default();
     let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
-    let held = |action: fn(usize) -> usize| {
+    let actions: [fn(usize) -> usize; 2] = [|_| 2, |step| 2 * (step % 2)];
+    let [up, up_and_down] = actions.map(|action| {
         let mut walk = model.walk(0);
         let mut rng = Seed::new(5).rng();
         let mut state = [0.0; 4];
@@ -353,11 +354,10 @@ fn a_wall_of_the_log_is_told_by_displacement() {
         walk.start(&mut rng, &mut state);
         assert!(walk.coverage().uncovered() < 0.3, "{:?}", walk.coverage());
         displaced(&walk.drift())
-    };
+    });
     // 100 steps up would be five times the recorded range. All of them are covered, and jumps undo the movement beyond the range.
-    let up = held(|_| 2);
     assert!(matches!(up, Some(Doubt::Displaced { column: 0, mean, .. }) if mean < -3.5), "{up:?}");
-    assert_eq!(held(|step| 2 * (step % 2)), None, "up and down");
+    assert_eq!(up_and_down, None);
 }
 
 /// Returns results of two actions. The second one has these returns in the ensemble members.
@@ -417,26 +417,28 @@ fn noisy_actions(step: u32) -> Vec<f64> {
     places.map(|place| (place - 31.5) / 18.47 - 9.833).collect()
 }
 
+/// Returns the best of 64 equal actions, of which one gets `more_of_one` more, and whether it is a doubt.
+fn best_of_many(more_of_one: f64) -> (BestConstant, bool) {
+    let mut members = [5, 27, 43].map(noisy_actions).to_vec();
+    for returns in &mut members {
+        returns[7] += more_of_one;
+    }
+    let [of_two] = constants([-20.0; 3], 0);
+    let coverage = vec![of_two.coverage[0]; 64];
+    let verdict = judged_beside(&[ConstantReturns { members, coverage, ..of_two }]);
+    let best = verdict.constant.expect("tried");
+    let mut doubts = verdict.doubts.into_iter();
+    let is_doubted = doubts.any(|doubt| matches!(doubt, Doubt::WorseThanConstant { .. }));
+    (best, is_doubted)
+}
+
 #[test]
 fn the_best_of_many_equal_actions_is_no_doubt() {
-    let beside = |more_of_one: f64| {
-        let mut members = [5, 27, 43].map(noisy_actions).to_vec();
-        for returns in &mut members {
-            returns[7] += more_of_one;
-        }
-        let [of_two] = constants([-20.0; 3], 0);
-        let coverage = vec![of_two.coverage[0]; 64];
-        let verdict = judged_beside(&[ConstantReturns { members, coverage, ..of_two }]);
-        let best = verdict.constant.expect("tried");
-        let mut doubts = verdict.doubts.into_iter();
-        let is_doubted = doubts.any(|doubt| matches!(doubt, Doubt::WorseThanConstant { .. }));
-        (best, is_doubted)
-    };
-    let (best, is_doubted) = beside(0.0);
+    let (best, is_doubted) = best_of_many(0.0);
     let over = best.over.expect("finite");
     assert!(best.mean_return > -9.0 && over.mean > 1.4, "the best one looks good: {best:?}");
     assert!(over.interval.is_some() && !is_doubted);
-    let (best, is_doubted) = beside(4.0);
+    let (best, is_doubted) = best_of_many(4.0);
     assert!(best.action == 7 && is_doubted, "{best:?}");
 }
 
@@ -449,17 +451,17 @@ fn the_order_of_kinds_changes_nothing() {
     let coverage = vec![Coverage { far: 0, ..of_neighbors.coverage[0] }; 2];
     let of_networks = ConstantReturns { kind, coverage, ..of_neighbors.clone() };
     let runs = [runs(&GOOD), runs_of_kind(kind, &GOOD)].concat();
-    let judged = |constants: &[ConstantReturns]| {
-        judge(&runs, &Question { constants, ..question(&log) }, Seed::new(1)).expect("judged")
-    };
-    let verdict = judged(&[of_neighbors.clone(), of_networks.clone()]);
+    let orders = [[of_neighbors.clone(), of_networks.clone()], [of_networks, of_neighbors]];
+    let [verdict, other] = orders.map(|constants: [ConstantReturns; 2]| {
+        let question = Question { constants: &constants, ..question(&log) };
+        judge(&runs, &question, Seed::new(1)).expect("judged")
+    });
     assert_eq!(
         verdict.constant.as_ref().map(|best| best.action),
         Some(0),
         "the other is not covered"
     );
     assert_eq!(verdict.doubts, []);
-    let other = judged(&[of_networks, of_neighbors]);
     assert_eq!(other.doubts, []);
     let [one, two] = [verdict, other].map(|verdict| verdict.constant.expect("tried"));
     assert_eq!(
@@ -469,31 +471,34 @@ fn the_order_of_kinds_changes_nothing() {
     assert_eq!(one.over, two.over);
 }
 
+fn is_doubted_beside_random(verdict: &ReturnVerdict) -> bool {
+    verdict.doubts.iter().any(|doubt| matches!(doubt, Doubt::NotBetterThanRandomActions { .. }))
+}
+
+/// Returns the doubts about good runs of one ensemble member, in which random actions get `random`.
+fn doubts_in_one_member(random: f64) -> Vec<Doubt> {
+    let [of_three] = constants([-30.0; 3], 10);
+    let members = of_three.members[..1].to_vec();
+    let constants = [ConstantReturns { members, random: vec![random], ..of_three }];
+    let log = plain();
+    let question = Question { constants: &constants, ..question(&log) };
+    judge(&runs(&GOOD[..1]), &question, Seed::new(1)).expect("judged").doubts
+}
+
 #[test]
 fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
-    let is_doubted = |verdict: &ReturnVerdict| {
-        verdict.doubts.iter().any(|doubt| matches!(doubt, Doubt::NotBetterThanRandomActions { .. }))
-    };
     let worse = constants([-30.0; 3], 10);
     // The choice gets -9, -11 and -8, and random actions get -20.
     let verdict = judged_beside(&worse);
     let random = verdict.random_actions.expect("tried");
     assert!((random.over.expect("finite").mean - 32.0 / 3.0).abs() < 1e-12);
-    assert!(!is_doubted(&verdict), "{:?}", verdict.doubts);
+    assert!(!is_doubted_beside_random(&verdict), "{:?}", verdict.doubts);
     let [mut alike, mut better] = [worse.clone(), worse];
     alike[0].random = vec![-9.0, -13.0, -7.0];
     better[0].random = vec![-3.0; 3];
-    assert!(is_doubted(&judged_beside(&alike)), "by chance");
-    assert!(is_doubted(&judged_beside(&better)));
+    assert!(is_doubted_beside_random(&judged_beside(&alike)), "by chance");
+    assert!(is_doubted_beside_random(&judged_beside(&better)));
     // One ensemble member has no interval. The choice gets -9 in it.
-    let doubts_in_one_member = |random: f64| {
-        let [of_three] = constants([-30.0; 3], 10);
-        let members = of_three.members[..1].to_vec();
-        let constants = [ConstantReturns { members, random: vec![random], ..of_three }];
-        let log = plain();
-        let question = Question { constants: &constants, ..question(&log) };
-        judge(&runs(&GOOD[..1]), &question, Seed::new(1)).expect("judged").doubts
-    };
     let expected = [Doubt::OneMember, Doubt::NotBetterThanDefault];
     assert_eq!(doubts_in_one_member(-20.0), expected);
     let random = Doubt::NotBetterThanRandomActions { random: -9.0, promised: -9.0 };
@@ -505,45 +510,50 @@ fn less_evidence_gives_no_more_confidence() {
     let log = plain();
     // There is no default, and returns are noise: the choice of the first member looks good in it.
     let question = Question { default: None, ..question(&log) };
-    let doubts = |blocks: usize| {
-        let returns = [[-15.0, -9.0, -12.0], [-15.5, -9.5, -12.0]];
-        judge(&runs(&returns[..blocks]), &question, Seed::new(1)).expect("judged").doubts
-    };
-    assert_eq!(doubts(1), [Doubt::OneMember]);
-    assert_eq!(doubts(2), []);
+    let returns = [[-15.0, -9.0, -12.0], [-15.5, -9.5, -12.0]];
+    let one = judge(&runs(&returns[..1]), &question, Seed::new(1)).expect("judged");
+    assert_eq!(one.doubts, [Doubt::OneMember]);
+    let two = judge(&runs(&returns), &question, Seed::new(1)).expect("judged");
+    assert_eq!(two.doubts, []);
 }
 
-#[test]
-fn a_member_that_alone_makes_random_actions_look_as_good_is_named() {
+/// Judges a choice that fails in one network. Random actions get `of_neighbors` in neighbours, and less in networks.
+fn random_actions_beside(of_neighbors: [f64; 4], blocks: usize) -> RandomActions {
     let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network];
-    // The choice fails in one network. Random actions get less in networks than in neighbours.
     let fails = [[-15.0, -10.0, -16.0], [-15.0, -150.0, -16.0]];
     let networks = [fails[0], fails[0], fails[1], fails[0]];
     let all =
         [runs_of_kind(kinds[0], &[[-15.0, -9.0, -16.0]; 4]), runs_of_kind(kinds[1], &networks)];
     let log = plain();
-    let outlying = |of_neighbors: [f64; 4], blocks: usize| {
-        let random = [of_neighbors, [-40.0; 4]];
-        let constants = [0, 1].map(|kind: usize| ConstantReturns {
-            kind: kinds[kind],
-            members: vec![vec![-300.0]; blocks],
-            random: random[kind][..blocks].to_vec(),
-            coverage: vec![Coverage::default()],
-        });
-        let mut runs = all.concat();
-        runs.retain(|run| run.member < blocks);
-        let rule = RankRule::MeanRank;
-        let question = Question { constants: &constants, rule, ..question(&log) };
-        let verdict = judge(&runs, &question, Seed::new(1)).expect("judged");
-        assert_eq!(verdict.chosen, 1);
-        verdict.random_actions.expect("tried")
-    };
-    let random = outlying([-20.0; 4], 4);
+    let random = [of_neighbors, [-40.0; 4]];
+    let constants = [0, 1].map(|kind: usize| ConstantReturns {
+        kind: kinds[kind],
+        members: vec![vec![-300.0]; blocks],
+        random: random[kind][..blocks].to_vec(),
+        coverage: vec![Coverage::default()],
+    });
+    let mut runs = all.concat();
+    runs.retain(|run| run.member < blocks);
+    let rule = RankRule::MeanRank;
+    let question = Question { constants: &constants, rule, ..question(&log) };
+    let verdict = judge(&runs, &question, Seed::new(1)).expect("judged");
+    assert_eq!(verdict.chosen, 1);
+    verdict.random_actions.expect("tried")
+}
+
+#[test]
+fn a_member_that_alone_makes_random_actions_look_as_good_is_named() {
+    let random = random_actions_beside([-20.0; 4], 4);
     let over = random.over.expect("finite");
     assert!(over.mean > 0.0 && over.interval.is_some_and(|interval| interval.low < 0.0));
-    let network = OutlyingMember { kind: kinds[1], member: 2, chosen_return: -150.0 };
+    let network =
+        OutlyingMember { kind: ActionModelKind::Network, member: 2, chosen_return: -150.0 };
     assert_eq!(random.outlying, Some(network));
-    assert_eq!(outlying([-90.0, -20.0, -20.0, -5.0], 4).outlying, None, "noise without it too");
-    let few = outlying([-60.0; 4], 3);
+    assert_eq!(
+        random_actions_beside([-90.0, -20.0, -20.0, -5.0], 4).outlying,
+        None,
+        "noise without it too"
+    );
+    let few = random_actions_beside([-60.0; 4], 3);
     assert!(few.outlying.is_none(), "of three members none stands out");
 }
