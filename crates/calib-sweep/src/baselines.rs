@@ -167,13 +167,8 @@ impl<'a> Baselines<'a> {
             if made[place].is_some() || agent.baseline.is_none() {
                 continue;
             }
-            let wants = |other: usize| -> Option<WantedPredictor> {
-                let (config, column) = agents[other];
-                let is_alike = config.gamma == agent.gamma && config.traces == agent.traces;
-                is_alike.then_some((config.baseline?, column))
-            };
             let mut wanted: Vec<WantedPredictor> =
-                (place..agents.len()).filter_map(wants).collect();
+                agents[place..].iter().filter_map(|&other| wanted_beside(agent, other)).collect();
             wanted.sort_unstable();
             wanted.dedup();
             let seen = with_traces(stream, &agent.traces);
@@ -181,7 +176,7 @@ impl<'a> Baselines<'a> {
             let values: Vec<Arc<[f32]>> =
                 fitted.iter().map(|fitted| fitted.predictions(&*seen).into()).collect();
             for (other, made) in made.iter_mut().enumerate().skip(place) {
-                if let Some(own) = wants(other) {
+                if let Some(own) = wanted_beside(agent, agents[other]) {
                     let at = wanted.partition_point(|wanted| *wanted < own);
                     *made = Some(Arc::clone(&values[at]));
                 }
@@ -189,6 +184,15 @@ impl<'a> Baselines<'a> {
         }
         Ok(made)
     }
+}
+
+/// Returns the baseline of an agent and its predicted column, if it has the discount factor and the traces of `agent`.
+fn wanted_beside(
+    agent: &AgentConfig,
+    (other, column): (&AgentConfig, usize),
+) -> Option<WantedPredictor> {
+    let is_alike = other.gamma == agent.gamma && other.traces == agent.traces;
+    is_alike.then_some((other.baseline?, column))
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

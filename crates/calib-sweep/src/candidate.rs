@@ -117,18 +117,21 @@ fn only_number(values: &[(String, Value)]) -> Option<f64> {
 }
 
 fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
-    let invalid = |reason: String| SweepError::Candidate { candidate: label(values), reason };
     let with = if agent.is_external() {
         of_program(agent, values)
     } else {
         let mut fields = agent.fields();
         fields.extend(values.iter().cloned());
         let with: AgentConfig = serde_json::from_value(Value::Object(fields))
-            .map_err(|error| invalid(error.to_string()))?;
+            .map_err(|error| invalid(values, error.to_string()))?;
         AgentConfig { gammas: agent.gammas.clone(), ..with }
     };
-    with.check().map_err(|error| invalid(error.to_string()))?;
+    with.check().map_err(|error| invalid(values, error.to_string()))?;
     Ok(with)
+}
+
+fn invalid(values: &[(String, Value)], reason: String) -> SweepError {
+    SweepError::Candidate { candidate: label(values), reason }
 }
 
 /// Returns the agent of an external program, with these values as its parameters. A whole number becomes a fraction

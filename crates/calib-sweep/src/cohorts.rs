@@ -50,23 +50,23 @@ fn together(
 ) -> Result<Vec<Vec<UnitRuns>>, SweepError> {
     let streams = passes.par_iter().map(|pass| pass.stream());
     let streams: Vec<RunStream> = streams.collect::<Result<_, _>>()?;
-    let both = || passes.iter().zip(&streams);
-    let runs: Vec<Run<'_>> = both()
+    let both = passes.iter().zip(&streams);
+    let runs: Vec<Run<'_>> = both
+        .clone()
         .filter(|(_, streamed)| streamed.not_finite.is_none())
         .map(|(pass, streamed)| pass.agent_run(&*streamed.stream))
         .collect();
     let made =
         train_together(&runs, &passes[0].learners(), accelerator, monitor).map_err(failed)?;
     let mut made = made.into_iter();
-    both()
-        .map(|(pass, streamed)| match streamed.not_finite {
-            Some(_) => {
-                monitor.advance(pass.options.span.steps as u64);
-                pass.put(sink, streamed, SettingRun::failed)
-            }
-            None => pass.put_outcomes(sink, streamed, made.next().unwrap_or_default()),
-        })
-        .collect()
+    both.map(|(pass, streamed)| match streamed.not_finite {
+        Some(_) => {
+            monitor.advance(pass.options.span.steps as u64);
+            pass.put(sink, streamed, SettingRun::failed)
+        }
+        None => pass.put_outcomes(sink, streamed, made.next().unwrap_or_default()),
+    })
+    .collect()
 }
 
 /// Converts the error that ended the training of a cohort.

@@ -281,12 +281,10 @@ impl<'a> Plan<'a> {
                         Some(SurvivorsBefore::Some(left)) => Some(left),
                         Some(SurvivorsBefore::OneOrUnknown) => continue,
                     };
-                    let is_left = |index: &usize| {
-                        left.is_none_or(|left: &BTreeSet<usize>| left.contains(index))
-                    };
-                    let all = 0..self.candidates.len();
-                    let trained: Vec<usize> = all.clone().filter(is_left).collect();
-                    let dropped = all.filter(|index| !is_left(index)).collect();
+                    let (trained, dropped): (Vec<usize>, Vec<usize>) = (0..self.candidates.len())
+                        .partition(|index| {
+                            left.is_none_or(|left: &BTreeSet<usize>| left.contains(index))
+                        });
                     let agents: Vec<&Candidate> =
                         trained.iter().map(|&index| &candidates[index]).collect();
                     let settings =
@@ -310,7 +308,7 @@ impl<'a> Plan<'a> {
                         column,
                         agents,
                         settings,
-                        dropped,
+                        dropped: dropped.into_iter().collect(),
                         start,
                         seed,
                         key,

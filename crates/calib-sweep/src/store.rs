@@ -225,14 +225,16 @@ mod tests {
     use crate::SettingRun;
 
     #[cfg(unix)]
+    fn write(path: &Path) {
+        std::fs::create_dir_all(path.parent().expect("below")).expect("made");
+        std::fs::write(path, b"content").expect("written");
+    }
+
+    #[cfg(unix)]
     #[test]
     fn clearing_leaves_what_is_not_a_unit() {
         let directory = tempfile::tempdir().expect("a directory");
-        let at = |name: &str| directory.path().join(name);
-        let write = |name: &str| {
-            std::fs::create_dir_all(at(name).parent().expect("below")).expect("made");
-            std::fs::write(at(name), b"content").expect("written");
-        };
+        let root = directory.path();
         let own = [
             "units/P/online/run-0000.json",
             "units/P/member-0/run-12345.json",
@@ -246,16 +248,32 @@ mod tests {
             "units/P/online/deeper/run-0001.json",
             "theirs/online/run-0000.json",
         ];
-        own.iter().chain(&foreign).for_each(|name| write(name));
-        std::os::unix::fs::symlink(at("theirs"), at("units/linked")).expect("linked");
-        UnitStore::new(at("units")).clear().expect("cleared");
-        assert!(own.iter().all(|name| !at(name).exists()) && !at("units/P/member-0").exists());
-        assert!(foreign.iter().all(|name| at(name).exists()));
-        std::fs::rename(at("units"), at("elsewhere")).expect("renamed");
-        write("elsewhere/P/online/run-0000.json");
-        std::os::unix::fs::symlink(at("elsewhere"), at("units")).expect("linked");
-        UnitStore::new(at("units")).clear().expect("nothing to clear");
-        assert!(at("elsewhere/P/online/run-0000.json").exists());
+        own.iter().chain(&foreign).for_each(|name| write(&root.join(name)));
+        std::os::unix::fs::symlink(root.join("theirs"), root.join("units/linked")).expect("linked");
+        UnitStore::new(root.join("units")).clear().expect("cleared");
+        assert!(
+            own.iter().all(|name| !root.join(name).exists())
+                && !root.join("units/P/member-0").exists()
+        );
+        assert!(foreign.iter().all(|name| root.join(name).exists()));
+        std::fs::rename(root.join("units"), root.join("elsewhere")).expect("renamed");
+        write(&root.join("elsewhere/P/online/run-0000.json"));
+        std::os::unix::fs::symlink(root.join("elsewhere"), root.join("units")).expect("linked");
+        UnitStore::new(root.join("units")).clear().expect("nothing to clear");
+        assert!(root.join("elsewhere/P/online/run-0000.json").exists());
+    }
+
+    /// Returns failed runs of these settings.
+    fn runs_of(unit: &Unit, settings: &[&str]) -> UnitRuns {
+        let runs = settings.iter().map(|name| ((*name).to_owned(), SettingRun::failed(3)));
+        UnitRuns {
+            key: "a".to_owned(),
+            unit: unit.clone(),
+            seed: 1,
+            start_row: 2,
+            not_finite: None,
+            runs: runs.collect(),
+        }
     }
 
     #[test]
@@ -264,24 +282,13 @@ mod tests {
         let store = UnitStore::new(directory.path().join("units"));
         let unit = Unit { sensor: "P/1".to_owned(), environment: EnvironmentId::Member(2), run: 7 };
         assert_eq!(store.get(&unit, "a"), None);
-        let unit_runs = |settings: &[&str]| UnitRuns {
-            key: "a".to_owned(),
-            unit: unit.clone(),
-            seed: 1,
-            start_row: 2,
-            not_finite: None,
-            runs: settings
-                .iter()
-                .map(|setting| ((*setting).to_owned(), SettingRun::failed(3)))
-                .collect(),
-        };
-        store.put(&unit_runs(&["x", "y"])).expect("written");
-        assert_eq!(store.get(&unit, "a"), Some(unit_runs(&["x", "y"])));
+        store.put(&runs_of(&unit, &["x", "y"])).expect("written");
+        assert_eq!(store.get(&unit, "a"), Some(runs_of(&unit, &["x", "y"])));
         assert_eq!(store.get(&unit, "b"), None);
-        store.put(&unit_runs(&["z"])).expect("written");
+        store.put(&runs_of(&unit, &["z"])).expect("written");
         assert_eq!(
             store.get(&unit, "a"),
-            Some(unit_runs(&["x", "y", "z"])),
+            Some(runs_of(&unit, &["x", "y", "z"])),
             "those of other settings stay"
         );
         let settings = ["z", "x"];

@@ -81,12 +81,11 @@ impl Windows {
                 (start, part.scored_steps(&pieces, gamma, steps))
             })
             .collect();
-        let with = |least: usize| -> Vec<usize> {
-            scored.iter().filter(|window| window.1 >= least.max(1)).map(|window| window.0).collect()
-        };
         let unbroken = part.scored_steps(std::slice::from_ref(&(0..states)), gamma, steps);
-        let starts = Some(with(unbroken.div_ceil(10))).filter(|enough| !enough.is_empty());
-        let starts = starts.unwrap_or_else(|| with(1));
+        let mut starts = starts_with(&scored, unbroken.div_ceil(10));
+        if starts.is_empty() {
+            starts = starts_with(&scored, 1);
+        }
         let left_out = all - starts.len();
         Self { starts, states, left_out }
     }
@@ -105,6 +104,12 @@ impl Windows {
     pub fn of_run(&self, run: usize) -> usize {
         run % self.starts.len()
     }
+}
+
+/// Returns the starts of the windows, each with its scored steps, that have `least` of them or more, and at least one.
+fn starts_with(scored: &[(usize, usize)], least: usize) -> Vec<usize> {
+    let enough = scored.iter().filter(|window| window.1 >= least.max(1));
+    enough.map(|window| window.0).collect()
 }
 
 /// Returns the place of item `number` of `count` evenly spread items. The first is at 0 and the last at `last`.

@@ -237,11 +237,6 @@ impl TruthInputs<'_> {
     /// Returns the regrets of other ways to choose.
     fn baselines(&self) -> Result<Vec<BaselineRegret>, SweepError> {
         let losses = self.losses;
-        let of_value = |baseline, value: Option<usize>| BaselineRegret {
-            baseline,
-            chosen: value,
-            regret: value.and_then(|value| losses.regret(value)),
-        };
         let log = self.all.log.as_ref();
         let replayed = log.map(|log| Ok::<_, SweepError>(self.best_of_kept(&log.means()?)));
         let latest = log.and_then(|log| Some(self.best_of_kept(&log.streams.first()?.means())));
@@ -250,13 +245,19 @@ impl TruthInputs<'_> {
         let random = means
             .map(|means| means.iter().map(|loss| loss.exp_m1()).sum::<f64>() / means.len() as f64);
         Ok(vec![
-            of_value(ChoiceBaseline::Default, self.default()),
-            of_value(ChoiceBaseline::LogReplay, replayed.transpose()?),
-            of_value(ChoiceBaseline::LatestWindow, latest),
+            self.regret_of(ChoiceBaseline::Default, self.default()),
+            self.regret_of(ChoiceBaseline::LogReplay, replayed.transpose()?),
+            self.regret_of(ChoiceBaseline::LatestWindow, latest),
             unbounded(ChoiceBaseline::Random, random),
-            of_value(ChoiceBaseline::Hindsight, best),
+            self.regret_of(ChoiceBaseline::Hindsight, best),
             unbounded(ChoiceBaseline::AnotherWindow, losses.another_window()),
         ])
+    }
+
+    /// Returns the regret of a baseline that chooses this setting.
+    fn regret_of(&self, baseline: ChoiceBaseline, chosen: Option<usize>) -> BaselineRegret {
+        let regret = chosen.and_then(|chosen| self.losses.regret(chosen));
+        BaselineRegret { baseline, chosen, regret }
     }
 
     /// Returns the best of the settings that were not dropped. Errors of dropped settings come from other streams.

@@ -32,16 +32,18 @@ impl MeasuredErrors {
             results.iter().map(|result| result.unit.environment).collect();
         ids.sort_unstable();
         ids.dedup();
-        let errors = |id| Errors::new(id, results, judging, candidates);
-        let one = |id: EnvironmentId| ids.contains(&id).then(|| errors(id)).transpose();
+        let [log, online] = [EnvironmentId::LogReplay, EnvironmentId::Online].map(|id| {
+            let errors = ids.contains(&id).then(|| Errors::new(id, results, judging, candidates));
+            errors.transpose()
+        });
         Ok(Self {
             members: ids
                 .iter()
                 .filter(|id| matches!(id, EnvironmentId::Member(_)))
-                .map(|&id| errors(id))
+                .map(|&id| Errors::new(id, results, judging, candidates))
                 .collect::<Result<_, _>>()?,
-            log: one(EnvironmentId::LogReplay)?,
-            online: one(EnvironmentId::Online)?,
+            log: log?,
+            online: online?,
         })
     }
 }

@@ -43,14 +43,14 @@ pub(super) fn choices(
         let Ok(measured) = results.measured(&judging) else { continue };
         let own = results.judged(&measured, &judging)?;
         let online = measured.online.as_ref().map(Errors::means).transpose()?;
-        let error = |candidate: usize| {
+        let [online_error, online_error_of_verdict] = [own.chosen, chosen].map(|candidate| {
             online.as_ref().map(|means| means[candidate]).filter(|error| error.is_finite())
-        };
+        });
         choices.push(PartChoice {
             part,
             chosen: own.chosen,
-            online_error: error(own.chosen),
-            online_error_of_verdict: error(chosen),
+            online_error,
+            online_error_of_verdict,
             recommendation: own.recommendation(),
             simple: own.simpler().or_else(|| own.preferred_simple()).cloned(),
             learning_off: own.learning_off.filter(|_| own.simpler().is_none()),

@@ -109,19 +109,12 @@ impl Chooser<'_> {
         rule: Rule,
         evidence: Evidence<'_, '_>,
     ) -> Result<usize, StatsError> {
-        let by_ranks = |key: fn(&Selection, usize) -> [f64; 2]| -> Result<usize, StatsError> {
-            let mut selection = self.selection(evidence)?;
-            self.without_dropped(&mut selection.mean_errors);
-            let keys: Vec<[f64; 2]> =
-                (0..self.values).map(|value| key(&selection, value)).collect();
-            Ok(first_smallest(&keys))
-        };
         match rule {
             Rule::WorstRank => Ok(self.selection(evidence)?.chosen),
-            Rule::MeanRank => by_ranks(|selection, value| {
+            Rule::MeanRank => self.first_by(evidence, |selection, value| {
                 [selection.mean_ranks[value], selection.mean_errors[value]]
             }),
-            Rule::MeanError => by_ranks(|selection, value| {
+            Rule::MeanError => self.first_by(evidence, |selection, value| {
                 [selection.mean_errors[value], selection.mean_ranks[value]]
             }),
             Rule::MeanLogError | Rule::Pooled | Rule::LogReplay => {
@@ -137,6 +130,18 @@ impl Chooser<'_> {
                 None => self.choose(Rule::Pooled, evidence),
             },
         }
+    }
+
+    /// Returns the first of the settings with the smallest `key`.
+    fn first_by(
+        &self,
+        evidence: Evidence<'_, '_>,
+        key: fn(&Selection, usize) -> [f64; 2],
+    ) -> Result<usize, StatsError> {
+        let mut selection = self.selection(evidence)?;
+        self.without_dropped(&mut selection.mean_errors);
+        let keys: Vec<[f64; 2]> = (0..self.values).map(|value| key(&selection, value)).collect();
+        Ok(first_smallest(&keys))
     }
 
     /// Sets the mean errors of dropped settings to infinity. They made few runs, so their means do not compare with the
@@ -225,14 +230,9 @@ fn first_smallest(keys: &[[f64; 2]]) -> usize {
 
 /// Returns the rank position of each setting: by worst rank, then mean rank, then mean error.
 fn selection_order(selection: &Selection) -> Vec<f64> {
-    let key = |value: usize| {
-        let rank = selection.worst_ranks[value];
-        (rank, selection.mean_ranks[value], selection.mean_errors[value])
-    };
-    let count = selection.worst_ranks.len();
-    (0..count)
-        .map(|value| (0..count).filter(|&other| key(other) < key(value)).count() as f64)
-        .collect()
+    let ranks = selection.worst_ranks.iter().zip(&selection.mean_ranks);
+    let keys: Vec<_> = ranks.zip(&selection.mean_errors).collect();
+    keys.iter().map(|key| keys.iter().filter(|other| *other < key).count() as f64).collect()
 }
 
 /// The choice of a rule, with its regret.

@@ -135,8 +135,8 @@ fn the_log_decides_alone_where_there_is_no_model() {
         log_run(1, 9, [0.3, 0.1, 0.4]),
         log_run(2, 18, [0.2, 0.3, 0.5]),
     ];
-    let with_online = || all.iter().cloned().chain(online()).collect::<Vec<_>>();
-    let judged = judge(Rule::LogReplay, &with_online());
+    let with_online: Vec<UnitResult> = all.iter().cloned().chain(online()).collect();
+    let judged = judge(Rule::LogReplay, &with_online);
     assert_eq!((judged.chosen, judged.selection.as_ref(), judged.members.len()), (1, None, 0));
     let rules: Vec<Rule> = judged.rules.iter().map(|choice| choice.rule).collect();
     assert_eq!(rules, [Rule::LogReplay, Rule::OneStandardError]);
@@ -149,7 +149,7 @@ fn the_log_decides_alone_where_there_is_no_model() {
     assert!(judged.tells_apart() && judged.truth.is_some());
     // The same choice as next to a model, which this rule ignores.
     let beside =
-        judge(Rule::LogReplay, &members().into_iter().chain(with_online()).collect::<Vec<_>>());
+        judge(Rule::LogReplay, &members().into_iter().chain(with_online).collect::<Vec<_>>());
     assert_eq!((beside.chosen, &beside.scores), (judged.chosen, &judged.scores));
     assert!(beside.selection.is_some());
     let text = serde_json::to_string(&judged).expect("JSON");
@@ -264,12 +264,14 @@ fn regrets_are_geometric_over_windows() {
     near(regrets[1], 2.0_f64.sqrt() - 1.0);
     near(regrets[2], 1.0);
     assert_eq!((truth.best, truth.scores.streams, truth.scores.runs), (Some(0), 2, 4));
-    let cost = |baseline| cost(&truth, baseline);
-    near(cost(ChoiceBaseline::AnotherWindow).expect("two windows"), 1.0);
-    near(cost(ChoiceBaseline::Hindsight).expect("known"), 2.0_f64.sqrt() - 1.0);
-    near(cost(ChoiceBaseline::Default).expect("known"), 1.0);
-    near(cost(ChoiceBaseline::Random).expect("known"), (2.0 * (2.0_f64.sqrt() - 1.0) + 1.0) / 3.0);
-    assert_eq!(cost(ChoiceBaseline::LogReplay), None, "the log was not replayed");
+    near(cost(&truth, ChoiceBaseline::AnotherWindow).expect("two windows"), 1.0);
+    near(cost(&truth, ChoiceBaseline::Hindsight).expect("known"), 2.0_f64.sqrt() - 1.0);
+    near(cost(&truth, ChoiceBaseline::Default).expect("known"), 1.0);
+    near(
+        cost(&truth, ChoiceBaseline::Random).expect("known"),
+        (2.0 * (2.0_f64.sqrt() - 1.0) + 1.0) / 3.0,
+    );
+    assert_eq!(cost(&truth, ChoiceBaseline::LogReplay), None, "the log was not replayed");
     let choice = truth.choice;
     near(choice.against_default.expect("another").value, 0.5_f64.sqrt());
     assert_eq!(choice.regret.expect("known").upper, None, "two windows bound nothing");

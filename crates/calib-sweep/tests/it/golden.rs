@@ -9,8 +9,8 @@ use calib_agent::{
 };
 use calib_core::{RowStream, Seed, Segments, Silent, States};
 use calib_sweep::{
-    Candidate, ChoiceBaseline, EnvironmentId, Judging, Rule, RunRow, SensorVerdict, Unit,
-    UnitResult, raced, verdict,
+    BaselineRegret, Candidate, ChoiceBaseline, EnvironmentId, Judging, Rule, RunRow, SensorVerdict,
+    Unit, UnitResult, raced, verdict,
 };
 use serde::Deserialize;
 
@@ -170,6 +170,10 @@ fn near(what: &str, got: f64, expected: f64, tolerance: f64) {
     assert!((got - expected).abs() < tolerance, "{what}: {got}, expected {expected}");
 }
 
+fn baseline(all: &[BaselineRegret], wanted: ChoiceBaseline) -> &BaselineRegret {
+    all.iter().find(|known| known.baseline == wanted).expect("there")
+}
+
 #[test]
 fn choices_regrets_and_bounds_are_numpys() {
     let golden = golden().verdict;
@@ -184,15 +188,18 @@ fn choices_regrets_and_bounds_are_numpys() {
     {
         near(&format!("regret of {value}"), got, *expected, 1e-12);
     }
-    let baseline = |wanted| {
-        truth.baselines.iter().find(|known| known.baseline == wanted).expect("there").clone()
-    };
-    let cost = |wanted| baseline(wanted).regret.expect("known").value;
-    near("another window", cost(ChoiceBaseline::AnotherWindow), golden.another_window, 1e-12);
-    near("hindsight", cost(ChoiceBaseline::Hindsight), golden.hindsight, 1e-12);
-    near("random", cost(ChoiceBaseline::Random), golden.random, 1e-12);
-    assert_eq!(baseline(ChoiceBaseline::LogReplay).chosen, Some(golden.log_replay));
-    assert_eq!(baseline(ChoiceBaseline::LatestWindow).chosen, Some(golden.latest_window));
+    for (wanted, expected) in [
+        (ChoiceBaseline::AnotherWindow, golden.another_window),
+        (ChoiceBaseline::Hindsight, golden.hindsight),
+        (ChoiceBaseline::Random, golden.random),
+    ] {
+        let cost = baseline(&truth.baselines, wanted).regret.expect("known").value;
+        near(&format!("{wanted:?}"), cost, expected, 1e-12);
+    }
+    let replayed = baseline(&truth.baselines, ChoiceBaseline::LogReplay);
+    assert_eq!(replayed.chosen, Some(golden.log_replay));
+    let latest = baseline(&truth.baselines, ChoiceBaseline::LatestWindow);
+    assert_eq!(latest.chosen, Some(golden.latest_window));
     let bound = truth.choice.regret.expect("known").upper.expect("four windows");
     near("bound", bound, golden.regret_bound, 1e-6);
     let quotient = truth.choice.against_default.expect("another");

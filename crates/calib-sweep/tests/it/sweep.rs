@@ -20,10 +20,11 @@ use calib_model::{
     StartSource, start_states,
 };
 use calib_sweep::{
-    Candidate, ChoiceBaseline, Environment, EnvironmentId, ErrorScale, Grade, Judging,
-    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedSensor, PlannedUnit, ReplayEnvironment,
-    RolloutOptions, Rule, ScoringDemand, SensorGroup, SensorVerdict, Span, Start, StoredUnits,
-    SweepConfig, SweepError, Unit, UnitResult, UnitStore, Windows, candidates, raced, verdict,
+    Candidate, ChoiceBaseline, CompletedSweep, Environment, EnvironmentId, ErrorScale, Grade,
+    Judging, MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedSensor, PlannedUnit,
+    ReplayEnvironment, RolloutOptions, Rule, ScoringDemand, SensorGroup, SensorVerdict, Span,
+    Start, StoredUnits, SweepConfig, SweepError, Truth, Unit, UnitResult, UnitStore, Windows,
+    candidates, raced, verdict,
 };
 
 /// Returns a wave with a period of 24 rows.
@@ -154,17 +155,17 @@ fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool").install(work)
 }
 
+fn results_of(study: &Study, store: &UnitStore) -> Vec<UnitResult> {
+    study.with_plan(1, |plan| plan.run(store, &Silent).expect("runs"))
+}
+
 #[test]
 fn results_do_not_depend_on_threads_or_on_interruptions() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
-    let store = |name: &str| UnitStore::new(directory.path().join(name));
-    let one = store("one");
-    let four = store("four");
-    let run =
-        |store: &UnitStore| study.with_plan(1, |plan| plan.run(store, &Silent).expect("runs"));
-    let alone = in_pool(1, || run(&one));
-    let together = in_pool(4, || run(&four));
+    let [one, four] = ["one", "four"].map(|name| UnitStore::new(directory.path().join(name)));
+    let alone = in_pool(1, || results_of(&study, &one));
+    let together = in_pool(4, || results_of(&study, &four));
     assert_eq!(alone, together);
 
     // One unit is lost and another damaged. Only these are run again, with the same result.
@@ -179,7 +180,7 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
         one.collect(&units, &settings),
         Err(SweepError::Incomplete { missing: 2, .. })
     ));
-    assert_eq!(run(&one), alone);
+    assert_eq!(results_of(&study, &one), alone);
     assert_eq!(written_at(&kept), before);
     assert_eq!(one.collect(&units, &settings).expect("complete"), alone);
 
@@ -199,34 +200,43 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     ));
 }
 
+/// Completes a sweep or a race, and returns the number of runs that were left before.
+fn completed(study: &Study, store: &UnitStore, is_race: bool) -> (usize, CompletedSweep) {
+    study.with_runs(1, 4, |plan| {
+        let plan = if is_race { plan.race() } else { plan };
+        let stored = plan.stored(store);
+        let left = plan.runs_left(&stored);
+        (left, plan.complete(stored, store, &Silent).expect("runs"))
+    })
+}
+
 #[test]
 fn a_larger_grid_trains_its_new_settings_alone() {
     let small = Study::of(&[1e-5, 5e-2, 1e38]);
     let large = Study::of(&[1e-5, 1e-4, 5e-2, 1e38]);
     let directory = tempfile::tempdir().expect("a directory");
     for is_race in [false, true] {
-        let made = |study: &Study, name: &str| {
-            let store = UnitStore::new(directory.path().join(format!("{name}-{is_race}")));
-            study.with_runs(1, 4, |plan| {
-                let plan = if is_race { plan.race() } else { plan };
-                let stored = plan.stored(&store);
-                let left = plan.runs_left(&stored);
-                (left, plan.complete(stored, &store, &Silent).expect("runs"))
-            })
-        };
-        let (_, fresh) = made(&large, "fresh");
-        let (_, before) = made(&small, "grown");
-        let (left, grown) = made(&large, "grown");
+        let [fresh_store, grown_store] = ["fresh", "grown"]
+            .map(|name| UnitStore::new(directory.path().join(format!("{name}-{is_race}"))));
+        let (_, fresh) = completed(&large, &fresh_store, is_race);
+        let (_, before) = completed(&small, &grown_store, is_race);
+        let (left, grown) = completed(&large, &grown_store, is_race);
         assert_eq!(grown.results, fresh.results, "race: {is_race}");
         if !is_race {
             // Two sensors, four runs in each of three members, on the log and online.
             assert_eq!((left, grown.runs, grown.ran), (40, 40, 40));
         }
         assert!(grown.runs < fresh.runs / 2, "{is_race}: {} of {}", grown.runs, fresh.runs);
-        let (left, back) = made(&small, "grown");
+        let (left, back) = completed(&small, &grown_store, is_race);
         assert_eq!((left, back.runs, back.ran), (0, 0, 0), "race: {is_race}");
         assert_eq!(back.results, before.results, "race: {is_race}");
     }
+}
+
+/// Returns the setting that a baseline chooses, and its regret.
+fn cost(truth: &Truth, baseline: ChoiceBaseline) -> (Option<usize>, Option<f64>) {
+    let own = truth.baselines.iter().find(|known| known.baseline == baseline).expect("there");
+    (own.chosen, own.regret.map(|regret| regret.value))
 }
 
 #[test]
@@ -254,14 +264,14 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     assert_eq!((regret.value, regret.upper), (0.0, None));
     assert!(truth.choice.spearman.expect("four values") > 0.9);
     assert!(truth.scores.skill[2].expect("learnt") > 0.0);
-    let cost = |baseline| {
-        let own = truth.baselines.iter().find(|known| known.baseline == baseline).expect("there");
-        (own.chosen, own.regret.map(|regret| regret.value))
-    };
-    assert_eq!(cost(ChoiceBaseline::Hindsight), (Some(2), Some(0.0)));
-    assert_eq!(cost(ChoiceBaseline::AnotherWindow), (None, Some(0.0)));
-    assert_eq!(cost(ChoiceBaseline::Random), (None, Some(f64::INFINITY)), "one of four diverges");
-    let (default, default_regret) = cost(ChoiceBaseline::Default);
+    assert_eq!(cost(truth, ChoiceBaseline::Hindsight), (Some(2), Some(0.0)));
+    assert_eq!(cost(truth, ChoiceBaseline::AnotherWindow), (None, Some(0.0)));
+    assert_eq!(
+        cost(truth, ChoiceBaseline::Random),
+        (None, Some(f64::INFINITY)),
+        "one of four diverges"
+    );
+    let (default, default_regret) = cost(truth, ChoiceBaseline::Default);
     assert!(study.candidates[default.expect("one")].is_default);
     assert!(default_regret > Some(0.0));
     assert!(truth.choice.against_default.expect("another").value < 1.0);
@@ -332,10 +342,9 @@ impl Monitor for Impatient {
 fn long_runs_go_on_in_the_middle() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
-    let store = |name: &str| UnitStore::new(directory.path().join(name));
-    let whole = store("whole");
-    let stopped = store("stopped");
-    let expected = study.with_plan(1, |plan| plan.run(&whole, &Silent).expect("runs"));
+    let [whole, stopped] =
+        ["whole", "stopped"].map(|name| UnitStore::new(directory.path().join(name)));
+    let expected = results_of(&study, &whole);
     let unfinished = directory.path().join("stopped/.unfinished");
     // Six or eight agents with at least a million multiplications per step: one state every hundred steps.
     let mut resumed = 0;
@@ -362,12 +371,10 @@ fn agents_start_from_checkpoints() {
     let fingerprint = Fingerprint::of(b"checkpoint");
     let start = Start { checkpoint, baseline: None, fingerprint };
     let starts = BTreeMap::from([("B".to_owned(), start)]);
-    let run = |name: &str, starts: BTreeMap<String, Start>| {
-        let store = UnitStore::new(directory.path().join(name));
-        study.with_plan(1, |plan| plan.starting_from(starts).run(&store, &Silent).expect("runs"))
-    };
-    let scratch = run("scratch", BTreeMap::new());
-    let tuned = run("tuned", starts);
+    let scratch = results_of(&study, &UnitStore::new(directory.path().join("scratch")));
+    let store = UnitStore::new(directory.path().join("tuned"));
+    let tuned =
+        study.with_plan(1, |plan| plan.starting_from(starts).run(&store, &Silent).expect("runs"));
     for (scratch, tuned) in scratch.iter().zip(&tuned) {
         let of_b = scratch.unit.sensor == "B";
         assert_eq!(scratch.key == tuned.key, !of_b, "a checkpoint is an input of its sensor");
@@ -377,10 +384,11 @@ fn agents_start_from_checkpoints() {
 
 /// Returns the complete sweep of four settings and the same sweep as a race. Checks that the race makes the same runs.
 fn whole_and_raced(study: &Study, directory: &Path) -> (Vec<UnitResult>, Vec<UnitResult>) {
-    let store = |name: &str| UnitStore::new(directory.join(name));
-    let whole = study.with_runs(1, 4, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
-    let alone = in_pool(1, || race(study, &store("one")));
-    assert_eq!(alone, in_pool(4, || race(study, &store("four"))));
+    let [whole, one, four] =
+        ["whole", "one", "four"].map(|name| UnitStore::new(directory.join(name)));
+    let whole = study.with_runs(1, 4, |plan| plan.run(&whole, &Silent).expect("runs"));
+    let alone = in_pool(1, || race(study, &one));
+    assert_eq!(alone, in_pool(4, || race(study, &four)));
     let expected = raced(&whole, 4, Part::WholeRun);
     assert_eq!(alone.len(), expected.len());
     for (made, expected) in alone.iter().zip(&expected) {
@@ -470,10 +478,9 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let kept = ["one/A/member-2/run-0000.json", "one/A/member-1/run-0001.json"];
     let kept = kept.map(|name| directory.path().join(name));
     fs::remove_file(lost).expect("was there");
-    let written = || kept.each_ref().map(|file| written_at(file));
-    let before = written();
+    let before = kept.each_ref().map(|file| written_at(file));
     assert_eq!(race(&study, &one), alone);
-    assert_eq!(written(), before);
+    assert_eq!(kept.each_ref().map(|file| written_at(file)), before);
 }
 
 /// A model that multiplies states by 10 where the first sensor is above one half, and keeps others.
@@ -562,12 +569,11 @@ fn a_sensor_of_another_discount_factor_leaves_the_others_as_they_are() {
             Candidate { agent, ..candidate.clone() }
         })
         .collect();
-    let replay = |span: Span| {
+    let longer = Span::new(600, [0.9]);
+    let [of_near, of_far] = [span(), longer].map(|span: Span| {
         let windows = Windows::log(study.train.segments(), demand(span), 2);
         ReplayEnvironment::log_replay(&study.train, windows, Fingerprint::of(b"data"))
-    };
-    let longer = Span::new(600, [0.9]);
-    let [of_near, of_far] = [replay(span()), replay(longer)];
+    });
     let near_options = plan_options(span(), Seed::new(1));
     let far_options = plan_options(longer, Seed::new(1));
     let near_plan = Plan::new(&study.candidates, vec![&of_near], sensors(), near_options);
@@ -583,12 +589,12 @@ fn a_sensor_of_another_discount_factor_leaves_the_others_as_they_are() {
     assert_eq!((plan.count(), plan.passes(&StoredUnits::default())), (4, 4));
     assert_eq!(near_plan.passes(&StoredUnits::default()), 2, "the sensors of a group share them");
     let directory = tempfile::tempdir().expect("a directory");
-    let run = |name: &str, plan: &Plan<'_>| {
-        plan.run(&UnitStore::new(directory.path().join(name)), &Silent).expect("runs")
-    };
-    let both = run("both", &plan);
-    assert_eq!(both[..2], run("near", &near_plan)[..2], "also by its key");
-    for (got, alone) in both[2..].iter().zip(&run("far", &far_plan)[2..]) {
+    let stores = ["both", "near", "far"].map(|name| UnitStore::new(directory.path().join(name)));
+    let both = plan.run(&stores[0], &Silent).expect("runs");
+    let near = near_plan.run(&stores[1], &Silent).expect("runs");
+    assert_eq!(both[..2], near[..2], "also by its key");
+    let far = far_plan.run(&stores[2], &Silent).expect("runs");
+    for (got, alone) in both[2..].iter().zip(&far[2..]) {
         assert_eq!((&got.unit, &got.rows), (&alone.unit, &alone.rows));
         assert_ne!(got.key, alone.key, "settings are those of the other discount factor");
     }

@@ -81,20 +81,21 @@ impl Drawn {
     /// Returns the errors of a setting in the windows that decide, by their rows: those of the held-out data, if that
     /// varies, and of the log otherwise.
     fn errors(&self, setting: usize) -> Vec<(u32, f64)> {
-        let of_environment = |environment: EnvironmentId| -> Vec<(u32, f64)> {
-            let own = self.results.iter().filter(|result| result.unit.environment == environment);
-            own.map(|result| {
-                let score = result.rows[setting].scores.whole_run.expect("scored");
-                (result.start_row, score.rmse)
-            })
-            .collect()
-        };
-        let online = of_environment(EnvironmentId::Online);
+        let online = self.errors_in(EnvironmentId::Online, setting);
         if online.is_empty() || self.stands_still {
-            of_environment(EnvironmentId::LogReplay)
+            self.errors_in(EnvironmentId::LogReplay, setting)
         } else {
             online
         }
+    }
+
+    fn errors_in(&self, environment: EnvironmentId, setting: usize) -> Vec<(u32, f64)> {
+        let own = self.results.iter().filter(|result| result.unit.environment == environment);
+        own.map(|result| {
+            let score = result.rows[setting].scores.whole_run.expect("scored");
+            (result.start_row, score.rmse)
+        })
+        .collect()
     }
 
     /// Returns the errors of a simple predictor in the windows that begin at these rows.

@@ -131,12 +131,15 @@ fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) ->
     }
 }
 
+fn is_line_beaten(ratio: [f64; 3]) -> bool {
+    simple(SimplePredictor::Line, 0.5, 0.5, ratio).is_beaten()
+}
+
 #[test]
 fn a_predictor_is_beaten_by_two_per_cent_and_more_than_chance() {
-    let is_beaten = |ratio| simple(SimplePredictor::Line, 0.5, 0.5, ratio).is_beaten();
-    assert!(is_beaten([0.9, 0.93, 0.97]));
-    assert!(!is_beaten([0.8, 0.9, 1.01]), "it could be chance");
-    assert!(!is_beaten([0.985, 0.99, 0.995]), "one per cent");
+    assert!(is_line_beaten([0.9, 0.93, 0.97]));
+    assert!(!is_line_beaten([0.8, 0.9, 1.01]), "it could be chance");
+    assert!(!is_line_beaten([0.985, 0.99, 0.995]), "one per cent");
     let single = SimpleComparison {
         ratio: Some(Estimate { value: 0.5, interval: None }),
         ..simple(SimplePredictor::Line, 0.5, 0.5, [0.4, 0.5, 0.6])
@@ -259,17 +262,16 @@ fn the_log_decides_where_the_sensor_is_constant_in_the_held_out_data() {
         .into_iter()
         .flat_map(|row| [log_run(0, row, [0.2, 0.4, 0.3]), online_run(0, row, [0.2, 0.4, 0.3])])
         .collect();
-    let scores = |environment, error: f64| {
-        rows.map(|row| score(SimplePredictor::Line, environment, row, error))
-    };
-    let online = scores(EnvironmentId::Online, 0.001);
-    let graded = |on_the_log: f64| {
-        let simple = [online.clone(), scores(EnvironmentId::LogReplay, on_the_log)].concat();
+    let line = SimplePredictor::Line;
+    let online = rows.map(|row| score(line, EnvironmentId::Online, row, 0.001));
+    // The errors in constant data say nothing.
+    for (error, grade) in [(0.1, Grade::Simpler), (0.5, Grade::Unchecked)] {
+        let on_the_log = rows.map(|row| score(line, EnvironmentId::LogReplay, row, error));
+        let simple = [online.clone(), on_the_log].concat();
         let judging = Judging { simple: &simple, stands_still: true, ..judging(Rule::LogReplay) };
-        verdict("A", &candidates(), &results, &judging).expect("judged").grade
-    };
-    assert_eq!(graded(0.1), Grade::Simpler);
-    assert_eq!(graded(0.5), Grade::Unchecked, "the errors in constant data say nothing");
+        let judged = verdict("A", &candidates(), &results, &judging).expect("judged");
+        assert_eq!(judged.grade, grade, "an error of {error} on the log");
+    }
 }
 
 /// Setting 0 is the default with these errors, and learns nothing. Setting 1 is chosen.
