@@ -1,33 +1,7 @@
 use calib_agent::Part;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::{Judging, Recommendation, SimpleComparison, errors::Errors, judge::SensorResults};
+use super::{Judging, PartChoice, errors::Errors, judge::SensorResults};
 use crate::{EnvironmentId, SweepError, UnitResult};
-
-/// The choice and the recommendation by the errors over one part of each run. They are those that `sweep.scored` would
-/// give for this part.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct PartChoice {
-    /// The part of each run.
-    pub part: Part,
-    /// Index of the setting chosen by these errors.
-    pub chosen: usize,
-    /// Mean NRMSE of this setting over the part on held-out data; none without held-out data.
-    pub online_error: Option<f64>,
-    /// Mean NRMSE over the part of the setting that the verdict chose; none without held-out data.
-    pub online_error_of_verdict: Option<f64>,
-    /// The recommendation if errors over this part count.
-    pub recommendation: Recommendation,
-    /// The simple predictor to use instead of this setting, or else the one that the log prefers, compared over this part; none if simple
-    /// predictors are not known.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub simple: Option<SimpleComparison>,
-    /// Index of a setting that starts from a simple predictor and does not learn after the log, as in the verdict; none if `simple` is to be
-    /// used instead.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub learning_off: Option<usize>,
-}
 
 /// Returns the choice by each part of a run that has steps to score in every environment. The verdict chose the setting
 /// `chosen`.
