@@ -412,6 +412,33 @@ fn deployments_are_compared_with_the_training_range() {
     assert_eq!(json["verdict"]["doubts"], nothing["verdict"]["doubts"]);
 }
 
+/// The last fifth of the corridor's log has no rewards. It ends the command only if the study names it.
+#[test]
+fn a_last_fifth_without_a_decision_is_left_out() {
+    let place = corridor();
+    let mut log = String::new();
+    for (number, line) in place.read("log.csv").lines().enumerate() {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        // The period begins in row 2,400.
+        if number > 2390 {
+            cells[3] = "";
+        }
+        writeln!(log, "{}", cells.join(",")).expect("text");
+    }
+    place.write("log.csv", &log);
+    place.edit_study("train_fraction = 1.0\n", "");
+    let args = ["control", "study.toml", "--json"];
+    let ran = place.calib(&args);
+    let json = ran.json(&[0, 1]);
+    assert!(json.get("held_out").is_none(), "{json}");
+    let told = ran.stderr();
+    assert!(told.contains("the period after data.train_fraction has no decision"), "{told}");
+    let named = "[data]\ntrain = { end = 2024-03-02 }\nheld_out = { start = 2024-03-03 }\n";
+    place.edit_study("[data]\n", named);
+    let told = place.calib(&args).fails(2);
+    assert!(told.contains("the held-out period has no decision to judge"), "{told}");
+}
+
 /// The exit code does not depend on the headline: "keep the default" is possible with both.
 #[test]
 fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {

@@ -2,7 +2,8 @@
 
 use calib_base::{Context as _, StepError, artefact, memory, output::Printer};
 use calib_control::{
-    ActionModel, ControlConfig, DecisionRows, Decisions, Distance, Ending, RecordedReturn,
+    ActionModel, ControlConfig, ControlError, DecisionRows, Decisions, Distance, Ending,
+    RecordedReturn,
 };
 use calib_data::DataConfig;
 use calib_files::{Fingerprint, ScratchPlace};
@@ -66,7 +67,7 @@ pub(super) struct HeldOutLog {
 /// range must have been read before.
 ///
 /// # Errors
-/// Returns an error if the log has no rows of a period, or no decision in it.
+/// Returns an error if the log has no rows of a period that the study names, or no decision in it.
 pub(super) fn read(
     job: &Job,
     config: &ControlConfig,
@@ -89,7 +90,8 @@ pub(super) fn read(
     Ok(periods)
 }
 
-/// Reads the held-out period of `data`. Returns `None` if it holds nothing out.
+/// Reads the held-out period of `data`. Returns `None` if it holds nothing out, or if the period is only the rest after the
+/// training range and has no decision. Nobody asked for that one.
 fn read_period(
     job: &Job,
     config: &ControlConfig,
@@ -98,6 +100,7 @@ fn read_period(
     printer: &Printer,
 ) -> Result<Option<HeldOutLog>, StepError> {
     memory::check_log(&data)?;
+    let is_named = deployment.is_some() || data.held_out.is_some();
     printer.say(&format!("reading the {}", told(deployment.as_deref())));
     let progress = printer.progress();
     // The warnings about the log came with the training range.
@@ -109,7 +112,15 @@ fn read_period(
         return Ok(None);
     };
     let rows = DecisionRows::new(config, recorded.values, frames.segments());
-    let decisions = rows.and_then(|rows| rows.with_one_action(frames.states())).context(
+    let found = rows.and_then(|rows| rows.with_one_action(frames.states()));
+    if !is_named && found.as_ref().is_err_and(is_of_no_decision) {
+        printer.warn(
+            "the period after data.train_fraction has no decision to judge, so it is left out: name another one with data.train and data.held_out, \
+             or hold nothing out with data.train_fraction = 1.0",
+        );
+        return Ok(None);
+    }
+    let decisions = found.context(
         "the held-out period has no decision to judge; move it (data.held_out, data.train_fraction or [deployments]), or leave it out",
     )?;
     let rewards = decisions.rewards().iter().copied().map(f64::from);
@@ -121,6 +132,16 @@ fn read_period(
     let numbers = rewards.chain(endings).chain(sources);
     let fingerprint = log::with_numbers(&states, b"held out 1", numbers);
     Ok(Some(HeldOutLog { deployment, decisions, fingerprint }))
+}
+
+/// Whether an error says that a log has no decision.
+fn is_of_no_decision(error: &ControlError) -> bool {
+    matches!(
+        error,
+        ControlError::NoTransitions
+            | ControlError::OnlyTerminals
+            | ControlError::NoDecisions { .. }
+    )
 }
 
 /// Compares held-out periods with the log of `model`, which is the model of `log`.
