@@ -12,25 +12,6 @@ pub(super) struct KnownCircle {
 pub(super) const KNOWN: &[KnownCircle] = &[
     KnownCircle {
         package: "calib-pipeline",
-        files: &["control/advice.rs", "control/advice/beside.rs", "control/advice/reasons.rs"],
-        reason: "the advice holds the words that its reasons use",
-    },
-    KnownCircle {
-        package: "calib-pipeline",
-        files: &[
-            "control/figures.rs",
-            "control/files.rs",
-            "control/model.rs",
-            "control/page.rs",
-            "control/plan.rs",
-            "control/run.rs",
-            "control/show.rs",
-            "control/work_left.rs",
-        ],
-        reason: "the evaluation is written, shown and drawn with the names of one file",
-    },
-    KnownCircle {
-        package: "calib-pipeline",
         files: &[
             "validity/claims.rs",
             "validity/figures.rs",

@@ -5,7 +5,7 @@ use calib_report::{
 };
 use calib_stats::{Estimate, jackknife};
 
-use super::{described::ColumnMap, files::ControlEvaluation, show};
+use super::{described::ColumnMap, evaluation::ControlEvaluation, show};
 
 /// Number of columns whose map is drawn.
 pub(super) const MAPS: usize = 8;
@@ -178,7 +178,7 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
         return None;
     }
     let label = |candidate: usize| {
-        let name = show::name(evaluation, candidate);
+        let name = evaluation.setting_name(candidate);
         match show::role(evaluation, candidate) {
             "" => name,
             role => format!("{name} ({role})"),

@@ -1,67 +1,21 @@
 //! The held-out periods of a study of agents that act. Nothing is trained on them.
 
 use calib_base::{Context as _, StepError, artefact, memory, output::Printer};
-use calib_control::{
-    ActionModel, ControlConfig, ControlError, DecisionRows, Decisions, Distance, Ending,
-    RecordedReturn,
-};
+use calib_control::{ActionModel, ControlConfig, ControlError, DecisionRows, Distance, Ending};
 use calib_data::DataConfig;
-use calib_files::{Fingerprint, ScratchPlace};
+use calib_files::ScratchPlace;
 use calib_model_steps::represent::decisions;
 use calib_study::Job;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::{
     counting,
-    files::{self, ControlEvaluation},
+    evaluation::ControlEvaluation,
+    files,
+    held_out_period::{HeldOutLog, HeldOutPeriod, period_name},
     log::{self, ActionLog},
     model, page,
-    run::support,
+    section::support,
 };
-
-/// A held-out period beside the training range.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-pub(super) struct HeldOutPeriod {
-    /// Name of the deployment; none for a period without a name.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) deployment: Option<String>,
-    /// Fingerprint of its states, rewards and terminals.
-    log: Fingerprint,
-    /// Number of recorded decisions.
-    pub(super) decisions: usize,
-    /// Share of them in states that no decision of the training range covers, whatever the actions.
-    pub(super) uncovered: f64,
-    /// Return of the recorded behaviour.
-    pub(super) behaviour: RecordedReturn,
-    /// Mean reward of a recorded step.
-    pub(super) mean_reward: f64,
-}
-
-impl HeldOutPeriod {
-    /// Returns its name for people.
-    pub(super) fn name(&self) -> String {
-        told(self.deployment.as_deref())
-    }
-
-    /// Whether this is the result of such a log.
-    pub(super) fn is_of(&self, log: &HeldOutLog) -> bool {
-        (&self.deployment, &self.log) == (&log.deployment, &log.fingerprint)
-    }
-}
-
-/// Returns "deployment april", or "held-out period" for one without a name.
-pub(super) fn told(deployment: Option<&str>) -> String {
-    deployment.map_or_else(|| "held-out period".to_owned(), |name| format!("deployment {name}"))
-}
-
-/// The decisions that were recorded in a held-out period.
-pub(super) struct HeldOutLog {
-    deployment: Option<String>,
-    /// They have a single action, because it does not matter here which one was taken.
-    decisions: Decisions,
-    fingerprint: Fingerprint,
-}
 
 /// Reads the held-out periods of a study, in the order of time. A share of a sweep judges nothing, and has none. The training
 /// range must have been read before.
@@ -101,7 +55,7 @@ fn read_period(
 ) -> Result<Option<HeldOutLog>, StepError> {
     memory::check_log(&data)?;
     let is_named = deployment.is_some() || data.held_out.is_some();
-    printer.say(&format!("reading the {}", told(deployment.as_deref())));
+    printer.say(&format!("reading the {}", period_name(deployment.as_deref())));
     let progress = printer.progress();
     // The warnings about the log came with the training range.
     let surveyed = counting::survey(data, &job.study().preprocess, &printer.silent(), &progress)?;

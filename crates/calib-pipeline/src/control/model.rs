@@ -28,6 +28,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     log::{self, ActionLog, Names},
     rare,
+    section::no_section,
 };
 
 /// Time of every row in microseconds, `i64 [rows, 1]`.
@@ -407,7 +408,7 @@ fn control_names(study: &Study, config: &ControlConfig, log: &ActionLog) -> Cont
 /// Builds the model with actions of a study, if it is missing.
 pub(crate) fn build(job: &Job, printer: &Printer) -> Result<ActionModel, StepError> {
     job.refuse_deployment()?;
-    let Some(config) = &job.study().control else { return Err(super::run::no_section(job)) };
+    let Some(config) = &job.study().control else { return Err(no_section(job)) };
     let log = log::read(job, config, printer)?;
     log.tell_left_out(printer);
     rare::check_actions(&log, config, printer)?;

@@ -15,7 +15,7 @@ use calib_model_steps::{
 use calib_report::{Cell, Overview, Table};
 use calib_study::{Job, StepKind};
 
-use super::{advice::rank_name, figures, files::ControlEvaluation, show};
+use super::{advice::rank_name, evaluation::ControlEvaluation, figures, show};
 
 const PAGE: &str = "report.html";
 
@@ -98,7 +98,7 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
             .into_iter()
             .map(|candidate: usize| {
                 let mut row = vec![
-                    Cell::Text(show::name(evaluation, candidate)),
+                    Cell::Text(evaluation.setting_name(candidate)),
                     Cell::Text(show::role(evaluation, candidate).to_owned()),
                     Cell::Text(show::rank(evaluation, candidate)),
                     if evaluation.has_failed(candidate) {

@@ -12,8 +12,9 @@ use serde::Serialize;
 
 use super::{
     agents::ComparedAgents,
-    files::{ControlEvaluation, VERDICT, VerdictStanding, key},
-    show::told,
+    evaluation::{ControlEvaluation, setting_name},
+    files::{VERDICT, VerdictStanding, key},
+    show,
     units::{self, StoredRuns},
 };
 
@@ -69,10 +70,10 @@ pub(crate) fn ranking(
     let found = read_sealed_json::<ControlEvaluation>(&job.layout().control().join(VERDICT)).ok();
     if let Some(found) = found.filter(|_| is_current) {
         let selection = &found.verdict().selection;
-        let settings = super::show::best(&found, found.agents().len());
+        let settings = show::best(&found, found.agents().len());
         let settings = settings.into_iter().map(|candidate| ControlRanked {
             has_failed: found.has_failed(candidate),
-            ..ranked(candidate, selection, super::show::name(&found, candidate))
+            ..ranked(candidate, selection, found.setting_name(candidate))
         });
         let members = config.all_members();
         let settings = settings.collect();
@@ -93,7 +94,7 @@ pub(crate) fn ranking(
         order.sort_by(|&a, &b| selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]));
         settings = order
             .into_iter()
-            .map(|candidate| ranked(candidate, &selection, told(&fields[candidate])))
+            .map(|candidate| ranked(candidate, &selection, setting_name(&fields[candidate])))
             .collect();
     }
     Ok(Some(ControlRanking {

@@ -1,5 +1,3 @@
-use std::collections::BTreeSet;
-
 use calib_base::{
     StepError, artefact,
     clock::Stopwatch,
@@ -12,7 +10,7 @@ use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
     ControlConfig, ControlError, Distance, Doubt, Ensemble, Extent, IncrementModel, Increments,
     NetworkFiles, NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId, RunLength,
-    Support, constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
+    constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
@@ -25,13 +23,17 @@ use super::{
     beside_returns::beyond_returns,
     conduct::{conduct, recorded_rows},
     described::described,
-    files::{self, ControlEvaluation},
-    held_out::{self, HeldOutLog},
+    evaluation::ControlEvaluation,
+    files, held_out,
+    held_out_period::HeldOutLog,
     log::{self, ActionLog},
     model, page,
     plan::{self, ControlPlan},
-    rare, show,
+    rare,
+    section::{no_section, support},
+    show,
     units::{self, RunCounts, RunFiles, RunOrigin},
+    work_left::members_of,
 };
 
 /// Runs `calib control`: from the log of decisions to the verdict.
@@ -175,14 +177,6 @@ fn run_share(
     ))?;
     printer.next(&[job.command(StepKind::Control)]);
     Ok(())
-}
-
-/// Returns the error for a study without actions.
-pub(super) fn no_section(job: &Job) -> StepError {
-    StepError::message(format!(
-        "{} has no [control] section; say there which columns are actions: [control] actions = [\"COLUMN\"]",
-        job.layout().study().display()
-    ))
 }
 
 /// Prints the size of the log and of the sweep.
@@ -336,14 +330,6 @@ fn judged(
     Ok(JudgedSettings { log: fingerprint, evaluation, runs })
 }
 
-/// Returns the requirements on the log for a supported choice.
-pub(super) fn support(config: &ControlConfig) -> Support {
-    Support {
-        most_uncovered: config.most_uncovered,
-        fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),
-    }
-}
-
 /// The results of the settings, and of actions without an agent.
 struct SweptSettings {
     runs: Vec<Run>,
@@ -449,12 +435,6 @@ fn swept(
         }
     }
     Ok(swept)
-}
-
-/// Returns the ensemble members of these runs, in ascending order.
-pub(super) fn members_of(ids: &[RunId]) -> Vec<usize> {
-    let members: BTreeSet<usize> = ids.iter().map(|id| id.member).collect();
-    members.into_iter().collect()
 }
 
 /// Returns a line on the networks that a share needs.

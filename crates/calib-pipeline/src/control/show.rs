@@ -10,7 +10,7 @@ use calib_study::{Job, StepKind};
 use super::{
     advice::rank_name,
     described::ActionLogSummary,
-    files::{ControlEvaluation, ControlSummary},
+    evaluation::{ControlEvaluation, ControlSummary},
 };
 
 /// Number of settings that are shown.
@@ -182,7 +182,7 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
         .iter()
         .map(|&candidate| {
             let mut row = vec![
-                name(evaluation, candidate),
+                evaluation.setting_name(candidate),
                 role(evaluation, candidate).to_owned(),
                 rank(evaluation, candidate),
                 if evaluation.has_failed(candidate) {
@@ -280,19 +280,6 @@ fn doubly_robust(value: Option<f64>, fitted: &FittedQValue) -> String {
         None if fitted.value.is_finite() => "none".to_owned(),
         None => "diverged".to_owned(),
     }
-}
-
-/// Returns the name of a setting.
-pub(super) fn name(evaluation: &ControlEvaluation, candidate: usize) -> String {
-    told(&evaluation.fields[candidate])
-}
-
-/// Returns the name of a setting: its swept `fields` with their values.
-pub(super) fn told(fields: &[(String, String)]) -> String {
-    if fields.is_empty() {
-        return "the agent".to_owned();
-    }
-    fields.iter().map(|(field, value)| format!("{field}={value}")).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! The runs of a sweep of agents that act that are left to make.
 
+use std::collections::BTreeSet;
+
 use calib_base::{
     StepError, bail,
     output::{Printer, count},
@@ -7,7 +9,7 @@ use calib_base::{
 use calib_control::{ActionModelKind, ControlConfig, RunId, runs_here};
 use calib_study::Job;
 
-use super::{run::members_of, units::RunFiles};
+use super::units::RunFiles;
 
 /// Largest number of runs per kind of model that are checked one by one.
 const MOST_RUNS: usize = 1_000_000;
@@ -108,6 +110,12 @@ impl WorkLeft {
     pub(super) fn members(&self, kind: ActionModelKind) -> &[usize] {
         self.kinds.iter().find(|left| left.kind == kind).map_or(&[][..], |left| &left.members[..])
     }
+}
+
+/// Returns the ensemble members of these runs, in ascending order.
+pub(super) fn members_of(ids: &[RunId]) -> Vec<usize> {
+    let members: BTreeSet<usize> = ids.iter().map(|id| id.member).collect();
+    members.into_iter().collect()
 }
 
 /// Returns the number of runs in one kind of model.

@@ -4,7 +4,12 @@ use calib_base::output::{number, percent};
 use calib_control::{BestConstant, OutlyingMember, RandomActions, RecordedReturn};
 use calib_report::listed;
 
-use super::{Advice, Reason, Vocabulary, interval, interval_of_amounts, more_than};
+use super::{
+    Advice,
+    reasons::Reason,
+    vocabulary::Vocabulary,
+    words::{interval, interval_of_amounts, more_than},
+};
 
 /// What the choice is compared with in each ensemble member. The best of many actions looks better than it is by chance.
 const BEST_OF_OTHERS: &str = "the action that is best in the other ensemble members";

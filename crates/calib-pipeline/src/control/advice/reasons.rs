@@ -5,8 +5,8 @@ use std::cmp::Reverse;
 use calib_base::output::{counted, number, percent};
 use calib_control::{Doubt, FEWEST_BLOCKS};
 
-use super::{Advice, Vocabulary};
-use crate::control::held_out::told;
+use super::{Advice, vocabulary::Vocabulary};
+use crate::control::held_out_period::period_name;
 
 const ONE_MEMBER: &str = "one ensemble member gives no interval: nothing shows that the choice is better than the default, random actions, a constant action or what was recorded";
 
@@ -145,7 +145,7 @@ fn held_out_uncovered(deployment: Option<&str>, share: f64, key: &str) -> Reason
         what: format!(
             "{} of the decisions of the {} were made in states that the training range does not cover: no model knows what actions do there",
             percent(share),
-            told(deployment)
+            period_name(deployment)
         ),
         remedy: format!("let data.train have such states, or allow more with {key}"),
     }

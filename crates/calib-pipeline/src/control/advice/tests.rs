@@ -2,9 +2,11 @@ use calib_control::{
     ActionModelKind, BestConstant, KindMean, KindReturns, OutlyingMember, RandomActions,
     RecordedReturn,
 };
+use calib_report::{Decision, Support};
+use calib_stats::{Difference, Interval};
 use serde_json::json;
 
-use super::*;
+use super::{summary::MOST_REASONS, *};
 
 /// Returns a verdict that chooses setting 1. Setting 0 is the default.
 fn verdict(doubts: &serde_json::Value) -> ReturnVerdict {

@@ -1,0 +1,49 @@
+//! A held-out period of a study of agents that act, as it was read and as it was judged.
+
+use calib_control::{Decisions, RecordedReturn};
+use calib_files::Fingerprint;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A held-out period beside the training range.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(super) struct HeldOutPeriod {
+    /// Name of the deployment; none for a period without a name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) deployment: Option<String>,
+    /// Fingerprint of its states, rewards and terminals.
+    pub(super) log: Fingerprint,
+    /// Number of recorded decisions.
+    pub(super) decisions: usize,
+    /// Share of them in states that no decision of the training range covers, whatever the actions.
+    pub(super) uncovered: f64,
+    /// Return of the recorded behaviour.
+    pub(super) behaviour: RecordedReturn,
+    /// Mean reward of a recorded step.
+    pub(super) mean_reward: f64,
+}
+
+impl HeldOutPeriod {
+    /// Returns its name for people.
+    pub(super) fn name(&self) -> String {
+        period_name(self.deployment.as_deref())
+    }
+
+    /// Whether this is the result of such a log.
+    pub(super) fn is_of(&self, log: &HeldOutLog) -> bool {
+        (&self.deployment, &self.log) == (&log.deployment, &log.fingerprint)
+    }
+}
+
+/// Returns "deployment april", or "held-out period" for one without a name.
+pub(super) fn period_name(deployment: Option<&str>) -> String {
+    deployment.map_or_else(|| "held-out period".to_owned(), |name| format!("deployment {name}"))
+}
+
+/// The decisions that were recorded in a held-out period.
+pub(super) struct HeldOutLog {
+    pub(super) deployment: Option<String>,
+    /// They have a single action, because it does not matter here which one was taken.
+    pub(super) decisions: Decisions,
+    pub(super) fingerprint: Fingerprint,
+}
