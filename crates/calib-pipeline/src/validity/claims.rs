@@ -6,7 +6,7 @@ use calib_validity::{
     Claim, DIFFERENCES, Finding, GOOD, Method, MethodSummary, Outcome, Power, Test, Validity,
 };
 
-use super::tables::{at_most, count, quotient, quotients, table};
+use super::cells::{at_most, count, quotient, quotients, table};
 
 /// Returns the tables of the tests and their power.
 pub(super) fn tables(validity: &Validity) -> Vec<Table> {

@@ -10,7 +10,7 @@ use calib_report::{
 };
 use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
-use super::{JudgedStudies, show, tables::short};
+use super::{answer::JudgedStudies, show, tables::short};
 
 /// Smallest drawn regret. Smaller ones are drawn here, because a logarithmic axis has no zero.
 const FLOOR: f64 = 1e-3;

@@ -7,7 +7,7 @@ use calib_data::table::Table;
 use calib_files::write_json;
 use calib_validity::{Method, ModelPair, Pair, PairRegret};
 
-use super::{JudgedStudies, Task};
+use super::{answer::JudgedStudies, task::Task};
 
 pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
     write_table(pairs(judged), &directory.join("pairs.parquet"))?;

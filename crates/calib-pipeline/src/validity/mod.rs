@@ -1,5 +1,7 @@
 //! Judges how well calib chooses, over several studies.
 
+mod answer;
+mod cells;
 mod claims;
 mod figures;
 mod files;
@@ -21,7 +23,7 @@ use std::{
 use calib_agent::Part;
 use calib_base::{
     StepError,
-    artefact::{self, Below, DirectoryLock, TOOL},
+    artefact::{self, Below, DirectoryLock},
     bail,
     clock::Stopwatch,
     log::context::RunContext,
@@ -29,95 +31,17 @@ use calib_base::{
     outcome::StepResult,
     output::duration,
 };
-use calib_study::{Share, shell_words};
-use calib_validity::{Pair, Validity, judge};
-use schemars::JsonSchema;
-use serde::Serialize;
+use calib_study::shell_words;
+use calib_validity::{Pair, judge};
 
 use crate::run_study::RunUntil;
+pub(crate) use answer::Summary;
+use answer::{Drew, Judged, LeftOut, Score};
+pub use answer::{JudgedStudies, SharedPlants, ValidityAnswer};
 use gather::{Gathered, ReasonLeftOut, gather};
 pub use plan::ValidityPlan;
 use studies::{ListedStudy, Listing};
 use task::Task;
-
-/// `validity.json`.
-#[derive(Serialize, JsonSchema)]
-pub(crate) struct Summary<'a> {
-    format: u32,
-    tool: &'static str,
-    /// The protocol that drew the plants and tasks.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    protocol: Option<&'a Drew>,
-    /// The plants that were judged.
-    plants: &'a [Judged],
-    /// Plants that were not judged, each with the reason.
-    left_out: &'a [LeftOut],
-    /// Missing models, each with the reason.
-    missing: &'a [String],
-    /// Results by each score. The first is the score of the studies.
-    scores: &'a [Score],
-}
-
-/// The protocol that drew the plants.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Drew {
-    /// Name of its file.
-    file: String,
-    seed: u64,
-}
-
-/// A plant with its task.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Judged {
-    plant: String,
-    #[serde(flatten)]
-    task: Task,
-}
-
-/// A plant that is not judged.
-#[derive(Clone, Debug, Serialize, JsonSchema)]
-pub(crate) struct LeftOut {
-    plant: String,
-    reason: String,
-}
-
-/// Results over all pairs, by the errors over one part of each run.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Score {
-    part: Part,
-    #[serde(flatten)]
-    validity: Validity,
-}
-
-/// The result of `validity`.
-#[derive(Debug)]
-pub enum ValidityAnswer {
-    /// All studies, judged together.
-    Judged(Box<JudgedStudies>),
-    /// The plants of a share were run, and nothing is judged.
-    Shared(SharedPlants),
-}
-
-/// All studies, judged together.
-#[derive(Debug)]
-pub struct JudgedStudies {
-    protocol: Option<Drew>,
-    plants: Vec<Judged>,
-    left_out: Vec<LeftOut>,
-    missing: Vec<String>,
-    /// At least one score.
-    scores: Vec<Score>,
-    command: String,
-    report: PathBuf,
-}
-
-/// The plants of one of several processes that share the studies.
-#[derive(Debug)]
-pub struct SharedPlants {
-    share: Share,
-    plants: usize,
-    left_out: Vec<LeftOut>,
-}
 
 /// Makes the missing results of each study, and judges all studies together.
 pub(crate) fn run(
@@ -148,56 +72,6 @@ pub(crate) fn run(
     figures::write(&directory.join("figures"), &judged)?;
     page::write(&judged.report, &judged)?;
     Ok(StepResult::Made(ValidityAnswer::Judged(Box::new(judged))))
-}
-
-impl JudgedStudies {
-    fn summary(&self) -> Summary<'_> {
-        Summary {
-            format: 3,
-            tool: TOOL,
-            protocol: self.protocol.as_ref(),
-            plants: &self.plants,
-            left_out: &self.left_out,
-            missing: &self.missing,
-            scores: &self.scores,
-        }
-    }
-
-    /// Returns how well each method chooses, by the score of the studies.
-    pub fn validity(&self) -> &Validity {
-        &self.scores[0].validity
-    }
-
-    /// Returns the judged plants.
-    pub fn plants(&self) -> Vec<&str> {
-        self.plants.iter().map(|judged| judged.plant.as_str()).collect()
-    }
-
-    /// Returns the plants that were left out, each with the reason.
-    pub fn left_out(&self) -> Vec<[&str; 2]> {
-        named(&self.left_out)
-    }
-
-    /// Returns the path of the report.
-    pub fn report(&self) -> &Path {
-        &self.report
-    }
-}
-
-impl SharedPlants {
-    /// Returns the number of plants in the share.
-    pub fn plants(&self) -> usize {
-        self.plants
-    }
-
-    /// Returns the plants that were not run, each with the reason.
-    pub fn left_out(&self) -> Vec<[&str; 2]> {
-        named(&self.left_out)
-    }
-}
-
-fn named(left_out: &[LeftOut]) -> Vec<[&str; 2]> {
-    left_out.iter().map(|plant| [plant.plant.as_str(), plant.reason.as_str()]).collect()
 }
 
 /// Returns the output folder: that of the draw, or the user's, or one beside the first study.

@@ -6,7 +6,7 @@ use calib_base::StepError;
 use calib_files::write_atomically;
 use calib_report::{Overview, Table};
 
-use super::{JudgedStudies, claims::findings, figures, show, tables};
+use super::{answer::JudgedStudies, claims::findings, figures, show, tables};
 
 pub(super) fn write(path: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
     let page = Overview {

@@ -12,7 +12,7 @@ use calib_report::{Cell, Table};
 use calib_validity::{CAP, FEWEST_PLANTS, Validity};
 
 use super::{
-    JudgedStudies, Score, SharedPlants, ValidityAnswer,
+    answer::{JudgedStudies, Score, SharedPlants, ValidityAnswer},
     claims::findings,
     plan::{PlannedPlant, PlantState, ValidityPlan},
     tables,
