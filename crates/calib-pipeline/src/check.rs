@@ -62,6 +62,10 @@ pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> Result<CheckedR
     Ok(check.checked)
 }
 
+fn unread(folder: &Path) -> String {
+    format!("cannot read {}", folder.display())
+}
+
 struct Check<'a> {
     checked: CheckedResults,
     printer: &'a Printer,
@@ -70,10 +74,9 @@ struct Check<'a> {
 impl Check<'_> {
     fn folder(&mut self, folder: &Path) -> Result<(), StepError> {
         self.printer.progress().check()?;
-        let read = || format!("cannot read {}", folder.display());
         let mut entries = fs::read_dir(folder)
             .and_then(Iterator::collect::<Result<Vec<_>, _>>)
-            .with_context(read)?;
+            .with_context(|| unread(folder))?;
         entries.sort_by_key(fs::DirEntry::file_name);
         if folder.join(MANIFEST).exists() {
             self.manifest(folder);
@@ -82,7 +85,7 @@ impl Check<'_> {
         }
         for entry in entries {
             let path = entry.path();
-            let kind = entry.file_type().with_context(read)?;
+            let kind = entry.file_type().with_context(|| unread(folder))?;
             // Targets of links do not belong to the results.
             if kind.is_dir() {
                 self.folder(&path)?;
@@ -168,9 +171,9 @@ impl Check<'_> {
         let mut pending = vec![root.to_owned()];
         while let Some(folder) = pending.pop() {
             if let Ok(manifest) = read_sealed_json::<Value>(&folder.join(MANIFEST)) {
-                let section = |name: &str| manifest["study"][name].clone();
-                let data = serde_json::from_value::<DataConfig>(section("data"));
-                let preprocess = serde_json::from_value(section("preprocess"));
+                let study = &manifest["study"];
+                let data = serde_json::from_value::<DataConfig>(study["data"].clone());
+                let preprocess = serde_json::from_value(study["preprocess"].clone());
                 if let (Ok(data), Ok(preprocess)) = (data, preprocess)
                     && !found.iter().any(|(known, _)| known.path == data.path)
                 {

@@ -163,9 +163,9 @@ impl Plan {
 
     /// Returns a line on the cost of all steps that are to do, if that of any is known. It names the other steps.
     pub(crate) fn in_all(&self) -> Option<String> {
-        let to_do = || self.steps.iter().filter(|planned| planned.state == State::ToDo);
-        let cost = to_do().filter_map(|planned| planned.cost).reduce(StepCost::then)?;
-        let unknown = to_do().filter(|planned| planned.cost.is_none());
+        let to_do = self.steps.iter().filter(|planned| planned.state == State::ToDo);
+        let cost = to_do.clone().filter_map(|planned| planned.cost).reduce(StepCost::then)?;
+        let unknown = to_do.filter(|planned| planned.cost.is_none());
         let unknown: BTreeSet<StepKind> = unknown.map(|planned| planned.step).collect();
         let unknown: Vec<&str> = unknown.into_iter().map(StepKind::label).collect();
         let without = if unknown.is_empty() {
@@ -183,18 +183,19 @@ impl Plan {
 
     /// Returns one line on the steps that are up to date, and one on those to do.
     pub(crate) fn lines(&self) -> Vec<String> {
-        let told = |state: State, name: &str| {
-            let own = self.steps.iter().filter(|planned| planned.state == state);
-            // In the order of execution: each step runs for all models before the next one.
-            let steps: BTreeSet<StepKind> = own.map(|planned| planned.step).collect();
-            let steps: Vec<String> =
-                steps.into_iter().map(|step| self.named(step, state)).collect();
-            (!steps.is_empty()).then(|| format!("{name}: {}", steps.join(", ")))
-        };
-        [told(State::UpToDate, "up to date"), told(State::ToDo, "to do")]
+        [self.line(State::UpToDate, "up to date"), self.line(State::ToDo, "to do")]
             .into_iter()
             .flatten()
             .collect()
+    }
+
+    /// Returns a line on the steps in a state, after its name, if there are any.
+    fn line(&self, state: State, name: &str) -> Option<String> {
+        let own = self.steps.iter().filter(|planned| planned.state == state);
+        // In the order of execution: each step runs for all models before the next one.
+        let steps: BTreeSet<StepKind> = own.map(|planned| planned.step).collect();
+        let steps: Vec<String> = steps.into_iter().map(|step| self.named(step, state)).collect();
+        (!steps.is_empty()).then(|| format!("{name}: {}", steps.join(", ")))
     }
 
     /// Returns "sweep", or "sweep (laplacian, week april)" if this holds only for some of the models and deployments.
@@ -218,9 +219,10 @@ impl PlannedStep {
 
     /// Whether the step covers this part of the study, alone or with others.
     fn is_of(&self, part: &Job) -> bool {
-        let is_own = |own: Option<&str>, of_part: Option<&str>| own.is_none() || own == of_part;
-        is_own(self.model.as_deref(), part.model())
-            && is_own(self.deployment.as_deref(), part.deployment())
+        let model = self.model.as_deref();
+        let deployment = self.deployment.as_deref();
+        (model.is_none() || model == part.model())
+            && (deployment.is_none() || deployment == part.deployment())
     }
 
     /// Returns the model and the deployment of the step, if it does not cover all.
@@ -282,6 +284,11 @@ mod tests {
         }
     }
 
+    fn expected(step: StepKind, model: &str, processor_secs: f64) -> ExpectedStep {
+        let cost = StepCost { processor_secs, memory: 1 << 20, disk: 512 };
+        ExpectedStep { step, model: Some(model.to_owned()), deployment: None, cost }
+    }
+
     #[test]
     fn costs_add_up_and_unknown_ones_are_named() {
         let steps = vec![
@@ -293,12 +300,6 @@ mod tests {
         ];
         let mut plan = Plan { steps };
         assert_eq!(plan.in_all(), None);
-        let expected = |step: StepKind, model: &str, processor_secs: f64| ExpectedStep {
-            step,
-            model: Some(model.to_owned()),
-            deployment: None,
-            cost: StepCost { processor_secs, memory: 1 << 20, disk: 512 },
-        };
         plan.add_costs(&[
             expected(StepKind::BuildModel, "b", 1.5),
             expected(StepKind::Sweep, "a", 2.0),

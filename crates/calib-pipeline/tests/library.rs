@@ -116,6 +116,15 @@ fn what_steps_come_to_are_values() {
     assert_eq!(serde_json::to_value(&evaluation).expect("JSON"), written);
 }
 
+/// Whether every step of a study is done.
+fn is_done(study: &Path) -> bool {
+    let request = StatusRequest { path: study.to_owned(), ..StatusRequest::default() };
+    match calib_pipeline::status(&request, &Printer::nobody()).expect("a study") {
+        StandingOf::Study(standing) => standing.is_done(),
+        StandingOf::Cluster(_) => panic!("it is no plan for a cluster"),
+    }
+}
+
 #[test]
 fn a_log_is_taken_to_a_verdict_by_values_alone() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -137,18 +146,11 @@ fn a_log_is_taken_to_a_verdict_by_values_alone() {
     assert!(proposed.expected_secs().is_none_or(|secs| secs > 0.0), "{proposed:?}");
 
     let job = Job::resolve(Request::new(proposed.study())).expect("a study");
-    let standing = || {
-        let request = StatusRequest { path: options.study.clone(), ..StatusRequest::default() };
-        match calib_pipeline::status(&request, &printer).expect("a study") {
-            StandingOf::Study(standing) => standing,
-            StandingOf::Cluster(_) => panic!("it is no plan for a cluster"),
-        }
-    };
-    assert!(!standing().is_done());
+    assert!(!is_done(&options.study));
     let ended = calib_pipeline::run(&job, None, &printer).expect("a run");
     let evaluation = ended.evaluation.expect("it is judged");
     assert_eq!(evaluation.verdicts()[0].sensor, "PIT300");
-    assert!(standing().is_done());
+    assert!(is_done(&options.study));
 
     let results = folder.path().join("proposed-results");
     let checked = calib_pipeline::check(&results, Logs::Read, &printer).expect("results");
@@ -156,6 +158,14 @@ fn a_log_is_taken_to_a_verdict_by_values_alone() {
     std::fs::write(results.join("sweep/manifest.json"), "{}").expect("writable");
     let damaged = calib_pipeline::check(&results, Logs::Leave, &printer).expect("results");
     assert!(!damaged.damages.is_empty(), "{damaged:?}");
+}
+
+/// Returns the shards without results of a plan of two.
+fn missing(plan: &Path) -> Vec<usize> {
+    let all = ClusterStatusOptions { missing: None, leftovers: Leftovers::Kept };
+    let status = calib_pipeline::cluster_status(plan, all, &Printer::nobody()).expect("a plan");
+    assert_eq!(status.shards(), 2);
+    status.missing()
 }
 
 #[test]
@@ -175,16 +185,9 @@ fn a_plan_for_a_cluster_tells_its_shards() {
     let plan = planned.made().expect("it is written");
     assert_eq!((plan.directory(), plan.shards()), (options.directory.as_path(), 2));
     assert!(plan.secs() > 0.0, "{plan:?}");
-    let missing = || {
-        let all = ClusterStatusOptions { missing: None, leftovers: Leftovers::Kept };
-        let status = calib_pipeline::cluster_status(plan.directory(), all, &printer);
-        let status = status.expect("a plan");
-        assert_eq!(status.shards(), plan.shards());
-        status.missing()
-    };
-    assert_eq!(missing(), [0, 1]);
+    assert_eq!(missing(plan.directory()), [0, 1]);
     calib_pipeline::cluster_run(plan.directory(), 0, &printer).expect("made");
-    assert_eq!(missing(), [1]);
+    assert_eq!(missing(plan.directory()), [1]);
 }
 
 #[test]
@@ -202,7 +205,7 @@ fn a_log_that_changed_between_two_steps_is_read_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let text = STUDY.split_once("[data]").map(|(_, rest)| format!("[data]{rest}")).expect("data");
     let job = resolved(folder.path(), &text);
-    let built = |rows: i64| {
+    let [more, fewer] = [3000_i64, 2000].map(|rows| {
         let times: Vec<Timestamp> =
             (0..rows).map(|row| Timestamp::from_micros(60_000_000 * row)).collect();
         let values = (0..rows).map(|row| (row as f32 / 9.0).sin()).collect();
@@ -212,8 +215,6 @@ fn a_log_that_changed_between_two_steps_is_read_again() {
         let printer = Printer::new(Arc::new(Kept::default()));
         calib_pipeline::build_model(&job, &BuildOptions::default(), &printer).expect("built");
         Calibration::of_job(&job).expect("there").frames().rows()
-    };
-    let more = built(3000);
-    let fewer = built(2000);
+    });
     assert!(fewer < more, "{fewer} and {more} rows");
 }

@@ -20,9 +20,9 @@ pub(crate) struct TaskDemand {
 impl TaskDemand {
     /// Returns the demand of the shards with these numbers.
     pub(crate) fn of(plan: &PlanFile, shards: &[usize], config: &ClusterConfig) -> Self {
-        let shards = || shards.iter().filter_map(|number| plan.shards.get(*number));
-        let secs = shards().map(|shard| shard.secs).fold(0.0, f64::max);
-        let bytes = shards().map(|shard| shard.memory).max().unwrap_or(0) as f64;
+        let shards = shards.iter().filter_map(|number| plan.shards.get(*number));
+        let secs = shards.clone().map(|shard| shard.secs).fold(0.0, f64::max);
+        let bytes = shards.map(|shard| shard.memory).max().unwrap_or(0) as f64;
         let grace = config.grace_secs.div_ceil(60);
         let minutes = ((2.0 * secs / 60.0).ceil() as u64).max(10) + grace;
         Self {

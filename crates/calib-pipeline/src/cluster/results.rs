@@ -75,16 +75,15 @@ impl ShardResults {
     /// # Errors
     /// Returns an error if the file cannot be written.
     pub(crate) fn write(&self, path: &Path) -> Result<(), FileError> {
-        let invalid = |error: serde_json::Error| FileError::io("write", path, error.into());
-        let mut text = serde_json::to_vec(&self.header).map_err(invalid)?;
+        let mut text = serde_json::to_vec(&self.header).map_err(|error| unwritten(path, error))?;
         text.push(b'\n');
         for result in self.units.values() {
-            serde_json::to_writer(&mut text, result).map_err(invalid)?;
+            serde_json::to_writer(&mut text, result).map_err(|error| unwritten(path, error))?;
             text.push(b'\n');
         }
         let fingerprint = seal(&text, self.extent, self.units.len());
         let trailer = Trailer { extent: self.extent, units: self.units.len(), fingerprint };
-        serde_json::to_writer(&mut text, &trailer).map_err(invalid)?;
+        serde_json::to_writer(&mut text, &trailer).map_err(|error| unwritten(path, error))?;
         text.push(b'\n');
         write_atomically(path, |file| file.write_all(&text))
     }
@@ -96,27 +95,40 @@ impl ShardResults {
     /// the form of results.
     pub(crate) fn read(path: &Path) -> Result<Self, FileError> {
         let bytes = read_regular(path)?;
-        let damaged = |reason| FileError::Damaged { path: path.to_owned(), reason };
-        let json = |source| FileError::Json { path: path.to_owned(), source };
-        let lines = bytes.strip_suffix(b"\n").ok_or_else(|| damaged("it is cut off"))?;
+        let lines = bytes.strip_suffix(b"\n").ok_or_else(|| damaged(path, "it is cut off"))?;
         let place = lines.iter().rposition(|byte| *byte == b'\n');
-        let (body, last) = bytes.split_at(place.ok_or_else(|| damaged("it is cut off"))? + 1);
+        let (body, last) = bytes.split_at(place.ok_or_else(|| damaged(path, "it is cut off"))? + 1);
         let trailer: Trailer = serde_json::from_slice(last)
-            .map_err(|_| damaged("it does not end with its fingerprint"))?;
-        let whole = serde_json::to_vec(&trailer).map_err(json)? == last[..last.len() - 1];
+            .map_err(|_| damaged(path, "it does not end with its fingerprint"))?;
+        let whole = serde_json::to_vec(&trailer).map_err(|source| not_json(path, source))?
+            == last[..last.len() - 1];
         if !whole || seal(body, trailer.extent, trailer.units) != trailer.fingerprint {
-            return Err(damaged("its content does not have the fingerprint at its end"));
+            return Err(damaged(path, "its content does not have the fingerprint at its end"));
         }
         let mut lines = body.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
-        let header = lines.next().ok_or_else(|| damaged("it is empty"))?;
-        let header: Header = serde_json::from_slice(header).map_err(json)?;
+        let header = lines.next().ok_or_else(|| damaged(path, "it is empty"))?;
+        let header: Header =
+            serde_json::from_slice(header).map_err(|source| not_json(path, source))?;
         let mut units = UnitsInOrder::new();
         for line in lines {
-            let result: UnitRuns = serde_json::from_slice(line).map_err(json)?;
+            let result: UnitRuns =
+                serde_json::from_slice(line).map_err(|source| not_json(path, source))?;
             units.insert((result.unit.clone(), result.key.clone()), result);
         }
         Ok(Self { header, units, extent: trailer.extent })
     }
+}
+
+fn damaged(path: &Path, reason: &'static str) -> FileError {
+    FileError::Damaged { path: path.to_owned(), reason }
+}
+
+fn not_json(path: &Path, source: serde_json::Error) -> FileError {
+    FileError::Json { path: path.to_owned(), source }
+}
+
+fn unwritten(path: &Path, error: serde_json::Error) -> FileError {
+    FileError::io("write", path, error.into())
 }
 
 fn seal(body: &[u8], extent: Extent, units: usize) -> Fingerprint {

@@ -114,13 +114,11 @@ impl Status {
     /// Returns an error if it cannot be printed.
     pub(crate) fn tell(&self, directory: &Path, printer: &Printer) -> Result<(), StepError> {
         let Self { shards, done, .. } = self;
-        let in_state = |state| shards.iter().filter(move |shard| shard.state == state).count();
+        let [begun, missing, faulty] = [State::Begun, State::Missing, State::Faulty]
+            .map(|state| shards.iter().filter(|shard| shard.state == state).count());
         printer.result(&format!(
-            "{done} of {} done, {} begun, {} missing, {} faulty; {} of {} training runs",
+            "{done} of {} done, {begun} begun, {missing} missing, {faulty} faulty; {} of {} training runs",
             counted(shards.len(), "shard"),
-            in_state(State::Begun),
-            in_state(State::Missing),
-            in_state(State::Faulty),
             count(shards.iter().map(|shard| shard.units).sum()),
             count(shards.iter().map(|shard| shard.all_units).sum()),
         ))?;

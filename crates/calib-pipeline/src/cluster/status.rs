@@ -35,13 +35,13 @@ pub(crate) struct Summary {
 
 /// Summarises the size of a plan.
 pub(crate) fn summary(plan: &PlanFile) -> Summary {
-    let secs = || plan.shards.iter().map(|shard| shard.secs);
+    let secs = plan.shards.iter().map(|shard| shard.secs);
     Summary {
         shards: plan.shards.len(),
         stages: plan.stages(),
         units: plan.shards.iter().map(|shard| shard.units(plan)).sum(),
-        secs: secs().sum(),
-        longest_secs: secs().fold(0.0, f64::max),
+        secs: secs.clone().sum(),
+        longest_secs: secs.fold(0.0, f64::max),
         together_secs: (0..plan.stages())
             .map(|stage| {
                 plan.of_stage(stage).map(|number| plan.shards[number].secs).fold(0.0, f64::max)

@@ -20,15 +20,15 @@ impl BesideReturns {
         self.value.abs() / self.spread
     }
 
-    /// Returns the value of the agent that fits the returns best. `None` without agents, or if the returns of some
-    /// agent have no spread.
+    /// Returns the value of the agent that fits the returns best. `spreads` are those of the returns of each discount. `None`
+    /// without agents, or if the returns of some agent have no spread.
     fn nearest<'a>(
         agents: impl Iterator<Item = &'a AgentConfig>,
-        spread: impl Fn(f64) -> Option<f64>,
+        spreads: &[(f64, Option<f64>)],
         value: impl Fn(&AgentConfig) -> f64,
     ) -> Option<Self> {
         let each = agents.map(|agent| {
-            let spread = spread(agent.gamma)?;
+            let spread = spreads.iter().find(|(gamma, _)| *gamma == agent.gamma)?.1?;
             Some(Self { value: value(agent), gamma: agent.gamma, spread })
         });
         let all: Vec<Self> = each.collect::<Option<_>>()?;
@@ -59,12 +59,11 @@ pub(super) fn beyond_returns(
             spreads.push((agent.gamma, log.return_spread(agent.gamma, timeout)));
         }
     }
-    let spread = |gamma: f64| spreads.iter().find(|(other, _)| *other == gamma)?.1;
     let tempered = candidates.iter().filter(|agent| agent.algorithm.uses("temperature"));
-    let temperature = BesideReturns::nearest(tempered, spread, |agent| agent.temperature);
+    let temperature = BesideReturns::nearest(tempered, &spreads, |agent| agent.temperature);
     let columns = log.states().columns();
     let first =
-        BesideReturns::nearest(candidates.iter(), spread, |agent| agent.first_value(columns));
+        BesideReturns::nearest(candidates.iter(), &spreads, |agent| agent.first_value(columns));
     let temperature = temperature.filter(|nearest| is_random(nearest.value, nearest.spread));
     let first = first.filter(|nearest| is_beyond_returns(nearest.value, nearest.spread));
     let random = temperature.map(|nearest| {

@@ -79,13 +79,15 @@ pub(super) struct AgentCost {
 impl AgentCost {
     /// Returns the mean of several costs.
     fn mean(costs: &[Self]) -> Self {
-        let count = costs.len().max(1) as f64;
-        let mean = |field: fn(&Self) -> f64| costs.iter().map(field).sum::<f64>() / count;
         Self {
-            beginning: mean(|cost| cost.beginning),
-            step: mean(|cost| cost.step),
-            evaluated_transition: mean(|cost| cost.evaluated_transition),
+            beginning: Self::mean_of(costs, |cost| cost.beginning),
+            step: Self::mean_of(costs, |cost| cost.step),
+            evaluated_transition: Self::mean_of(costs, |cost| cost.evaluated_transition),
         }
+    }
+
+    fn mean_of(costs: &[Self], field: fn(&Self) -> f64) -> f64 {
+        costs.iter().map(field).sum::<f64>() / costs.len().max(1) as f64
     }
 }
 

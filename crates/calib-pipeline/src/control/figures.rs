@@ -88,11 +88,12 @@ fn pooled_return(
 /// Draws the return in the model against one swept field: the mean and the best of the settings with each value, with
 /// intervals over members. Settings with which the program failed have no return.
 fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
-    let value = |candidate: usize| evaluation.fields[candidate][field].1.as_str();
+    let swept: Vec<&str> =
+        evaluation.fields.iter().map(|fields| fields[field].1.as_str()).collect();
     let mut values: Vec<&str> = Vec::new();
-    for candidate in 0..evaluation.fields.len() {
-        if !values.contains(&value(candidate)) {
-            values.push(value(candidate));
+    for &value in &swept {
+        if !values.contains(&value) {
+            values.push(value);
         }
     }
     let ways = [("mean of the settings", mean as Pooled), ("best of the settings", highest)];
@@ -101,8 +102,8 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
         .enumerate()
         .map(|(number, &(label, pooled))| {
             let points = values.iter().enumerate().map(|(place, own)| {
-                let with: Vec<usize> = (0..evaluation.fields.len())
-                    .filter(|&candidate| value(candidate) == *own)
+                let with: Vec<usize> = (0..swept.len())
+                    .filter(|&candidate| swept[candidate] == *own)
                     .filter(|&candidate| !evaluation.has_failed(candidate))
                     .collect();
                 let estimate = pooled_return(evaluation, &with, pooled);
@@ -122,16 +123,11 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     let scale = Scale::linear_around(&ends.filter(|end| end.is_finite()).collect::<Vec<_>>());
     let name = &evaluation.fields[0][field].0;
     let title = format!("Return in the model against {name}");
-    let mark = |candidate: usize, label: &str, dash: Dash| {
-        let place = values.iter().position(|&other| other == value(candidate)).unwrap_or(0);
-        Rule { x: place as f64, label: label.to_owned(), dash }
-    };
-    let default = evaluation
-        .verdict
-        .default
-        .filter(|&candidate| value(candidate) != value(evaluation.verdict.chosen));
-    let mut rules = vec![mark(evaluation.verdict.chosen, "chosen", Dash::Solid)];
-    rules.extend(default.map(|candidate| mark(candidate, "default", Dash::Dashed)));
+    let chosen = swept[evaluation.verdict.chosen];
+    let default = evaluation.verdict.default.map(|default| swept[default]);
+    let mut rules = vec![mark(&values, chosen, "chosen", Dash::Solid)];
+    let default = default.filter(|default| *default != chosen);
+    rules.extend(default.map(|default| mark(&values, default, "default", Dash::Dashed)));
     OverviewFigure {
         caption: "Mean return per episode in the model, learning included, over all settings with the value that did not fail, and of the best of them in each ensemble member, with 95 % intervals over blocks of the log. It ranks settings and does not say what the plant will give."
             .to_owned(),
@@ -165,6 +161,12 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     }
 }
 
+/// Returns the line that marks one of these values.
+fn mark(values: &[&str], value: &str, label: &str, dash: Dash) -> Rule {
+    let place = values.iter().position(|&other| other == value).unwrap_or(0);
+    Rule { x: place as f64, label: label.to_owned(), dash }
+}
+
 /// Draws the learning curves of the best settings and the default. `None` if no run had ten episodes.
 fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
     let order = show::best(evaluation, CURVES);
@@ -177,16 +179,9 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
     if finite.is_empty() {
         return None;
     }
-    let label = |candidate: usize| {
-        let name = evaluation.setting_name(candidate);
-        match show::role(evaluation, candidate) {
-            "" => name,
-            role => format!("{name} ({role})"),
-        }
-    };
     let drawn = with.iter().zip(&curves).enumerate();
     let drawn = drawn.map(|(number, (&candidate, curve))| {
-        Series::numbered(number, &label(candidate), points(1.0, curve))
+        Series::numbered(number, &labelled(evaluation, candidate), points(1.0, curve))
     });
     let title = "How agents learn in the model".to_owned();
     Some(OverviewFigure {
@@ -195,7 +190,7 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
         table: Table {
             title: title.clone(),
             columns: std::iter::once("tenth".to_owned())
-                .chain(with.iter().map(|&candidate| label(candidate)))
+                .chain(with.iter().map(|&candidate| labelled(evaluation, candidate)))
                 .collect(),
             rows: (0..curves[0].len()).map(|tenth: usize| {
         let shown = curves.iter().map(|curve| Cell::Number(curve[tenth]));
@@ -220,6 +215,15 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
             rules: Vec::new(),
         },
     })
+}
+
+/// Returns the name of a setting, with its role if it has one.
+fn labelled(evaluation: &ControlEvaluation, candidate: usize) -> String {
+    let name = evaluation.setting_name(candidate);
+    match show::role(evaluation, candidate) {
+        "" => name,
+        role => format!("{name} ({role})"),
+    }
 }
 
 /// Draws where along a column the log shows the effect of each of these actions.

@@ -240,22 +240,23 @@ pub(super) fn replace(
 /// Returns a table with one row per run and all estimates of each setting, so that other selection rules can be tried
 /// on it.
 fn table(runs: &[Run], evaluation: &ControlEvaluation) -> Table {
-    let counts = |value: fn(&Run) -> u64| -> Vec<i64> {
-        runs.iter().map(|run| i64::try_from(value(run)).unwrap_or(i64::MAX)).collect()
-    };
     Table::new()
         .with("model", runs.iter().map(|run| run.kind.name().to_owned()).collect::<Vec<_>>())
-        .with("member", counts(|run| run.member as u64))
-        .with("run", counts(|run| run.run as u64))
-        .with("candidate", counts(|run| run.candidate as u64))
+        .with("member", counts(runs, |run| run.member as u64))
+        .with("run", counts(runs, |run| run.run as u64))
+        .with("candidate", counts(runs, |run| run.candidate as u64))
         .with(
             "label",
             runs.iter().map(|run| evaluation.setting_name(run.candidate)).collect::<Vec<String>>(),
         )
         .with("mean_return", runs.iter().map(|run| run.mean_return).collect::<Vec<f64>>())
-        .with("episodes", counts(|run| run.episodes as u64))
-        .with("terminals", counts(|run| run.terminals as u64))
-        .with("steps", counts(|run| run.coverage.steps))
-        .with("missing", counts(|run| run.coverage.missing))
-        .with("far", counts(|run| run.coverage.far))
+        .with("episodes", counts(runs, |run| run.episodes as u64))
+        .with("terminals", counts(runs, |run| run.terminals as u64))
+        .with("steps", counts(runs, |run| run.coverage.steps))
+        .with("missing", counts(runs, |run| run.coverage.missing))
+        .with("far", counts(runs, |run| run.coverage.far))
+}
+
+fn counts(runs: &[Run], value: fn(&Run) -> u64) -> Vec<i64> {
+    runs.iter().map(|run| i64::try_from(value(run)).unwrap_or(i64::MAX)).collect()
 }

@@ -43,11 +43,15 @@ struct RewardSummary {
 impl RewardSummary {
     fn of_log(log: &Decisions, config: &ControlConfig) -> Result<Self, StepError> {
         let recorded = log.recorded_return(config.timeout.min(config.steps))?;
-        let rewards = || log.rewards().iter().copied().map(f64::from);
+        let [mut least, mut largest] = [f64::INFINITY, f64::NEG_INFINITY];
+        for &reward in log.rewards() {
+            least = least.min(f64::from(reward));
+            largest = largest.max(f64::from(reward));
+        }
         Ok(Self {
             mean: log.mean_reward(),
-            least: rewards().fold(f64::INFINITY, f64::min),
-            largest: rewards().fold(f64::NEG_INFINITY, f64::max),
+            least,
+            largest,
             mean_return: recorded.mean,
             beyond_whole_episodes: beyond_whole_episodes(&recorded),
         })
@@ -75,16 +79,19 @@ pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<InspectedAc
     if let Some(told) = rare::only_action(&log.names.actions, config.every) {
         printer.warn(&told);
     }
-    let plain = || (Distance::Euclidean, log.decisions.states().clone());
-    let (distance, metric) = match config.model.distance {
-        Distance::Euclidean => plain(),
-        Distance::Laplacian => decisions::kept(job, log.material())?.map_or_else(
-            || {
+    let represented = match config.model.distance {
+        Distance::Euclidean => None,
+        Distance::Laplacian => {
+            let kept = decisions::kept(job, log.material())?;
+            if kept.is_none() {
                 printer.say("the representation is trained by `calib control`; here distances are those of states");
-                plain()
-            },
-            |psi| (Distance::Laplacian, psi),
-        ),
+            }
+            kept
+        }
+    };
+    let (distance, metric) = match represented {
+        None => (Distance::Euclidean, log.decisions.states().clone()),
+        Some(psi) => (Distance::Laplacian, psi),
     };
     log::require_model(&log.decisions, config)?;
     let starts = log::starts(&log.decisions, &metric, config.start)?;

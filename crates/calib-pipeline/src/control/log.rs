@@ -292,10 +292,10 @@ fn set_points(
 
 /// Returns the smallest and the largest value, or zeros if all are missing.
 fn range(values: &[f64]) -> [f64; 2] {
-    let there = || values.iter().copied().filter(|value| !value.is_nan());
-    let low = there().reduce(f64::min);
-    let high = there().reduce(f64::max);
-    [low.unwrap_or(0.0), high.unwrap_or(0.0)]
+    // Both leave out missing values, unless there are no others.
+    let low = values.iter().copied().reduce(f64::min);
+    let high = values.iter().copied().reduce(f64::max);
+    [low, high].map(|end| end.filter(|end| !end.is_nan()).unwrap_or(0.0))
 }
 
 /// Adds the key that names the column to an error about it.
@@ -374,8 +374,10 @@ fn settings_told(
         .map(|(column, values)| {
             let own: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
             ensure!(!own.is_empty(), "the log has no value of {column}");
-            let share = |share: f64| quantile(&own, share);
-            let quantiles = [share(0.0)?, share(0.05)?, share(0.5)?, share(0.95)?, share(1.0)?];
+            let mut quantiles = [0.0; 5];
+            for (value, share) in quantiles.iter_mut().zip([0.0, 0.05, 0.5, 0.95, 1.0]) {
+                *value = quantile(&own, share)?;
+            }
             Ok(SettingTold { column: column.clone(), quantiles })
         })
         .collect()
@@ -428,12 +430,16 @@ pub(super) fn starts(
 ) -> Result<Starts, StepError> {
     let rows = start_rows(log, start);
     ensure!(!rows.is_empty(), "the log has no episode");
-    let at_starts = |states: &States| {
-        let values: Vec<f32> =
-            rows.iter().flat_map(|&row| states.row(row as usize)).copied().collect();
-        States::new(values, rows.len(), states.columns()).context("the first states of episodes")
-    };
-    Ok(Starts { observed: at_starts(log.states())?, metric: at_starts(metric)? })
+    Ok(Starts {
+        observed: first_states(log.states(), &rows)?,
+        metric: first_states(metric, &rows)?,
+    })
+}
+
+/// Returns the states in these rows, in which episodes begin.
+fn first_states(states: &States, rows: &[u32]) -> Result<States, StepError> {
+    let values: Vec<f32> = rows.iter().flat_map(|&row| states.row(row as usize)).copied().collect();
+    States::new(values, rows.len(), states.columns()).context("the first states of episodes")
 }
 
 #[cfg(test)]
@@ -460,22 +466,24 @@ mod tests {
         assert_eq!(set_points(&config, &names, &recorded), expected);
     }
 
+    /// Returns the warning about a number of values in this range.
+    fn told_of(rows: usize, range: [f64; 2]) -> String {
+        let found = OutlyingActions { rows: (0..rows).collect(), range, others: [-2.0, 2.0] };
+        outlying_told("dose", &found, "noon")
+    }
+
     #[test]
     fn values_that_stand_out_are_told_apart() {
-        let told = |rows: usize, range: [f64; 2]| {
-            let found = OutlyingActions { rows: (0..rows).collect(), range, others: [-2.0, 2.0] };
-            outlying_told("dose", &found, "noon")
-        };
-        let alike = told(8, [50.0; 2]);
+        let alike = told_of(8, [50.0; 2]);
         assert!(alike.contains("50 in 8 rows, first at noon, stands out"), "{alike}");
         assert!(alike.contains("correct it there or add 50 to data.missing_values"), "{alike}");
-        let near = told(8, [50.001, 50.002]);
+        let near = told_of(8, [50.001, 50.002]);
         assert!(near.contains("8 values from 50.001 to 50.002, first at noon, stand"), "{near}");
         assert!(near.contains("or add the values to data.missing_values"), "{near}");
-        let two = told(2, [50.0, 52.0]);
+        let two = told_of(2, [50.0, 52.0]);
         assert!(two.contains("2 values from 50 to 52"), "{two}");
         assert!(two.contains("or add 50 and 52 to data.missing_values"), "{two}");
-        let infinite = told(1, [f64::INFINITY; 2]);
+        let infinite = told_of(1, [f64::INFINITY; 2]);
         assert!(!infinite.contains("data.missing_values"), "{infinite}");
     }
 }

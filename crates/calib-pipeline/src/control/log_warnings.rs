@@ -20,12 +20,13 @@ pub(super) fn tell_columns(
     found: &ColumnFindings,
     printer: &Printer,
 ) {
-    let time = |row: usize| format_time(frames.timestamps()[row]);
+    let times = frames.timestamps();
     if let Some(&first) = found.without_action.first() {
-        printer.warn(&missing_actions(found.without_action.len(), &time(first), resample));
+        let first = format_time(times[first]);
+        printer.warn(&missing_actions(found.without_action.len(), &first, resample));
     }
     if let Some(name) = &config.terminal {
-        let first_empty = found.terminal.first_empty.map(time);
+        let first_empty = found.terminal.first_empty.map(|row| format_time(times[row]));
         let odd = odd_terminals(name, &found.terminal, first_empty.as_deref());
         for told in &odd {
             printer.warn(told);
@@ -284,12 +285,15 @@ mod tests {
         assert_eq!(told.len(), 1);
     }
 
+    fn lagged(count: usize) -> LaggedDecisions {
+        LaggedDecisions { count, decisions: 2_944 }
+    }
+
     #[test]
     fn a_lag_of_two_rows_is_no_long_one() {
-        let told = |count: usize| long_lag(20, LaggedDecisions { count, decisions: 2_944 });
-        assert_eq!(told(0), None);
-        assert_eq!(told(56), None);
-        let long = told(1_037).expect("a third");
+        assert_eq!(long_lag(20, lagged(0)), None);
+        assert_eq!(long_lag(20, lagged(56)), None);
+        let long = long_lag(20, lagged(1_037)).expect("a third");
         assert!(
             long.starts_with(
                 "with control.lag = 20 the action of 35 % of the decisions (1,037 of 2,944) "

@@ -427,28 +427,28 @@ mod tests {
     #[test]
     fn a_network_that_cannot_be_read_is_reported_and_kept() {
         let folder = tempfile::tempdir().expect("a folder");
-        let at = |name: &str| folder.path().join(name);
-        let networks = [0, 1, 2].map(|member| at(&format!("network-{member}.safetensors")));
+        let networks =
+            [0, 1, 2].map(|member| folder.path().join(format!("network-{member}.safetensors")));
+        let rewards = folder.path().join("rewards.npy");
         for network in &networks {
             let tensors = vec![Tensor::flat("weights", vec![0.5])];
             let content = Tensors { tensors, ..Tensors::default() };
             write_tensors(network, &content).expect("written");
         }
         fs::write(&networks[1], "damaged").expect("written");
-        fs::write(at("rewards.npy"), "damaged").expect("written");
-        let read = |path: &Path| {
+        fs::write(&rewards, "damaged").expect("written");
+        let (removed, unread) = remove_damaged(folder.path(), |path| {
             if path == networks[2] {
                 // All file handles are in use.
                 return Err(FileError::io("read", path, io::Error::from_raw_os_error(24)));
             }
             read_sealed_tensors(path)
-        };
-        let (removed, unread) = remove_damaged(folder.path(), read);
+        });
         removed.expect("removed");
         let told = unread.expect_err("not read").to_string();
         assert!(told.contains("network-2.safetensors"), "{told}");
         assert_eq!([0, 1, 2].map(|member| networks[member].exists()), [true, false, true]);
-        assert!(at("rewards.npy").exists(), "no network");
+        assert!(rewards.exists(), "no network");
         let (removed, unread) = remove_damaged(folder.path(), read_sealed_tensors);
         assert!(removed.is_ok() && unread.is_ok() && networks[2].exists());
     }

@@ -252,10 +252,10 @@ struct Pieces {
 
 /// Returns the time of pieces of work that threads take up one after the other.
 fn side_by_side(pieces: &[Pieces], threads: usize) -> f64 {
-    let there = || pieces.iter().filter(|pieces| pieces.count > 0);
-    let all: usize = there().map(|pieces| pieces.count).sum();
-    let secs: f64 = there().map(|pieces| pieces.count as f64 * pieces.secs).sum();
-    let longest = there().map(|pieces| pieces.secs).fold(0.0, f64::max);
+    let there: Vec<&Pieces> = pieces.iter().filter(|pieces| pieces.count > 0).collect();
+    let all: usize = there.iter().map(|pieces| pieces.count).sum();
+    let secs: f64 = there.iter().map(|pieces| pieces.count as f64 * pieces.secs).sum();
+    let longest = there.iter().map(|pieces| pieces.secs).fold(0.0, f64::max);
     let rounds = all.div_ceil(threads.max(1)) as f64;
     (rounds * secs / all.max(1) as f64).max(longest)
 }

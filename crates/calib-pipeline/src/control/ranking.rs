@@ -45,6 +45,24 @@ pub(crate) struct ControlRanked {
     pub(crate) mean_return: Option<f64>,
 }
 
+impl ControlRanked {
+    /// Returns a setting that did not fail. `default` is the number of the default.
+    fn new(
+        candidate: usize,
+        default: Option<usize>,
+        selection: &Selection,
+        setting: String,
+    ) -> Self {
+        Self {
+            setting,
+            is_default: default == Some(candidate),
+            has_failed: false,
+            mean_rank: selection.mean_ranks[candidate],
+            mean_return: Some(selection.mean_errors[candidate]).filter(|mean| mean.is_finite()),
+        }
+    }
+}
+
 /// Ranks the settings of a study with this verdict. `None` if there are no runs.
 ///
 /// # Errors
@@ -57,13 +75,6 @@ pub(crate) fn ranking(
     let agents = ComparedAgents::of_study(job, config)?;
     let all = config.runs_of_a_setting() * agents.count();
     let default = agents.default(config);
-    let ranked = |candidate: usize, selection: &Selection, setting: String| ControlRanked {
-        setting,
-        is_default: default == Some(candidate),
-        has_failed: false,
-        mean_rank: selection.mean_ranks[candidate],
-        mean_return: Some(selection.mean_errors[candidate]).filter(|mean| mean.is_finite()),
-    };
     // A finished sweep has its runs in one table and its ranks in the verdict. Files beside it add nothing: they hold
     // runs of settings that did not fail, or of a share that ended later.
     let is_current = matches!(verdict, VerdictStanding::Current);
@@ -73,7 +84,7 @@ pub(crate) fn ranking(
         let settings = show::best(&found, found.agents().len());
         let settings = settings.into_iter().map(|candidate| ControlRanked {
             has_failed: found.has_failed(candidate),
-            ..ranked(candidate, selection, found.setting_name(candidate))
+            ..ControlRanked::new(candidate, default, selection, found.setting_name(candidate))
         });
         let members = config.all_members();
         let settings = settings.collect();
@@ -94,7 +105,10 @@ pub(crate) fn ranking(
         order.sort_by(|&a, &b| selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]));
         settings = order
             .into_iter()
-            .map(|candidate| ranked(candidate, &selection, setting_name(&fields[candidate])))
+            .map(|candidate| {
+                let setting = setting_name(&fields[candidate]);
+                ControlRanked::new(candidate, default, &selection, setting)
+            })
             .collect();
     }
     Ok(Some(ControlRanking {

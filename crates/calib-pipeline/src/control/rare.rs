@@ -94,11 +94,11 @@ mod tests {
     #[test]
     fn actions_that_were_hardly_taken_are_counted_and_named() {
         let names: Vec<String> = (0..6).map(|dose| format!("dose={dose}")).collect();
-        let told = |counts: &[usize]| told(&names, counts, &config(None, 1));
-        assert_eq!(told(&[30, 500, 30, 30, 30, 30]), None);
-        let one = told(&[500, 500, 500, 499, 1_000, 1]).expect("one");
+        let config = config(None, 1);
+        assert_eq!(told(&names, &[30, 500, 30, 30, 30, 30], &config), None);
+        let one = told(&names, &[500, 500, 500, 499, 1_000, 1], &config).expect("one");
         assert!(one.starts_with("1 action was hardly ever taken: dose=5 (1 of 3,000). "), "{one}");
-        let several = told(&[3_000, 0, 1, 2, 3, 500]).expect("four");
+        let several = told(&names, &[3_000, 0, 1, 2, 3, 500], &config).expect("four");
         let named = "4 actions were hardly ever taken: dose=1 (0 of 3,506), dose=2 (1 of 3,506), dose=3 (2 of 3,506), …. ";
         assert!(several.starts_with(named), "{several}");
     }

@@ -158,7 +158,6 @@ pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
     let mut order: Vec<usize> = (0..evaluation.candidates.len()).collect();
     order.sort_by(|&a, &b| {
-        let is_behind = |candidate: usize| candidate != verdict.chosen;
         let by_mean = selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]);
         let by_rule = match verdict.rule {
             RankRule::MeanRank => by_mean,
@@ -166,7 +165,7 @@ pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
                 selection.worst_ranks[a].cmp(&selection.worst_ranks[b]).then(by_mean)
             }
         };
-        by_rule.then(is_behind(a).cmp(&is_behind(b))).then(a.cmp(&b))
+        by_rule.then((a != verdict.chosen).cmp(&(b != verdict.chosen))).then(a.cmp(&b))
     });
     order.truncate(count);
     order.extend(verdict.default.filter(|default| !order.contains(default)));

@@ -131,12 +131,14 @@ impl Drafting<'_> {
         if let Some(secs) = self.args.horizon {
             return Horizon::new(secs, sketch.period_secs * spacing as f64);
         }
-        let proposed = |states: f64| {
-            let steps = Size::most_steps(self.look.cut.rows[1] / spacing, states);
-            horizon(sketch, &self.look.sensors.proposed, spacing, steps)
-        };
         // Longer runs allow longer horizons. The horizon for runs of four windows shows whether four windows fit.
-        proposed(proposed(0.0).states)
+        self.proposed_horizon(spacing, self.proposed_horizon(spacing, 0.0).states)
+    }
+
+    /// Returns the horizon for runs as long as a horizon of this many states allows.
+    fn proposed_horizon(&self, spacing: usize, states: f64) -> Horizon {
+        let ExaminedLog { sketch, sensors, cut, .. } = self.look;
+        horizon(sketch, &sensors.proposed, spacing, Size::most_steps(cut.rows[1] / spacing, states))
     }
 
     /// Returns the number of held-out states of a cut. It is an estimate until the held-out states are known.

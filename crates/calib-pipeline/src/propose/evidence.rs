@@ -40,8 +40,9 @@ impl Evidence {
         horizon: &mut Horizon,
         text: impl Fn(ProposedAgent, Horizon) -> String,
     ) -> Result<Self, StepError> {
-        let say = |words: &str| trials.context.say(words);
-        say("comparing agents with simple predictors on the last third of the training range");
+        trials
+            .context
+            .say("comparing agents with simple predictors on the last third of the training range");
         let mut predicted = trials
             .compare(&trials.comparing, horizon, |at| text(ProposedAgent::Linear, at))?
             .context("half of the time of --within is over")?;
@@ -56,7 +57,7 @@ impl Evidence {
                 .compare(&trials.comparing, &mut shorter, |at| text(ProposedAgent::Linear, at))?;
             let Some(nearer) = linear else { break };
             if nearer.iter().any(TrialPrediction::is_predicted) {
-                say(&format!(
+                trials.context.say(&format!(
                     "nothing predicts {} ahead better than the mean does",
                     span(horizon.secs)
                 ));
@@ -85,9 +86,10 @@ impl Evidence {
         if network.is_none() {
             reason.push_str("; half of the time of --within was over before a network was tried");
         }
-        let sensors = || predicted.iter().chain(network.iter().flatten());
-        let is_ahead = sensors().any(|sensor| sensor.lead.is_some());
-        if !sensors().any(TrialPrediction::is_predicted) {
+        let sensors: Vec<&TrialPrediction> =
+            predicted.iter().chain(network.iter().flatten()).collect();
+        let is_ahead = sensors.iter().any(|sensor| sensor.lead.is_some());
+        if !sensors.iter().any(|sensor| sensor.is_predicted()) {
             let warning = format!(
                 "nothing that calib tried predicts {} ahead better than the mean",
                 span(horizon.secs)

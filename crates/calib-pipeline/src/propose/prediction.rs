@@ -46,19 +46,23 @@ impl Lead {
 impl TrialPrediction {
     pub(super) fn of(verdict: &SensorVerdict) -> Self {
         // All ratios of an agent are over the same windows, so their quotients compare predictors with each other.
-        let ratio = |predictor: SimplePredictor| {
-            let row = verdict.simple.iter().find(|row| row.predictor == predictor);
-            row.and_then(|row| row.ratio).map_or(f64::NAN, |ratio| ratio.value)
-        };
-        let agent = SimplePredictor::ALL.into_iter().map(ratio).fold(f64::NAN, f64::max);
+        let ratios = SimplePredictor::ALL.map(|predictor| ratio_to(predictor, &verdict.simple));
+        let agent = ratios.into_iter().fold(f64::NAN, f64::max);
         let lead = Lead::smallest(&verdict.simple);
-        Self { simple: ratio(SimplePredictor::Mean) / agent, agent, lead }
+        let simple = ratio_to(SimplePredictor::Mean, &verdict.simple) / agent;
+        Self { simple, agent, lead }
     }
 
     /// Whether something predicts the sensor better than its mean.
     pub(super) fn is_predicted(&self) -> bool {
         self.simple * self.agent.min(1.0) <= PREDICTED
     }
+}
+
+/// Returns the ratio of the agent's error to that of a predictor; NaN if it is not known.
+fn ratio_to(predictor: SimplePredictor, simple: &[SimpleComparison]) -> f64 {
+    let row = simple.iter().find(|row| row.predictor == predictor);
+    row.and_then(|row| row.ratio).map_or(f64::NAN, |ratio| ratio.value)
 }
 
 #[cfg(test)]

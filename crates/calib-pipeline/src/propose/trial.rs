@@ -329,7 +329,6 @@ impl Trials<'_> {
         read: TimeTaken,
         context: &RunContext,
     ) -> Result<MeasuredCosts, StepError> {
-        let steps = |length: usize| length.min(most_steps);
         let (made, before) = TimeTaken::by(|| {
             let job = self.job(text(short, *horizon).0, COSTS, &[])?;
             self.made_before(&job, context)
@@ -340,12 +339,12 @@ impl Trials<'_> {
             Ok(MeasuredSweep { agent_steps: text(steps, *horizon).1.agent_steps(), taken })
         };
         let less = sweep(short, horizon)?;
-        let mut length = steps(LONGER * short);
+        let mut length = (LONGER * short).min(most_steps);
         let mut more = sweep(length, horizon)?;
         let is_worth =
             |more: &MeasuredSweep| more.taken.secs - less.taken.secs >= WORTH * self.args.within;
-        while !is_worth(&more) && steps(LONGER * length) > length && !self.comparing.is_over() {
-            length = steps(LONGER * length);
+        while !is_worth(&more) && length < most_steps && !self.comparing.is_over() {
+            length = (LONGER * length).min(most_steps);
             more = sweep(length, horizon)?;
         }
         let job = self.job(text(length, *horizon).0, COSTS, &[])?;

@@ -127,6 +127,12 @@ fn diverged(logs: &LogErrors) -> usize {
     logs.values().filter(|log| **log == f64::INFINITY).count()
 }
 
+/// Returns the mean of the finite logarithms; infinite if there are none.
+fn mean_log(logs: &LogErrors) -> f64 {
+    let finite: Vec<f64> = logs.values().copied().filter(|log| *log < f64::INFINITY).collect();
+    mean(&finite).unwrap_or(f64::INFINITY)
+}
+
 /// Returns the settings that have runs, best first. The leader is among those with the most runs. It diverged in the
 /// fewest of them, and has the smallest mean logarithm on ties. Other settings are compared with it on common streams,
 /// because a race or a smaller grid leaves some with fewer.
@@ -135,29 +141,20 @@ fn ranked(logs: &[LogErrors]) -> Result<Vec<(usize, AgainstLeader)>, StepError> 
     if most == 0 {
         return Ok(Vec::new());
     }
-    let standing = |candidate: &usize| {
-        let finite: Vec<f64> =
-            logs[*candidate].values().copied().filter(|log| *log < f64::INFINITY).collect();
-        (diverged(&logs[*candidate]), mean(&finite).unwrap_or(f64::INFINITY))
-    };
     let with_most = (0..logs.len()).filter(|candidate| logs[*candidate].len() == most);
     let leader = with_most.min_by(|a, b| {
-        let a = standing(a);
-        let b = standing(b);
-        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        let [a, b] = [a, b].map(|candidate| &logs[*candidate]);
+        diverged(a).cmp(&diverged(b)).then(mean_log(a).total_cmp(&mean_log(b)))
     });
     let Some(leader) = leader else { return Ok(Vec::new()) };
     let with_runs = (0..logs.len()).filter(|candidate| !logs[*candidate].is_empty());
     let mut all = with_runs
         .map(|candidate| Ok((candidate, against(&logs[candidate], &logs[leader])?)))
         .collect::<Result<Vec<(usize, AgainstLeader)>, StepError>>()?;
-    let place = |(candidate, standing): &(usize, AgainstLeader)| {
-        (*candidate != leader, diverged(&logs[*candidate]), standing.ratio.unwrap_or(f64::INFINITY))
-    };
-    all.sort_by(|a, b| {
-        let a = place(a);
-        let b = place(b);
-        a.0.cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.total_cmp(&b.2))
+    all.sort_by(|(a, own), (b, other)| {
+        let by_divergence = diverged(&logs[*a]).cmp(&diverged(&logs[*b]));
+        let [own, other] = [own, other].map(|one| one.ratio.unwrap_or(f64::INFINITY));
+        (*a != leader).cmp(&(*b != leader)).then(by_divergence).then(own.total_cmp(&other))
     });
     Ok(all)
 }

@@ -184,23 +184,23 @@ fn profile(validity: &Validity) -> OverviewFigure {
 
 /// Returns a step function that rises at each of the sorted regrets.
 fn steps(regrets: &[f64]) -> Vec<Point> {
-    let all = regrets.len() as f64;
-    let mut points = Vec::new();
-    let mut at = |x: f64, reached: usize| {
-        let y = 100.0 * reached as f64 / all;
-        points.push(Point { x: 100.0 * x, y, interval: None });
-    };
-    at(FLOOR, regrets.iter().filter(|&&regret| regret <= FLOOR).count());
+    let all = regrets.len();
+    let at_floor = regrets.iter().filter(|&&regret| regret <= FLOOR).count();
+    let mut points = vec![step(FLOOR, at_floor, all)];
     let mut last = 0;
     for (number, &regret) in regrets.iter().enumerate().filter(|(_, regret)| **regret <= CEILING) {
         if regret > FLOOR {
-            at(regret, number);
-            at(regret, number + 1);
+            points.extend([number, number + 1].map(|reached| step(regret, reached, all)));
         }
         last = number + 1;
     }
-    at(CEILING, last);
+    points.push(step(CEILING, last, all));
     points
+}
+
+/// Returns the point at which `reached` of `all` pairs have at most this regret.
+fn step(regret: f64, reached: usize, all: usize) -> Point {
+    Point { x: 100.0 * regret, y: 100.0 * reached as f64 / all as f64, interval: None }
 }
 
 /// Draws the regret of every model in every pair against a property of the model.

@@ -58,17 +58,13 @@ fn pairs(judged: &JudgedStudies) -> Table {
         })
     });
     let rows: Vec<Row<'_>> = rows.collect();
-    let text = |cell: fn(&Row<'_>) -> String| rows.iter().map(cell).collect::<Vec<String>>();
-    let of_model = |value: fn(&ModelPair) -> Option<f64>| -> Vec<Option<f64>> {
-        rows.iter().map(|row| row.model().and_then(value)).collect()
-    };
     Table::new()
-        .with("scored", text(|row| row.part.to_owned()))
-        .with("plant", text(|row| row.pair.plant.clone()))
-        .with("sensor", text(|row| row.pair.sensor.clone()))
-        .with("method", text(|row| row.regret.method.name()))
-        .with("optimiser", text(|row| row.task.optimiser.to_owned()))
-        .with("agent", text(|row| row.task.agent.clone()))
+        .with("scored", texts(&rows, |row| row.part.to_owned()))
+        .with("plant", texts(&rows, |row| row.pair.plant.clone()))
+        .with("sensor", texts(&rows, |row| row.pair.sensor.clone()))
+        .with("method", texts(&rows, |row| row.regret.method.name()))
+        .with("optimiser", texts(&rows, |row| row.task.optimiser.to_owned()))
+        .with("agent", texts(&rows, |row| row.task.agent.clone()))
         .with("gamma", rows.iter().map(|row| row.task.gamma).collect::<Vec<_>>())
         .with("steps", rows.iter().map(|row| row.task.steps as u32).collect::<Vec<_>>())
         .with("batch_size", rows.iter().map(|row| row.task.batch_size as u32).collect::<Vec<_>>())
@@ -78,10 +74,19 @@ fn pairs(judged: &JudgedStudies) -> Table {
         .with_optional("online_error", rows.iter().map(Row::online_error).collect())
         .with("best_online_error", rows.iter().map(Row::best_online_error).collect::<Vec<_>>())
         .with_optional("best_skill", rows.iter().map(|row| row.pair.skill).collect())
-        .with_optional("stability", of_model(|model| model.stability))
-        .with_optional("spearman", of_model(|model| model.spearman))
-        .with_optional("one_step_rmse", of_model(|model| model.one_step))
-        .with_optional("one_step_relative", of_model(|model| model.one_step_relative))
-        .with_optional("one_step_all_columns", of_model(|model| model.one_step_all))
-        .with_optional("dtw", of_model(|model| model.dtw))
+        .with_optional("stability", of_models(&rows, |model| model.stability))
+        .with_optional("spearman", of_models(&rows, |model| model.spearman))
+        .with_optional("one_step_rmse", of_models(&rows, |model| model.one_step))
+        .with_optional("one_step_relative", of_models(&rows, |model| model.one_step_relative))
+        .with_optional("one_step_all_columns", of_models(&rows, |model| model.one_step_all))
+        .with_optional("dtw", of_models(&rows, |model| model.dtw))
+}
+
+fn texts(rows: &[Row<'_>], cell: fn(&Row<'_>) -> String) -> Vec<String> {
+    rows.iter().map(cell).collect()
+}
+
+/// Returns a value of the model in each row that has one.
+fn of_models(rows: &[Row<'_>], value: fn(&ModelPair) -> Option<f64>) -> Vec<Option<f64>> {
+    rows.iter().map(|row| row.model().and_then(value)).collect()
 }

@@ -8,7 +8,7 @@ use calib_model_steps::rollouts::{
     one_step::{self, OneStep},
     rollout::{self, RolloutManifest},
 };
-use calib_sweep::{Candidate, ChoiceBaseline, SensorVerdict, SweepError, Truth};
+use calib_sweep::{BaselineRegret, Candidate, ChoiceBaseline, SensorVerdict, SweepError, Truth};
 use calib_sweep_steps::verdict::{evaluate, judged::Judged};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
@@ -183,9 +183,6 @@ fn pair(
     candidates: &[Candidate],
     task: &Task,
 ) -> Pair {
-    let baseline =
-        |wanted: ChoiceBaseline| truth.baselines.iter().find(|found| found.baseline == wanted);
-    let chosen = |wanted: ChoiceBaseline| baseline(wanted).and_then(|found| found.chosen);
     Pair {
         plant: study.plant.clone(),
         sensor: sensor.to_owned(),
@@ -197,24 +194,33 @@ fn pair(
             .collect(),
         skill: truth.best.and_then(|best| truth.scores.skill[best]),
         regrets: truth.regrets.clone(),
-        default: chosen(ChoiceBaseline::Default),
-        log_replay: chosen(ChoiceBaseline::LogReplay),
-        latest_window: chosen(ChoiceBaseline::LatestWindow),
-        another_window: baseline(ChoiceBaseline::AnotherWindow)
+        default: chosen_by(truth, ChoiceBaseline::Default),
+        log_replay: chosen_by(truth, ChoiceBaseline::LogReplay),
+        latest_window: chosen_by(truth, ChoiceBaseline::LatestWindow),
+        another_window: baseline(truth, ChoiceBaseline::AnotherWindow)
             .and_then(|found| found.regret)
             .map(|regret| regret.value),
         models: Vec::new(),
     }
 }
 
+fn baseline(truth: &Truth, wanted: ChoiceBaseline) -> Option<&BaselineRegret> {
+    truth.baselines.iter().find(|found| found.baseline == wanted)
+}
+
+/// Returns the setting that another way to choose has chosen, if it chooses one.
+fn chosen_by(truth: &Truth, wanted: ChoiceBaseline) -> Option<usize> {
+    baseline(truth, wanted).and_then(|found| found.chosen)
+}
+
 fn model_pair(model: &ModelEvidence, verdict: &SensorVerdict) -> Result<ModelPair, StepError> {
-    let own = |sensor: &String| *sensor == verdict.sensor;
     let one_step = model.one_step.as_ref();
-    let of_sensor =
-        one_step.and_then(|errors| errors.sensors.iter().find(|sensor| own(&sensor.sensor)));
+    let of_sensor = one_step
+        .and_then(|errors| errors.sensors.iter().find(|sensor| sensor.sensor == verdict.sensor));
     let comparison = model.rollouts.as_ref().and_then(|rollouts| rollouts.comparison.as_ref());
-    let compared = comparison
-        .and_then(|comparison| comparison.sensors.iter().find(|sensor| own(&sensor.sensor)));
+    let compared = comparison.and_then(|comparison| {
+        comparison.sensors.iter().find(|sensor| sensor.sensor == verdict.sensor)
+    });
     let dtw = compared.and_then(|sensor| sensor.dtw.first()).map(|distances| {
         let distance = distances.normalized_distance.as_ref().unwrap_or(&distances.distance);
         distance.mean

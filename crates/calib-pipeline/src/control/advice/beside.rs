@@ -121,9 +121,8 @@ pub(crate) fn beyond_whole_episodes(recorded: &RecordedReturn) -> Option<&'stati
     let RecordedReturn { mean, best, worst, .. } = *recorded;
     let told = number(mean);
     // Values that print alike do not count as beyond each other.
-    let is_beyond = |whole: f64, is_farther: bool| is_farther && number(whole) != told;
-    let above = best.is_some_and(|best| is_beyond(best, mean > best));
-    let below = worst.is_some_and(|worst| is_beyond(worst, mean < worst));
+    let above = best.is_some_and(|best| mean > best && number(best) != told);
+    let below = worst.is_some_and(|worst| mean < worst && number(worst) != told);
     (above || below).then_some(
         "The mean is beyond every whole episode, because it counts parts of episodes too: it is the sum of all rewards divided by the number of episodes, \
          and a part counts there as its share of the timeout.",

@@ -128,87 +128,90 @@ fn no_setting_is_named_where_kinds_of_models_disagree() {
     assert!(!found.contains("Alone, ") && !found.contains("Spearman"), "{found}");
 }
 
-#[test]
-fn more_than_random_actions_get_is_told_with_its_interval() {
+/// Returns the doubt about a choice that gets 14 more than random actions, in an interval from `low`.
+fn beside_random(low: Option<f64>, outlying: Option<OutlyingMember>) -> String {
     let doubt =
         json!([{ "reason": "not_better_than_random_actions", "random": 24, "promised": 38 }]);
-    let reason = |low: Option<f64>, outlying: Option<OutlyingMember>| {
-        let interval = low.map(|low| Interval { low, high: 40.0 });
-        let mut verdict = verdict(&doubt);
-        let over = verdict.over_default.map(|over| Difference { mean: 14.0, interval, ..over });
-        verdict.random_actions = Some(RandomActions { mean_return: 24.0, over, outlying });
-        let settings = ["a=1", "a=2"].map(str::to_owned);
-        let advice = advice_on(&verdict, &settings);
-        advice.reasons().remove(0).whole()
-    };
-    let chance = reason(Some(-12.0), None);
+    let interval = low.map(|low| Interval { low, high: 40.0 });
+    let mut verdict = verdict(&doubt);
+    let over = verdict.over_default.map(|over| Difference { mean: 14.0, interval, ..over });
+    verdict.random_actions = Some(RandomActions { mean_return: 24.0, over, outlying });
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    advice_on(&verdict, &settings).reasons().remove(0).whole()
+}
+
+#[test]
+fn more_than_random_actions_get_is_told_with_its_interval() {
+    let chance = beside_random(Some(-12.0), None);
     let told = "gets 38, learning included, which could be chance (95 % over blocks of the log: 12 less to 40 more); record";
     assert!(chance.contains(told), "{chance}");
     let more = "narrow the interval with more ensemble members (control.model.members)";
     assert!(chance.ends_with(more), "{chance}");
     let network =
         OutlyingMember { kind: ActionModelKind::Network, member: 2, chosen_return: -501.0 };
-    let one = reason(Some(-12.0), Some(network));
+    let one = beside_random(Some(-12.0), Some(network));
     let named = "40 more): without the network of ensemble member 2, in which it gets -501, the interval would exclude 0; make more runs (control.runs)";
     assert!(one.contains(named) && !one.contains("varied actions"), "{one}");
-    let alone = reason(None, None);
+    let alone = beside_random(None, None);
     assert!(alone.contains("that it learns anything of use is not shown; record"), "{alone}");
+}
+
+/// Returns the findings over this many blocks of the log.
+fn found_in_blocks(blocks: usize) -> Vec<String> {
+    let mut verdict = verdict(&json!([]));
+    verdict.members = vec![vec![1.0, 3.0]; blocks];
+    let interval = Some(Interval { low: 0.5, high: 1.5 });
+    verdict.ranks_over_default =
+        verdict.over_default.map(|over| Difference { mean: 1.0, interval, ..over });
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    advice_on(&verdict, &settings).findings()
 }
 
 #[test]
 fn ranks_and_few_blocks_are_told_once() {
-    let of_blocks = |blocks: usize| {
-        let mut verdict = verdict(&json!([]));
-        verdict.members = vec![vec![1.0, 3.0]; blocks];
-        let interval = Some(Interval { low: 0.5, high: 1.5 });
-        verdict.ranks_over_default =
-            verdict.over_default.map(|over| Difference { mean: 1.0, interval, ..over });
-        let settings = ["a=1", "a=2"].map(str::to_owned);
-        advice_on(&verdict, &settings).findings()
-    };
-    let few = of_blocks(3);
+    let few = found_in_blocks(3);
     let ranks =
         "Ahead of the default by 1 in mean rank, over blocks of the log (95 %: 0.5 to 1.5).";
     assert!(few.iter().any(|line| line == ranks), "{few:?}");
     let weak = "Intervals over 3 blocks of the log are weak: use 4 ensemble members or more (control.model.members).";
     assert_eq!(few.iter().filter(|line| *line == weak).count(), 1, "{few:?}");
-    let one = of_blocks(1).join("\n");
+    let one = found_in_blocks(1).join("\n");
     assert!(one.contains("One ensemble member gives no interval: use 4"), "{one}");
-    let enough = of_blocks(4).join("\n");
+    let enough = found_in_blocks(4).join("\n");
     assert!(!enough.contains("ensemble member"), "{enough}");
 }
 
 #[test]
 fn one_setting_is_not_compared_with_a_random_one() {
     let verdict = ReturnVerdict { chosen: 0, ..verdict(&json!([])) };
-    let compares = |settings: &[&str]| {
-        let settings: Vec<String> = settings.iter().map(|&setting| setting.to_owned()).collect();
-        let found = advice_on(&verdict, &settings).findings().join("\n");
-        found.contains("Over a random setting")
-    };
-    assert!(!compares(&["a=1"]));
-    assert!(compares(&["a=1", "a=2"]));
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let [one, both] = [&settings[..1], &settings[..]]
+        .map(|settings| advice_on(&verdict, settings).findings().join("\n"));
+    assert!(!one.contains("Over a random setting"), "{one}");
+    assert!(both.contains("Over a random setting"), "{both}");
+}
+
+/// Returns the sentence on recorded episodes with these returns.
+fn told_of_record(mean: f64, best: Option<f64>, worst: Option<f64>) -> String {
+    let mut verdict = verdict(&json!([]));
+    verdict.behaviour = RecordedReturn { mean, best, worst, ..verdict.behaviour };
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let found = advice_on(&verdict, &settings).findings();
+    found.into_iter().find(|line| line.starts_with("Recorded episodes: ")).expect("a line")
 }
 
 #[test]
 fn a_recorded_mean_beyond_every_whole_episode_has_its_reason() {
-    let told = |mean: f64, best: Option<f64>, worst: Option<f64>| {
-        let mut verdict = verdict(&json!([]));
-        verdict.behaviour = RecordedReturn { mean, best, worst, ..verdict.behaviour };
-        let settings = ["a=1", "a=2"].map(str::to_owned);
-        let found = advice_on(&verdict, &settings).findings();
-        found.into_iter().find(|line| line.starts_with("Recorded episodes: ")).expect("a line")
-    };
-    let above = told(120.0, Some(110.0), Some(20.0));
+    let above = told_of_record(120.0, Some(110.0), Some(20.0));
     assert!(above.starts_with("Recorded episodes: mean return 120, at most 110."), "{above}");
     assert!(above.contains("beyond every whole episode, because it counts parts"), "{above}");
-    let below = told(-120.0, Some(-20.0), Some(-110.0));
+    let below = told_of_record(-120.0, Some(-20.0), Some(-110.0));
     assert!(below.contains("beyond every whole episode, because it counts parts"), "{below}");
-    let within = told(90.0, Some(110.0), Some(20.0));
+    let within = told_of_record(90.0, Some(110.0), Some(20.0));
     assert_eq!(within, "Recorded episodes: mean return 90, at most 110.");
-    let alike = told(110.000_000_1, Some(110.0), Some(110.0));
+    let alike = told_of_record(110.000_000_1, Some(110.0), Some(110.0));
     assert!(alike.ends_with("at most 110."), "a rounding: {alike}");
-    assert!(told(5.0, None, None).ends_with("mean return 5."));
+    assert!(told_of_record(5.0, None, None).ends_with("mean return 5."));
 }
 
 /// Returns the note on the ends of a grid of these settings, of which number 1 is chosen.
@@ -266,11 +269,11 @@ fn a_choice_at_the_end_of_the_grid_is_told() {
 fn arguments_have_the_names_of_the_language() {
     let verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
     let settings = ["a=1", "a=2"].map(str::to_owned);
-    let reason = |vocabulary| {
+    let [study, python] = [STUDY, PYTHON].map(|vocabulary| {
         Advice { vocabulary, ..advice_on(&verdict, &settings) }.reasons().remove(0).whole()
-    };
-    assert!(reason(STUDY).ends_with("with control.fewest_terminals"), "{}", reason(STUDY));
-    assert!(reason(PYTHON).ends_with("with fewest_terminals"), "{}", reason(PYTHON));
+    });
+    assert!(study.ends_with("with control.fewest_terminals"), "{study}");
+    assert!(python.ends_with("with fewest_terminals"), "{python}");
 }
 
 #[test]
@@ -339,54 +342,59 @@ fn one_member_supports_nothing() {
     assert!(reason.ends_with("use 4 ensemble members or more (control.model.members)"), "{reason}");
 }
 
+/// Returns all reasons of a verdict without a default.
+fn why_without_default(doubts: &serde_json::Value, vocabulary: Vocabulary) -> String {
+    let verdict = ReturnVerdict { default: None, over_default: None, ..verdict(doubts) };
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    Advice { vocabulary, ..advice_on(&verdict, &settings) }.why().join("\n")
+}
+
 #[test]
 fn a_default_that_failed_is_not_said_to_be_missing() {
-    let told = |doubts: serde_json::Value, vocabulary: Vocabulary| {
-        let verdict = ReturnVerdict { default: None, over_default: None, ..verdict(&doubts) };
-        let settings = ["a=1", "a=2"].map(str::to_owned);
-        Advice { vocabulary, ..advice_on(&verdict, &settings) }.why().join("\n")
-    };
     let failed = json!([{ "reason": "default_failed" }]);
-    let python = told(failed.clone(), PYTHON);
+    let python = why_without_default(&failed, PYTHON);
     assert!(python.contains("the default was tried, and failed, so that"), "{python}");
     assert!(!python.contains("No default was compared") && !python.contains("grid"), "{python}");
-    let program = told(failed, PROGRAM);
+    let program = why_without_default(&failed, PROGRAM);
     assert!(program.contains("the program failed with the default, so that"), "{program}");
-    assert!(told(json!([]), PYTHON).contains("No default was compared."));
-    assert!(told(json!([]), STUDY).contains("The default is not in the grid."));
+    let none = json!([]);
+    assert!(why_without_default(&none, PYTHON).contains("No default was compared."));
+    assert!(why_without_default(&none, STUDY).contains("The default is not in the grid."));
+}
+
+/// Returns all reasons where a constant action gets 1 more, in an interval up to `high`.
+fn why_of_constant(high: Option<f64>) -> String {
+    let doubt =
+        json!([{ "reason": "worse_than_constant", "action": 0, "constant": 4, "promised": 3 }]);
+    let mut verdict = verdict(&doubt);
+    let interval = high.map(|high| Interval { low: -3.0, high });
+    verdict.members = vec![vec![1.0, 3.0]; if high.is_some() { 5 } else { 1 }];
+    let kinds = [(ActionModelKind::Neighbors, 132.0), (ActionModelKind::Increments, 10.0)];
+    verdict.constant = Some(BestConstant {
+        action: 0,
+        mean_return: 71.0,
+        uncovered: 0.0,
+        over: verdict.over_default.map(|over| Difference { mean: -1.0, interval, ..over }),
+        kinds: kinds.map(|(kind, mean_return)| KindMean { kind, mean_return }).to_vec(),
+    });
+    let (settings, actions) = (["a=1", "a=2"].map(str::to_owned), ["off".to_owned()]);
+    let advice = Advice { actions: &actions, ..advice_on(&verdict, &settings) };
+    assert_eq!(advice.decision().support, Support::Unsupported);
+    advice.why().join("\n")
 }
 
 #[test]
 fn a_constant_action_is_told_with_its_kinds_and_whether_it_could_be_chance() {
-    let doubt =
-        json!([{ "reason": "worse_than_constant", "action": 0, "constant": 4, "promised": 3 }]);
-    let told = |high: Option<f64>| {
-        let mut verdict = verdict(&doubt);
-        let interval = high.map(|high| Interval { low: -3.0, high });
-        verdict.members = vec![vec![1.0, 3.0]; if high.is_some() { 5 } else { 1 }];
-        let kinds = [(ActionModelKind::Neighbors, 132.0), (ActionModelKind::Increments, 10.0)];
-        verdict.constant = Some(BestConstant {
-            action: 0,
-            mean_return: 71.0,
-            uncovered: 0.0,
-            over: verdict.over_default.map(|over| Difference { mean: -1.0, interval, ..over }),
-            kinds: kinds.map(|(kind, mean_return)| KindMean { kind, mean_return }).to_vec(),
-        });
-        let (settings, actions) = (["a=1", "a=2"].map(str::to_owned), ["off".to_owned()]);
-        let advice = Advice { actions: &actions, ..advice_on(&verdict, &settings) };
-        assert_eq!(advice.decision().support, Support::Unsupported);
-        advice.why().join("\n")
-    };
-    let chance = told(Some(1.0));
+    let chance = why_of_constant(Some(1.0));
     let kinds = "always off gets 71 in the model (132 in neighbors and 10 in increments)";
     assert!(chance.contains(kinds), "{chance}");
     let could = "gets 3, learning included, which could be chance (95 % over blocks of the log: 3 less to 1 more); try that action first";
     assert!(chance.contains(could), "{chance}");
     let beside = "The chosen setting gets 1 less than the action that is best in the other ensemble members (95 %";
     assert!(chance.contains(beside), "{chance}");
-    let sure = told(Some(-0.5));
+    let sure = why_of_constant(Some(-0.5));
     assert!(sure.contains("learning included; take that action"), "{sure}");
-    let alone = told(None);
+    let alone = why_of_constant(None);
     assert!(alone.contains("which could be chance; try that action first"), "{alone}");
     assert!(alone.contains("The chosen setting gets 1 less than that."), "{alone}");
 }

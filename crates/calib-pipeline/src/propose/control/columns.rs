@@ -108,24 +108,25 @@ mod tests {
 
     #[test]
     fn columns_that_are_no_state_are_told() {
-        let told = |names: &[&str]| {
-            let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
-            unnamed(&names)
-        };
-        assert_eq!(told(&["level", "return_temperature", "interaction", "done_by"]), None);
-        let both = told(&["level", "Is.Done", "RETURN"]).expect("two");
+        let state = ["level", "return_temperature", "interaction", "done_by"].map(str::to_owned);
+        assert_eq!(unnamed(&state), None);
+        let state = ["level", "Is.Done", "RETURN"].map(str::to_owned);
+        let both = unnamed(&state).expect("two");
         assert!(both.starts_with("the state has Is.Done, RETURN, which may be"), "{both}");
         assert!(both.ends_with("--set 'data.exclude=[\"Is.Done\", \"RETURN\"]'"), "{both}");
     }
 
-    #[test]
-    fn a_column_is_one_thing() {
-        let columns = |terminal: &str| DecisionColumns {
+    fn columns(terminal: &str) -> DecisionColumns {
+        DecisionColumns {
             actions: vec!["dose".to_owned(), "interval".to_owned()],
             reward: "gain".to_owned(),
             terminal: Some(terminal.to_owned()),
             probability: None,
-        };
+        }
+    }
+
+    #[test]
+    fn a_column_is_one_thing() {
         refuse_repeated(&columns("stopped")).expect("all differ");
         let told = refuse_repeated(&columns("dose")).expect_err("twice").to_string();
         assert!(told.starts_with("--terminal dose: --action names this column already"), "{told}");
