@@ -321,12 +321,11 @@ impl DirectoryLock {
         record: FolderRecord,
         below: Below,
     ) -> Result<Option<Self>, StepError> {
-        let refused = || format!("cannot write to {}", directory.display());
-        let lock = lock(&directory.join(LOCK)).with_context(refused)?;
+        let lock = lock(&directory.join(LOCK)).with_context(|| not_writable(directory))?;
         if matches!(lock, Lock::Taken) {
             return Ok(None);
         }
-        remove_temporaries(directory, below).with_context(refused)?;
+        remove_temporaries(directory, below).with_context(|| not_writable(directory))?;
         Ok(Some(Self { directory: directory.to_owned(), record, _lock: lock }))
     }
 
@@ -340,8 +339,7 @@ impl DirectoryLock {
     /// # Errors
     /// If the existing manifest cannot be removed.
     pub fn begin(&self) -> Result<(), StepError> {
-        remove_file(&self.directory.join(MANIFEST))
-            .with_context(|| format!("cannot write to {}", self.directory.display()))
+        remove_file(&self.directory.join(MANIFEST)).with_context(|| not_writable(&self.directory))
     }
 
     /// Claims a directory, which does not count as a result until [`finish`](Self::finish) completes it.
@@ -376,6 +374,10 @@ impl DirectoryLock {
     pub fn complete<M: Manifest>(&self, manifest: &M) -> Result<(), StepError> {
         Ok(write_sealed_json(&self.directory.join(MANIFEST), manifest)?)
     }
+}
+
+fn not_writable(directory: &Path) -> String {
+    format!("cannot write to {}", directory.display())
 }
 
 fn taken(directory: &Path) -> String {

@@ -30,10 +30,9 @@ impl FromStr for MemorySize {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let expected = || format!("expected a size such as 16GiB or 500M, got '{text}'");
         let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
         let number = text[..text.len() - unit.len()].trim();
-        let number: f64 = number.parse().map_err(|_| expected())?;
+        let number: f64 = number.parse().map_err(|_| no_size(text))?;
         let factor = match unit.to_ascii_lowercase().as_str() {
             "" | "b" => 1.0,
             "k" | "kib" => 1024.0,
@@ -44,11 +43,15 @@ impl FromStr for MemorySize {
             "mb" => 1e6,
             "gb" => 1e9,
             "tb" => 1e12,
-            _ => return Err(expected()),
+            _ => return Err(no_size(text)),
         };
         let bytes = number * factor;
-        if bytes >= 1.0 { Ok(Self(bytes as u64)) } else { Err(expected()) }
+        if bytes >= 1.0 { Ok(Self(bytes as u64)) } else { Err(no_size(text)) }
     }
+}
+
+fn no_size(text: &str) -> String {
+    format!("expected a size such as 16GiB or 500M, got '{text}'")
 }
 
 /// Whether so many bytes are [`available`], or the system does not report it.

@@ -30,25 +30,31 @@ pub fn open_table(
 ) -> Result<NeighborTable, KnnError> {
     let neighbors = map_npy::<u32>(&directory.join("neighbors.npy"))?;
     let distances = map_npy::<f32>(&directory.join("distances.npy"))?;
-    let damaged = |reason: String| KnnError::Table { member, reason };
     let rows = neighbors.rows();
     let k = neighbors.columns();
     if rows != blocks.transitions() || k == 0 {
-        return Err(damaged(format!(
-            "neighbors.npy has shape ({rows}, {k}), expected ({}, k) with k of at least 1",
-            blocks.transitions()
-        )));
+        return Err(damaged(
+            member,
+            format!(
+                "neighbors.npy has shape ({rows}, {k}), expected ({}, k) with k of at least 1",
+                blocks.transitions()
+            ),
+        ));
     }
     if (distances.rows(), distances.columns()) != (rows, k) {
-        return Err(damaged(format!(
-            "distances.npy has shape ({}, {}), expected ({rows}, {k}) as neighbors.npy",
-            distances.rows(),
-            distances.columns()
-        )));
+        return Err(damaged(
+            member,
+            format!(
+                "distances.npy has shape ({}, {}), expected ({rows}, {k}) as neighbors.npy",
+                distances.rows(),
+                distances.columns()
+            ),
+        ));
     }
     let pairs = neighbors.as_slice().chunks_exact(k).zip(distances.as_slice().chunks_exact(k));
     for (row, (neighbors, distances)) in pairs.enumerate() {
-        check_row(blocks, member, row, neighbors, distances).map_err(damaged)?;
+        check_row(blocks, member, row, neighbors, distances)
+            .map_err(|reason| damaged(member, reason))?;
     }
     Ok(NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k))
 }
@@ -81,13 +87,13 @@ pub(crate) fn open_left_out(
     table: &NeighborTable,
 ) -> Result<LeftOut, KnnError> {
     let file = map_npy::<u32>(&directory.join("left_out.npy"))?;
-    let damaged = |reason: String| KnnError::Table { member, reason };
     if file.columns() != 3 {
         let rows = file.rows();
         let columns = file.columns();
-        return Err(damaged(format!(
-            "left_out.npy has shape ({rows}, {columns}), expected (n, 3)"
-        )));
+        return Err(damaged(
+            member,
+            format!("left_out.npy has shape ({rows}, {columns}), expected (n, 3)"),
+        ));
     }
     let mut for_all = Bits::new(blocks.transitions());
     let mut exits: BTreeMap<u32, Vec<Range<u32>>> = BTreeMap::new();
@@ -95,23 +101,31 @@ pub(crate) fn open_left_out(
         let row = line[0];
         let run = line[1]..line[2];
         if run.is_empty() || run.end as usize > blocks.transitions() {
-            return Err(damaged(format!("left_out.npy has the run {run:?} of transitions")));
+            return Err(damaged(
+                member,
+                format!("left_out.npy has the run {run:?} of transitions"),
+            ));
         }
         if row == EVERY_ROW {
             for_all.extend(run);
         } else if blocks.contains(member, TransitionIndex(row)) {
             exits.entry(row).or_default().push(run);
         } else {
-            return Err(damaged(format!(
-                "left_out.npy names row {row}, which is not in the member"
-            )));
+            return Err(damaged(
+                member,
+                format!("left_out.npy names row {row}, which is not in the member"),
+            ));
         }
     }
     let left_out = LeftOut::new(for_all, exits);
     if !left_out.is_empty() {
-        check_left_out(&left_out, table).map_err(damaged)?;
+        check_left_out(&left_out, table).map_err(|reason| damaged(member, reason))?;
     }
     Ok(left_out)
+}
+
+fn damaged(member: usize, reason: String) -> KnnError {
+    KnnError::Table { member, reason }
 }
 
 /// Checks that no row of the table contains a transition that is left out.

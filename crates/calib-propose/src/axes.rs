@@ -39,17 +39,15 @@ mod tests {
 
     #[test]
     fn each_line_is_one_of_the_grid_without_its_mark() {
-        let axes = |agent| {
+        let [linear, network] = [ProposedAgent::Linear, ProposedAgent::Network].map(|agent| {
             let mut text = Lines::default();
             other_axes(&Size::trial(agent, ProposedModel::None, 1_000, 1), &mut text);
             let lines = text.0.lines().map(|line| line.strip_prefix("# ").expect("a comment"));
             let text = lines.collect::<Vec<_>>().join("\n");
             toml::from_str::<toml::Table>(&text).expect("TOML")
-        };
-        let linear = axes(ProposedAgent::Linear);
+        });
         assert_eq!(linear.keys().collect::<Vec<_>>(), ["lambda"]);
         assert_eq!(linear["lambda"][1].as_float(), Some(0.9));
-        let network = axes(ProposedAgent::Network);
         assert_eq!(network.keys().collect::<Vec<_>>(), ["halve_after", "replay"]);
         assert_eq!(network["halve_after"][1].as_integer(), Some(250));
         assert_eq!(network["replay"][0].as_str(), Some("uniform"));

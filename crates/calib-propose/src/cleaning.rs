@@ -30,23 +30,21 @@ impl Cleaning {
         let steps = times.windows(2).map(|pair| pair[1].micros_since(pair[0]) as f64 / 1e6);
         let gaps: Vec<f64> =
             steps.map(|secs| secs / sketch.period_secs).filter(|periods| *periods > 1.5).collect();
-        let within = |periods: f64| gaps.iter().filter(|gap| **gap <= periods).count();
-        let most = |periods: f64| !gaps.is_empty() && 2 * within(periods) > gaps.len();
-        let gap_tolerance = if most(2.5) {
+        let [single, short] =
+            [2.5, 3.5].map(|periods| gaps.iter().filter(|gap| **gap <= periods).count());
+        let gap_tolerance = if 2 * single > gaps.len() {
             (
                 2.5,
                 format!(
-                    "{} of {} gaps are single missing rows: they do not count as gaps",
-                    within(2.5),
+                    "{single} of {} gaps are single missing rows: they do not count as gaps",
                     gaps.len()
                 ),
             )
-        } else if most(3.5) {
+        } else if 2 * short > gaps.len() {
             (
                 3.5,
                 format!(
-                    "{} of {} gaps are one or two missing rows: they do not count as gaps",
-                    within(3.5),
+                    "{short} of {} gaps are one or two missing rows: they do not count as gaps",
                     gaps.len()
                 ),
             )
@@ -180,8 +178,11 @@ fn round(secs: f64) -> f64 {
         0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0,
         1_200.0, 1_800.0, 3_600.0, 7_200.0, 21_600.0, 43_200.0, 86_400.0,
     ];
-    let distance = |nice: f64| (nice / secs).ln().abs();
-    NICE.into_iter().min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or(secs)
+    let nearest = NICE.into_iter().min_by(|one, other| {
+        let [one, other] = [one, other].map(|nice| (nice / secs).ln().abs());
+        one.total_cmp(&other)
+    });
+    nearest.unwrap_or(secs)
 }
 
 #[cfg(test)]
@@ -210,16 +211,16 @@ mod tests {
     fn a_clock_that_was_set_back_is_no_reason_to_have_no_study() {
         let mut log = sketch(1_000, &[("A", wave(40.0)), ("B", wave(30.0))]);
         let scope = Scope::of(&log).expect("channels");
-        let found = |log: &Sketch| Cleaning::of(log, &scope).contradictions;
-        assert_eq!(found(&log), None);
+        assert_eq!(Cleaning::of(&log, &scope).contradictions, None);
         log.channels[1].contradicting = 10;
-        let why = found(&log).expect("a percent");
+        let why = Cleaning::of(&log, &scope).contradictions.expect("a percent");
         assert!(
             why.starts_with("10 rows contradict another of the same time (0.99 %) in B,"),
             "{why}"
         );
         log.channels[0].contradicting = 11;
-        assert_eq!(found(&log), None, "as many are a table that is read wrongly");
+        let found = Cleaning::of(&log, &scope).contradictions;
+        assert_eq!(found, None, "as many are a table that is read wrongly");
         let said = many_left_out(&log).expect("more than a percent");
         assert!(
             said.starts_with("11 rows contradict another of the same time (1.09 %) in A, B, and"),

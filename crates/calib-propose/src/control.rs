@@ -188,15 +188,18 @@ pub fn actions_are_continuous(distinct: &[Option<u32>], actions: usize, steps: u
 /// # Errors
 /// If even two levels per column have more combinations.
 pub fn action_levels(distinct: &[Option<u32>], most_actions: usize) -> Result<usize, ProposeError> {
-    let combinations = |levels: usize| {
-        let own =
-            distinct.iter().map(|values| values.map_or(levels, |all| levels.min(all as usize)));
-        own.fold(1_usize, usize::saturating_mul)
-    };
-    (2..=LEVELS).rev().find(|&levels| combinations(levels) <= most_actions).ok_or_else(|| {
+    let fitting = (2..=LEVELS).rev().find(|&levels| combinations(distinct, levels) <= most_actions);
+    fitting.ok_or_else(|| {
         let columns = distinct.len();
-        ProposeError::TooManyActions { columns, combinations: combinations(2), most_actions }
+        let combinations = combinations(distinct, 2);
+        ProposeError::TooManyActions { columns, combinations, most_actions }
     })
+}
+
+/// Returns the number of combinations of the values of all columns, with at most so many levels each.
+fn combinations(distinct: &[Option<u32>], levels: usize) -> usize {
+    let own = distinct.iter().map(|values| values.map_or(levels, |all| levels.min(all as usize)));
+    own.fold(1_usize, usize::saturating_mul)
 }
 
 /// Returns `control.steps` for a study that must end in `within_secs` seconds, as a multiple of 100. Without `costs`: the fewest.
@@ -224,9 +227,9 @@ mod tests {
         let rows = episodes * (steps + 1);
         let actions: Vec<Option<u16>> = (0..rows).map(|row| Some((row % 2) as u16)).collect();
         let rewards: Vec<f32> = (0..rows).map(reward).collect();
-        let is_last = |row: usize| row % (steps + 1) == steps;
-        let endings: Vec<Ending> =
-            (0..rows).map(|row| if is_last(row) { ending } else { Ending::Continues }).collect();
+        let endings: Vec<Ending> = (0..rows)
+            .map(|row| if row % (steps + 1) == steps { ending } else { Ending::Continues })
+            .collect();
         let states = States::new((0..rows).map(|row| row as f32).collect(), rows, 1);
         let segments = Segments::from_lengths(vec![steps + 1; episodes]).expect("valid");
         let columns = Columns { actions: &actions, rewards: &rewards, endings: &endings };
@@ -282,13 +285,12 @@ mod tests {
     #[test]
     fn one_long_episode_begins_anywhere_and_is_cut_after_a_day() {
         let one = log(1, 5_000, Ending::Continues, |row| (row % 7) as f32);
-        let timeout = |period_secs: f64| {
+        for (period_secs, timeout) in [(1.0, 1_000), (600.0, 144), (86_400.0, 1)] {
             let control = proposed(&one, period_secs).expect("rewards differ");
             assert_eq!((control.start.0, control.gamma.0), (StartRows::Anywhere, 0.99));
             assert!(control.timeout.1.contains("1000 steps"), "{control:?}");
-            control.timeout.0
-        };
-        assert_eq!([1.0, 600.0, 86_400.0].map(timeout), [1_000, 144, 1]);
+            assert_eq!(control.timeout.0, timeout);
+        }
     }
 
     #[test]

@@ -38,9 +38,9 @@ impl Cut {
             let have_own_times = sketch.needs_resampling();
             return Err(ProposeError::TooShort { rows, least: LEAST, have_own_times });
         }
-        let at = |share: f64| (share * rows as f64) as usize;
-        let aim = at(1.0 - HELD_OUT);
-        let near = at(1.0 - HELD_OUT - NEARBY)..at(1.0 - HELD_OUT + NEARBY).min(rows - 1);
+        let shares = [1.0 - HELD_OUT - NEARBY, 1.0 - HELD_OUT, 1.0 - HELD_OUT + NEARBY];
+        let [first, aim, last] = shares.map(|share| (share * rows as f64) as usize);
+        let near = first..last.min(rows - 1);
         let calendar = Calendar(sketch.clock.zone());
         let Place { cut, start, said } = calendar.place(times, near, aim, sketch.period_secs);
         let end = Timestamp::from_micros(
@@ -92,8 +92,10 @@ impl Cut {
 
     /// Returns the rows of the training range and of the held-out period, for a log with these `timestamps`.
     pub fn ranges(&self, timestamps: &[Timestamp]) -> [Range<usize>; 2] {
-        let at = |moment: Timestamp| timestamps.partition_point(|time| *time < moment);
-        [&self.train, &self.held_out].map(|[start, end]| at(*start)..at(*end))
+        [self.train, self.held_out].map(|ends| {
+            let [start, end] = ends.map(|moment| timestamps.partition_point(|time| *time < moment));
+            start..end
+        })
     }
 
     /// Writes a range as TOML, on the clock of `zone` if `data.time_zone` gives one.
@@ -139,9 +141,9 @@ impl Calendar<'_> {
         aim: usize,
         period_secs: f64,
     ) -> Place {
-        let step = |row: usize| times[row].micros_since(times[row - 1]);
-        let widest = near.clone().skip(1).max_by_key(|&row| (step(row), row));
-        if let Some(cut) = widest.filter(|&row| step(row) as f64 / 1e6 > GAP_PERIODS * period_secs)
+        let steps = near.clone().skip(1).map(|row| (times[row].micros_since(times[row - 1]), row));
+        if let Some((micros, cut)) = steps.max()
+            && micros as f64 / 1e6 > GAP_PERIODS * period_secs
         {
             return Place { cut, start: times[cut], said: ", from a gap on" };
         }

@@ -235,16 +235,17 @@ impl Draft<'_> {
         let Self { log: LogDraft { sketch, .. }, sensors, size, .. } = self;
         // The horizon may have been proposed for longer runs, for which there was no time.
         let steps = size.steps.max(self.horizon.least_steps());
-        let ahead = |sensors: &[usize]| horizon(sketch, sensors, self.spacing.0, steps);
+        let spacing = self.spacing.0;
+        let ahead = horizon(sketch, &sensors.proposed, spacing, steps);
         // A horizon that the user gave, or that was halved, does not follow from the autocorrelation.
-        let is_shorter = self.horizon.is_shorter_than(ahead(&sensors.proposed).secs);
+        let is_shorter = self.horizon.is_shorter_than(ahead.secs);
         if self.asked.horizon.is_some() || is_shorter {
             return;
         }
         let mut gammas = Vec::new();
         let mut told = Vec::new();
         for &sensor in sensors.proposed.iter().take(size.sensors) {
-            let Horizon { states, gamma, .. } = ahead(&[sensor]);
+            let Horizon { states, gamma, .. } = horizon(sketch, &[sensor], spacing, steps);
             let times = states / self.horizon.states;
             if times.max(1.0 / times) >= OTHER_HORIZON {
                 let name = &sketch.channels[sensor].name;
@@ -265,9 +266,9 @@ impl Draft<'_> {
         let size = self.size;
         let LogDraft { sketch, scope, .. } = self.log;
         text.section("sweep");
-        let name = |&channel: &usize| quoted(&sketch.channels[channel].name);
+        let proposed = self.sensors.proposed.iter().take(size.sensors);
         let proposed: Vec<String> =
-            self.sensors.proposed.iter().take(size.sensors).map(name).collect();
+            proposed.map(|&channel| quoted(&sketch.channels[channel].name)).collect();
         let why = if self.asked.sensors {
             "Named with --sensor".to_owned()
         } else {
@@ -294,7 +295,7 @@ impl Draft<'_> {
             .iter()
             .skip(size.sensors)
             .chain(&self.sensors.others)
-            .map(name)
+            .map(|&channel| quoted(&sketch.channels[channel].name))
             .collect();
         if !others.is_empty() {
             let more = if others.len() > NAMED { ", …" } else { "" };
@@ -432,13 +433,13 @@ mod tests {
             if (1_000..2_000).contains(&row) { f64::NAN } else { value }
         });
         let log = sketch(12_000, &[("A", hole), ("B", wave(70.0))]);
-        let text = |sensor: usize| {
+        let [a, b] = [0, 1].map(|sensor| {
             let sensors = Sensors { proposed: vec![sensor], others: Vec::new() };
             drafted(&log, &sensors, 1)
-        };
-        assert!(text(0).contains("max_missing = 0.15 "), "{}", text(0));
-        assert!(text(0).contains("A misses 12 % of the training range"), "{}", text(0));
-        assert!(!text(1).contains("max_missing"), "the default will do for B");
+        });
+        assert!(a.contains("max_missing = 0.15 "), "{a}");
+        assert!(a.contains("A misses 12 % of the training range"), "{a}");
+        assert!(!b.contains("max_missing"), "the default will do for B");
     }
 
     #[test]

@@ -85,17 +85,14 @@ mod tests {
     #[test]
     fn slow_sensors_are_predicted_further_ahead_within_what_runs_allow() {
         let log = sketch(20_000, &[("fast", wave(60.0)), ("slow", wave(3_000.0))]);
-        let states = |sensors: &[usize], spacing, steps| {
-            horizon(&log, sensors, spacing, steps).states.round()
-        };
         assert_eq!(
-            states(&[0], 1, 3_000),
+            horizon(&log, &[0], 1, 3_000).states.round(),
             15.0,
             "the first distance looked at beyond a sixth of the wave"
         );
-        assert_eq!(states(&[1], 1, 6_000), 50.0, "no more");
-        assert_eq!(states(&[1], 1, 3_000), 30.0, "a hundredth of the run");
+        assert_eq!(horizon(&log, &[1], 1, 6_000).states.round(), 50.0, "no more");
+        assert_eq!(horizon(&log, &[1], 1, 3_000).states.round(), 30.0, "a hundredth of the run");
         assert_eq!(horizon(&log, &[1], 1, 6_000).least_steps(), 5_000);
-        assert_eq!(states(&[0], 10, 3_000), 5.0, "no less");
+        assert_eq!(horizon(&log, &[0], 10, 3_000).states.round(), 5.0, "no less");
     }
 }

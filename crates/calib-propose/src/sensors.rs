@@ -55,17 +55,16 @@ impl Sensors {
             .iter()
             .filter_map(|&channel| {
                 let sketched = &sketch.channels[channel];
-                let moving = |bins: &[usize]| {
-                    bins.iter().filter(|&&bin| sketched.moves[bin]).count() as f64
-                        / bins.len().max(1) as f64
-                };
+                let moves = [&bins[..], held_out].into_iter().all(|bins| {
+                    let moving = bins.iter().filter(|&&bin| sketched.moves[bin]).count();
+                    moving as f64 / bins.len().max(1) as f64 >= LEAST_MOVING
+                });
                 // The sine or cosine of an angle is useful as an input, but not as a prediction.
                 let is_sensor = sketched.angle.is_none()
                     // A channel with few values is a mode, not a measurement.
                     && sketched.has_many_values()
                     && sketched.unchanged <= MOST_RESTING
-                    && moving(&bins) >= LEAST_MOVING
-                    && moving(held_out) >= LEAST_MOVING;
+                    && moves;
                 is_sensor.then(|| {
                     let unit = if sketched.unit_change.is_some() { OTHER_UNIT } else { 1.0 };
                     (channel, moving_share(sketched) * known_share(sketch, scope, sketched) * unit)
@@ -130,11 +129,9 @@ fn known_share(sketch: &Sketch, scope: &Scope, channel: &ChannelSketch) -> f64 {
     let inside =
         scope.rows.start.div_ceil(step)..(scope.rows.end / step).min(channel.thinned.len());
     let cut = inside.start + inside.len() * 2 / 3;
-    let there = |rows: std::ops::Range<usize>| {
+    let [before, after] = [inside.start..cut, cut..inside.end].map(|rows| {
         channel.thinned[rows].iter().copied().filter(|value| !value.is_nan()).collect::<Vec<f64>>()
-    };
-    let before = there(inside.start..cut);
-    let after = there(cut..inside.end);
+    });
     let low = before.iter().copied().fold(f64::INFINITY, f64::min);
     let high = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let known = after.iter().filter(|value| (low..=high).contains(*value)).count();
@@ -195,9 +192,8 @@ fn correlation(left: &[f64], right: &[f64]) -> f64 {
         .map(|(left, right)| (*left, *right))
         .collect();
     let count = both.len() as f64;
-    let mean = |side: fn(&(f64, f64)) -> f64| both.iter().map(side).sum::<f64>() / count;
-    let x = mean(|pair| pair.0);
-    let y = mean(|pair| pair.1);
+    let x = both.iter().map(|(left, _)| left).sum::<f64>() / count;
+    let y = both.iter().map(|(_, right)| right).sum::<f64>() / count;
     let mut xx = 0.0;
     let mut yy = 0.0;
     let mut xy = 0.0;

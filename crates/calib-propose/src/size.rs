@@ -168,11 +168,10 @@ impl Size {
         let largest = fitting.unwrap_or(smallest);
         let swept = largest.secs(costs) - costs.fixed_secs;
         let stretch = ((planned - costs.fixed_secs) / swept).max(1.0);
-        let more = |runs: usize| ((runs as f64 * stretch) as usize).clamp(runs, MOST_RUNS);
         Self {
-            online_runs: more(largest.online_runs),
-            member_runs: more(largest.member_runs),
-            log_replay_runs: more(largest.log_replay_runs),
+            online_runs: stretched(largest.online_runs, stretch),
+            member_runs: stretched(largest.member_runs, stretch),
+            log_replay_runs: stretched(largest.log_replay_runs, stretch),
             ..largest
         }
         .filled(planned, costs)
@@ -246,6 +245,11 @@ impl Size {
         let fitted = self.log_replay_runs as f64 * costs.replay_run_secs;
         costs.fixed_secs + fitted + self.agent_steps() * costs.agent_step_secs * smaller
     }
+}
+
+/// Returns `stretch` times as many runs, but not more than calib proposes at most.
+fn stretched(runs: usize, stretch: f64) -> usize {
+    ((runs as f64 * stretch) as usize).clamp(runs, MOST_RUNS)
 }
 
 #[cfg(test)]

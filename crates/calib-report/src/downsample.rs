@@ -60,10 +60,13 @@ pub fn min_max_in_time(
     let (Some(&first), Some(&last)) = (present.first(), present.last()) else { return Vec::new() };
     let buckets = buckets.max(1);
     let length = (times[last] - times[first]) / buckets as f64;
-    let bucket = |at: usize| (((times[at] - times[first]) / length) as usize).min(buckets - 1);
     let mut kept: Vec<Option<usize>> = vec![Some(first)];
     let mut before = first;
-    for own in present.chunk_by(|&a, &b| bucket(a) == bucket(b)) {
+    let by_bucket = present.chunk_by(|&a, &b| {
+        let [a, b] = [a, b].map(|at| ((times[at] - times[first]) / length) as usize);
+        a.min(buckets - 1) == b.min(buckets - 1)
+    });
+    for own in by_bucket {
         // A break inside a stretch is shorter than the stretch.
         if times[own[0]] - times[before] > longest_step.max(length) {
             kept.push(None);
