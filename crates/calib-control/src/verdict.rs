@@ -21,7 +21,7 @@ use crate::{
 };
 pub use ahead::FEWEST_BLOCKS;
 use ahead::{is_ahead, ranks_ahead};
-use difference::beyond;
+use difference::{beyond, mean};
 pub use doubt::Doubt;
 use evidence::{Evidence, median_rate};
 pub use floors::{BestConstant, KindMean, OutlyingMember, RandomActions};
@@ -185,15 +185,18 @@ pub fn judge(
     let chosen = selection.chosen;
     let each = of_each_kind(&blocks, &kinds, rule, candidates)?;
     let members: Vec<Vec<f64>> = blocks.iter().map(|block| over_kinds(block, candidates)).collect();
-    let own_returns = returns_of(&members, chosen);
-    let random: Vec<f64> =
-        members.iter().map(|returns| returns.iter().sum::<f64>() / candidates as f64).collect();
+    let own_returns = of_setting(&each, chosen);
+    let mut of_random_setting = Vec::new();
+    for kind in &each {
+        of_random_setting
+            .push(kind.members.iter().map(|returns| mean(returns)).collect::<Vec<f64>>());
+    }
     // Coverage and drift come from the first kind, which is neighbours if there are any: only they know the coverage
     // of a step and its jump.
     let first = runs.iter().filter(|run| run.kind == kinds[0]);
     let coverage = coverage_of(first, candidates);
     let over_default = match default {
-        Some(default) => beyond(&own_returns, &returns_of(&members, default))?,
+        Some(default) => beyond(&own_returns, &of_setting(&each, default))?,
         None => None,
     };
     let ranks_over_default = match default {
@@ -203,8 +206,8 @@ pub fn judge(
     // A kind whose agents could not be tried is left out.
     let constants: Vec<&ConstantReturns> =
         constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
-    let constant = best_constant(&constants, &own_returns, support.most_uncovered)?;
-    let random_actions = random_actions(&constants, &each, chosen, &own_returns)?;
+    let constant = best_constant(&constants, &each, chosen, support.most_uncovered)?;
+    let random_actions = random_actions(&constants, &each, chosen)?;
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
     let drift = drift_of(own.iter().filter(|run| run.kind == kinds[0]));
@@ -231,7 +234,7 @@ pub fn judge(
         ranks_over_default,
         constant,
         random_actions,
-        over_random: beyond(&own_returns, &random)?.unwrap_or(Difference {
+        over_random: beyond(&own_returns, &of_random_setting)?.unwrap_or(Difference {
             mean: f64::INFINITY,
             interval: None,
             clusters: [members.len(); 2],
@@ -247,9 +250,9 @@ pub fn judge(
     })
 }
 
-/// Returns the returns of a setting in each block, from `[blocks][candidates]`.
-fn returns_of(members: &[Vec<f64>], candidate: usize) -> Vec<f64> {
-    members.iter().map(|returns| returns[candidate]).collect()
+/// Returns the returns of a setting in each kind of model, `[kinds][members]`.
+fn of_setting(kinds: &[KindReturns], candidate: usize) -> Vec<Vec<f64>> {
+    kinds.iter().map(|kind| kind.of_setting(candidate)).collect()
 }
 
 /// Returns the results of each kind, from `[blocks][kinds × candidates]`.

@@ -13,8 +13,8 @@
 //! - [`choose_by_mean_log`]: the smallest mean log error; [`choose_around_default`]: the default, unless another
 //!   candidate is clearly better.
 //! - [`Losses`]: losses of candidates over several windows, with bounds, and the regret of choosing by another window.
-//! - [`upper_bound`], [`cantelli_bound`]: upper bounds of non-negative means; [`jackknife`]: intervals from estimates
-//!   without each part of the data; [`ratio_of_sums`]: means over parts of different size; [`summarise_overlapping`]:
+//! - [`upper_bound`], [`cantelli_bound`]: upper bounds of non-negative means; [`jackknife`] and
+//!   [`jackknife_of_kinds`]: intervals from estimates without each part of the data; [`ratio_of_sums`]: means over parts of different size; [`summarise_overlapping`]:
 //!   windows that share rows.
 //! - [`hierarchical`]: how often each candidate is chosen over resamples of ensemble members, windows of the log and
 //!   their runs.
@@ -85,7 +85,7 @@ pub use error_ratio::{ErrorRatio, error_ratio};
 pub use estimate::Estimate;
 pub use hierarchical::{ChoiceOfResamples, hierarchical};
 pub use importance::importance;
-pub use jackknife::{jackknife, jackknife_error};
+pub use jackknife::{jackknife, jackknife_error, jackknife_of_kinds};
 pub use log_choice::{LogChoice, choose_by_mean_log};
 pub use losses::Losses;
 pub use nested::{Drawn, Nested};

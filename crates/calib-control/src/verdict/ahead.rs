@@ -15,22 +15,21 @@ pub(super) fn is_ahead(returns: Difference, ranks: Option<Difference>, blocks: u
     is_more(returns) || (blocks >= FEWEST_BLOCKS && ranks.is_some_and(is_more))
 }
 
-/// Returns by how many ranks the first of two settings is ahead of the second, over kinds of models, with the jackknife's interval over
-/// blocks. `ranks` is `[kinds × blocks][candidates]`.
+/// Returns by how many ranks the first of two settings is ahead of the second, over kinds of models, with an interval over blocks.
+/// `ranks` is `[kinds × blocks][candidates]`.
 pub(super) fn ranks_ahead(
     ranks: &[Vec<usize>],
     [first, second]: [usize; 2],
     blocks: usize,
 ) -> Result<Option<Difference>, StatsError> {
-    beyond(&mean_ranks(ranks, second, blocks), &mean_ranks(ranks, first, blocks))
+    beyond(&ranks_of(ranks, second, blocks), &ranks_of(ranks, first, blocks))
 }
 
-/// Returns the mean rank of a setting over kinds of models, `[blocks]`.
-fn mean_ranks(ranks: &[Vec<usize>], candidate: usize, blocks: usize) -> Vec<f64> {
-    let kinds = (ranks.len() / blocks) as f64;
-    (0..blocks)
-        .map(|block| ranks.iter().skip(block).step_by(blocks))
-        .map(|of_kinds| of_kinds.map(|ranks| ranks[candidate] as f64).sum::<f64>() / kinds)
+/// Returns the ranks of a setting, `[kinds][blocks]`.
+fn ranks_of(ranks: &[Vec<usize>], candidate: usize, blocks: usize) -> Vec<Vec<f64>> {
+    ranks
+        .chunks(blocks)
+        .map(|kind| kind.iter().map(|ranks| ranks[candidate] as f64).collect())
         .collect()
 }
 

@@ -23,7 +23,7 @@ pub struct BestConstant {
     /// Share of its steps that the log does not cover, in the models of neighbours if there are any.
     pub uncovered: f64,
     /// Mean return of the chosen setting, including the learning phase, minus the mean return of a constant action, with a jackknife
-    /// interval over ensemble members. For each ensemble member the action is the best one in the other members: among many equal actions,
+    /// interval over blocks. For each ensemble member the action is the best one in the other members: among many equal actions,
     /// the best one looks better than it is by chance.
     pub over: Option<Difference>,
     /// Its mean return in each kind of model. Large differences show that the models do not know the effect of the action.
@@ -69,18 +69,23 @@ pub struct OutlyingMember {
     pub chosen_return: f64,
 }
 
-/// What always taking one action gets in each member, the mean over kinds.
+/// What always taking one action gets, `[kinds][members]`.
 struct ConstantAction {
     action: usize,
-    returns: Vec<f64>,
+    returns: Vec<Vec<f64>>,
 }
 
 impl ConstantAction {
-    /// Its mean return over all members, or over all but one.
+    /// Its mean return over all members, or over all but one of each kind.
     fn mean_without(&self, left_out: Option<usize>) -> f64 {
-        let members = self.returns.iter().enumerate();
-        let kept = members.filter(|&(member, _)| Some(member) != left_out);
-        mean(&kept.map(|(_, &own)| own).collect::<Vec<f64>>())
+        let mut kept = Vec::new();
+        for kind in &self.returns {
+            let members = kind.iter().enumerate();
+            kept.extend(
+                members.filter(|&(member, _)| Some(member) != left_out).map(|(_, own)| own),
+            );
+        }
+        mean(&kept)
     }
 }
 
@@ -91,70 +96,79 @@ fn best_without(actions: &[ConstantAction], left_out: Option<usize>) -> Option<&
     })
 }
 
-/// What the action that gets most in the other members gets in each, so that no action is chosen for what it gets there by chance. One member
-/// has no others: there it is the best one.
-fn returns_of_best(actions: &[ConstantAction], best: &ConstantAction) -> Vec<f64> {
-    let members = best.returns.len();
-    (0..members)
-        .map(|member: usize| {
-            let left_out = (members > 1).then_some(member);
-            best_without(actions, left_out).unwrap_or(best).returns[member]
-        })
-        .collect()
+/// What the action that gets most in the other members gets in each, `[kinds][members]`, so that no action is chosen for what it gets there
+/// by chance. One member has no others: there it is the best one.
+fn returns_of_best(actions: &[ConstantAction], best: &ConstantAction) -> Vec<Vec<f64>> {
+    let mut returns = best.returns.clone();
+    let members = returns.first().map_or(0, Vec::len);
+    for member in 0..members {
+        let left_out = (members > 1).then_some(member);
+        let action = best_without(actions, left_out).unwrap_or(best);
+        for (kind, of_action) in returns.iter_mut().zip(&action.returns) {
+            kind[member] = of_action[member];
+        }
+    }
+    returns
 }
 
-/// The best constant action over the members of these kinds, which lack the same block each, and what `own`, the mean returns of the
-/// chosen candidate `[members]`, are more than that of such an action. None if more than the share `most_uncovered` of the steps of every
-/// action is not covered: the models do not know what such an action leads to.
+/// Returns the returns of the chosen setting in the kinds in which actions were tried, in the same order, `[kinds][members]`.
+fn beside(constants: &[&ConstantReturns], each: &[KindReturns], chosen: usize) -> Vec<Vec<f64>> {
+    let own = constants.iter().filter_map(|tried| each.iter().find(|own| own.kind == tried.kind));
+    own.map(|own| own.of_setting(chosen)).collect()
+}
+
+/// The best constant action over the members of these kinds, which lack the same block each, and what the chosen setting gets more than such
+/// an action. `each` has the returns of all settings in the ensemble members of each kind. None if more than the share `most_uncovered` of
+/// the steps of every action is not covered: the models do not know what such an action leads to.
 pub(super) fn best_constant(
     constants: &[&ConstantReturns],
-    own: &[f64],
+    each: &[KindReturns],
+    chosen: usize,
     most_uncovered: f64,
 ) -> Result<Option<BestConstant>, StatsError> {
     // Neighbours, where there are any, alone know what a step rests on.
     let Some(first) = constants.iter().min_by_key(|of_kind| of_kind.kind) else { return Ok(None) };
-    let covered = (0..first.coverage.len())
-        .filter(|&action| first.coverage[action].uncovered() <= most_uncovered);
-    let actions: Vec<ConstantAction> = covered
-        .map(|action| ConstantAction {
-            action,
-            returns: over_all_kinds(constants, own.len(), |of_kind, member| {
-                of_kind.members[member][action]
-            }),
-        })
-        .collect();
+    let mut actions = Vec::new();
+    for action in 0..first.coverage.len() {
+        if first.coverage[action].uncovered() <= most_uncovered {
+            let mut returns = Vec::new();
+            for of_kind in constants {
+                let members = of_kind.members.iter().map(|member| member[action]);
+                returns.push(members.collect::<Vec<f64>>());
+            }
+            actions.push(ConstantAction { action, returns });
+        }
+    }
     let Some(best) = best_without(&actions, None) else { return Ok(None) };
     let action = best.action;
-    let kinds = constants.iter().map(|of_kind| {
-        let members: Vec<f64> = of_kind.members.iter().map(|member| member[action]).collect();
-        KindMean { kind: of_kind.kind, mean_return: mean(&members) }
-    });
+    let kinds = constants.iter().zip(&best.returns);
+    let kinds = kinds.map(|(of_kind, own)| KindMean { kind: of_kind.kind, mean_return: mean(own) });
     Ok(Some(BestConstant {
         action,
-        mean_return: mean(&best.returns),
+        mean_return: best.mean_without(None),
         uncovered: first.coverage[action].uncovered(),
-        over: beyond(own, &returns_of_best(&actions, best))?,
+        over: beyond(&beside(constants, each, chosen), &returns_of_best(&actions, best))?,
         kinds: kinds.collect(),
     }))
 }
 
-/// Returns the same comparison with random actions. `each` has the returns of all settings in the ensemble members of each kind.
+/// Returns the same comparison with random actions.
 pub(super) fn random_actions(
     constants: &[&ConstantReturns],
     each: &[KindReturns],
     chosen: usize,
-    own: &[f64],
 ) -> Result<Option<RandomActions>, StatsError> {
     if constants.is_empty() {
         return Ok(None);
     }
-    let returns = over_all_kinds(constants, own.len(), |of_kind, member| of_kind.random[member]);
-    let over = beyond(own, &returns)?;
+    let returns: Vec<Vec<f64>> = constants.iter().map(|of_kind| of_kind.random.clone()).collect();
+    let over = beyond(&beside(constants, each, chosen), &returns)?;
     let may_be_chance = over.is_some_and(|over| {
         over.mean > 0.0 && over.interval.is_some_and(|interval| interval.low <= 0.0)
     });
     let outlying = if may_be_chance { outlying_member(constants, each, chosen) } else { None };
-    Ok(Some(RandomActions { mean_return: mean(&returns), over, outlying }))
+    let of_kinds: Vec<f64> = returns.iter().map(|kind| mean(kind)).collect();
+    Ok(Some(RandomActions { mean_return: mean(&of_kinds), over, outlying }))
 }
 
 /// The factor by which an outlying member is farther from the median of its kind than every other member. Our choice.
@@ -228,18 +242,4 @@ fn over_random_of_blocks(all: &[ChosenInMember], each: &[KindReturns]) -> Vec<f6
         }
     }
     blocks
-}
-
-/// Returns the result of a policy in each ensemble member, as the mean over kinds.
-fn over_all_kinds(
-    constants: &[&ConstantReturns],
-    members: usize,
-    of_member: impl Fn(&ConstantReturns, usize) -> f64,
-) -> Vec<f64> {
-    (0..members)
-        .map(|member: usize| {
-            let sum: f64 = constants.iter().map(|of_kind| of_member(of_kind, member)).sum();
-            sum / constants.len() as f64
-        })
-        .collect()
 }

@@ -15,3 +15,10 @@ pub struct KindReturns {
     #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub members: Vec<Vec<f64>>,
 }
+
+impl KindReturns {
+    /// Returns the mean return of a setting in each ensemble member, `[members]`.
+    pub(super) fn of_setting(&self, candidate: usize) -> Vec<f64> {
+        self.members.iter().map(|returns| returns[candidate]).collect()
+    }
+}

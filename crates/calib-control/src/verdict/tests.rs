@@ -117,6 +117,12 @@ fn kinds_are_pooled_by_rank_and_members_of_one_block_stay_together() {
         (over.mean - (6.0 + 0.5 + 52.0 + 6.0 + 0.5 + 52.0 + 6.0 + 0.4 + 52.0) / 9.0).abs() < 1e-9
     );
     assert_eq!(over.clusters, [3, 3]);
+    // One kind alone differs between blocks. That is noise, so half of the jackknife's variance is left.
+    let differences: Vec<f64> =
+        verdict.members.iter().map(|returns| returns[2] - returns[0]).collect();
+    let jackknife = calib_stats::jackknife(over.mean, &differences).expect("three blocks");
+    let high = over.interval.expect("three blocks").high;
+    assert!((2.0f64.sqrt() * (high - over.mean) - (jackknife.high - over.mean)).abs() < 1e-9);
     assert_eq!((verdict.members.len(), verdict.chosen_of_resamples.len()), (3, 3));
     assert_eq!(verdict.chosen_of_resamples.iter().sum::<usize>(), 200);
     assert_eq!(verdict.coverage[2].steps, 300, "of neighbours alone");

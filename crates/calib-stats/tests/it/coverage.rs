@@ -2,8 +2,8 @@
 
 use calib_stats::{
     Interval, Losses, Nested, choose_by_mean_log, error_ratio, hierarchical, jackknife,
-    paired_difference, ratio_of_sums, summarise, summarise_clusters, summarise_overlapping,
-    upper_bound,
+    jackknife_of_kinds, paired_difference, ratio_of_sums, summarise, summarise_clusters,
+    summarise_overlapping, upper_bound,
 };
 
 use crate::random::Random;
@@ -223,6 +223,39 @@ fn intervals_over_members_hold_what_other_logs_say() {
             all.push(as_if_independent);
         }
         assert!(all[2] < 0.8 && all[0] > all[2], "shrinks with runs: {all:?}");
+    }
+}
+
+/// Returns what three kinds of members find, `[kinds][blocks]`: each lacks a block of the log, and kinds differ by their own noise.
+fn kinds(random: &mut Random, noise: f64) -> Vec<Vec<f64>> {
+    let members = members(random, 0.0, 1);
+    let mut kinds = Vec::new();
+    for _ in 0..3 {
+        kinds.push(members.iter().map(|own| own + noise * random.normal()).collect());
+    }
+    kinds
+}
+
+#[test]
+fn the_noise_of_runs_is_left_out_where_kinds_show_it() {
+    let mut random = Random::new(7);
+    for noise in [0.0, 0.1, 0.2, 0.3, 0.5, 1.0, 3.0] {
+        let mut widths = Vec::new();
+        let own = coverage(0.0, || {
+            let kinds = kinds(&mut random, noise);
+            let blocks: Vec<f64> = (0..5)
+                .map(|block| kinds.iter().map(|kind| kind[block]).sum::<f64>() / 3.0)
+                .collect();
+            let mean = blocks.iter().sum::<f64>() / 5.0;
+            let interval = jackknife_of_kinds(mean, &kinds).expect("five blocks");
+            let plain = jackknife(mean, &blocks).expect("five blocks");
+            widths.push((interval.high - mean) / (plain.high - mean));
+            interval
+        });
+        let width = widths.iter().sum::<f64>() / widths.len() as f64;
+        println!("noise {noise}: {own:.3}, {width:.2} of the jackknife's width");
+        assert!(own > 0.91, "{own} with noise {noise}");
+        assert!(noise < 1.0 || width < 0.8, "{width} with noise {noise}");
     }
 }
 
