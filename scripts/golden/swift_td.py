@@ -8,12 +8,13 @@ Features and rewards are given; the reference is the value that the authors' den
 meta step size of 0 and a bound that is never reached it is true online TD(lambda).
 """
 
-import json
 import pathlib
 import random
 import subprocess
 import sys
 import tempfile
+
+import layout
 
 STEPS, WIDTH, GAMMA = 150, 4, 0.9
 CASES = [
@@ -84,7 +85,7 @@ def main():
         )
     golden = {"gamma": GAMMA, "features": features, "rewards": rewards, "cases": cases}
     target = pathlib.Path(__file__).parents[2] / "crates/calib-agent/tests/golden/swift_td.json"
-    target.write_text(json.dumps(golden) + "\n")
+    layout.write(target, golden)
 
 
 main()

@@ -10,10 +10,10 @@ Written from docs/metrics.md alone, not from calib's code:
   choose, and shares of choices under the hierarchical bootstrap, from many more resamples than calib draws.
 """
 
-import json
 import math
 from pathlib import Path
 
+import layout
 import numpy as np
 from scipy import stats
 
@@ -177,6 +177,4 @@ def race():
     return {"streams": streams, "trained": trained}
 
 
-OUT.parent.mkdir(parents=True, exist_ok=True)
-OUT.write_text(json.dumps({"scores": scores(), "verdict": verdict(), "race": race()}) + "\n")
-print(f"wrote {OUT}")
+layout.write(OUT, {"scores": scores(), "verdict": verdict(), "race": race()})
