@@ -533,10 +533,10 @@ fn what_is_damaged_is_found_and_made_again() {
             "{}: {told}",
             name.display()
         );
-        // Of arrays, figures and pages, one in each folder is made again; the others are put back.
+        // One command makes all arrays of a folder, and all figures: one of them is made again, the others are put back.
         let ending = name.extension();
         let is_alike = !kinds_made_again.insert((name.parent(), ending));
-        if is_alike && ending.is_some_and(|ending| ending != "json") {
+        if is_alike && ending.is_some_and(|ending| ending == "npy" || ending == "svg") {
             fs::write(&path, &whole[name]).expect("writable");
             continue;
         }
