@@ -156,7 +156,7 @@ mod tests {
     fn short_work_has_its_wall_time() {
         for (processor_secs, on_processors) in [(0.09, 0.07), (0.13, 0.13)] {
             let taken = TimeTaken { secs: 0.07, processor_secs };
-            assert_eq!(taken.on_processors(), on_processors);
+            assert_eq!(taken.on_processors(), on_processors, "{taken:?}");
         }
     }
 

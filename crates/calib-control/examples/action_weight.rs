@@ -87,18 +87,13 @@ fn one(
     truth: &[f64],
 ) -> Outcome<()> {
     let name = format!("{}/{length}/{number}", quality.name());
-    let done = lines(path);
-    let left = WEIGHTS.into_iter().filter(|&weight| {
-        !done.iter().any(|line| line["name"] == name.as_str() && line["weight"] == weight)
-    });
-    let left: Vec<f64> = left.collect();
-    if left.is_empty() {
+    if WEIGHTS.into_iter().all(|weight| is_done(path, &name, weight)) {
         return Ok(());
     }
     let seed = Seed::new(2).child(quality.name()).number(length as u64).number(number as u64);
     let log = log_of(quality, length, candidates, truth, seed)?;
     let starts = starts(&log)?;
-    for weight in left {
+    for weight in WEIGHTS.into_iter().filter(|&weight| !is_done(path, &name, weight)) {
         let config = ActionModelConfig { action_weight: weight, ..Default::default() };
         let metric = log.states().clone();
         let worst = KIND.worst_return();
@@ -119,6 +114,11 @@ fn one(
         writeln!(OpenOptions::new().create(true).append(true).open(path)?, "{line}")?;
     }
     Ok(())
+}
+
+/// Whether the file has the line of this log and weight by now.
+fn is_done(path: &Path, name: &str, weight: f64) -> bool {
+    lines(path).iter().any(|line| line["name"] == name && line["weight"] == weight)
 }
 
 /// Records a log whose torques are spread around the five levels.

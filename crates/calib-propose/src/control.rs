@@ -289,7 +289,7 @@ mod tests {
             let control = proposed(&one, period_secs).expect("rewards differ");
             assert_eq!((control.start.0, control.gamma.0), (StartRows::Anywhere, 0.99));
             assert!(control.timeout.1.contains("1000 steps"), "{control:?}");
-            assert_eq!(control.timeout.0, timeout);
+            assert_eq!(control.timeout.0, timeout, "every {period_secs} s");
         }
     }
 

@@ -55,16 +55,13 @@ impl Sensors {
             .iter()
             .filter_map(|&channel| {
                 let sketched = &sketch.channels[channel];
-                let moves = [&bins[..], held_out].into_iter().all(|bins| {
-                    let moving = bins.iter().filter(|&&bin| sketched.moves[bin]).count();
-                    moving as f64 / bins.len().max(1) as f64 >= LEAST_MOVING
-                });
                 // The sine or cosine of an angle is useful as an input, but not as a prediction.
                 let is_sensor = sketched.angle.is_none()
                     // A channel with few values is a mode, not a measurement.
                     && sketched.has_many_values()
                     && sketched.unchanged <= MOST_RESTING
-                    && moves;
+                    && moves_throughout(sketched, &bins)
+                    && moves_throughout(sketched, held_out);
                 is_sensor.then(|| {
                     let unit = if sketched.unit_change.is_some() { OTHER_UNIT } else { 1.0 };
                     (channel, moving_share(sketched) * known_share(sketch, scope, sketched) * unit)
@@ -114,6 +111,12 @@ impl Sensors {
 /// Orders by descending worth; equals in the order of the channels.
 fn by_worth(left: &(usize, f64), right: &(usize, f64)) -> Ordering {
     right.1.total_cmp(&left.1).then(left.0.cmp(&right.0))
+}
+
+/// Whether a channel moves in nearly all of these bins.
+fn moves_throughout(channel: &ChannelSketch, bins: &[usize]) -> bool {
+    let moving = bins.iter().filter(|&&bin| channel.moves[bin]).count();
+    moving as f64 / bins.len().max(1) as f64 >= LEAST_MOVING
 }
 
 /// Returns the share of steps in which a sensor moves, times 0.2 if that is noise.

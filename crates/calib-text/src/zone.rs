@@ -300,15 +300,14 @@ impl Passes<'_> {
     fn is_gapless(&self, split: usize) -> bool {
         let Some(step) = self.step else { return false };
         let rows = self.folds.len();
-        let mut pairs = vec![
-            (self.before, Some(self.instant(0, split))),
-            (Some(self.instant(rows - 1, split)), self.after),
+        let pairs = [
+            self.before.map(|before| (before, self.instant(0, split))),
+            self.after.map(|after| (self.instant(rows - 1, split), after)),
+            (1..rows)
+                .contains(&split)
+                .then(|| (self.folds[split - 1].first, self.folds[split].second)),
         ];
-        if (1..rows).contains(&split) {
-            pairs.push((Some(self.folds[split - 1].first), Some(self.folds[split].second)));
-        }
-        let mut steps = pairs.into_iter().filter_map(|(from, to)| Some(to? - from?));
-        steps.all(|length| length as f64 <= GAP * step as f64)
+        pairs.into_iter().flatten().all(|(from, to)| (to - from) as f64 <= GAP * step as f64)
     }
 
     /// Returns the instant of a row if `split` of the rows belong to the first hour.

@@ -90,13 +90,12 @@ impl Weights {
         // Four sums run side by side, because each sum waits for its last addition.
         let mut rest = &self.values[..];
         for sums in sums.chunks_mut(4) {
-            let own: [&[f32]; 4] =
-                std::array::from_fn(|action| rest.get(action * length..).unwrap_or_default());
+            let own = |action: usize| rest.get(action * length..).unwrap_or_default();
             match sums {
-                [a] => add([own[0]], features, [a]),
-                [a, b] => add([own[0], own[1]], features, [a, b]),
-                [a, b, c] => add([own[0], own[1], own[2]], features, [a, b, c]),
-                [a, b, c, d] => add(own, features, [a, b, c, d]),
+                [a] => add([own(0)], features, [a]),
+                [a, b] => add([own(0), own(1)], features, [a, b]),
+                [a, b, c] => add([own(0), own(1), own(2)], features, [a, b, c]),
+                [a, b, c, d] => add([own(0), own(1), own(2), own(3)], features, [a, b, c, d]),
                 _ => {}
             }
             rest = rest.get(4 * length..).unwrap_or_default();

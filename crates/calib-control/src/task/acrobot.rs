@@ -58,6 +58,7 @@ impl Acrobot {
 }
 
 /// Returns the state after `secs` seconds of this change per second.
+#[inline]
 fn moved(state: [f64; 4], change: [f64; 4], secs: f64) -> [f64; 4] {
     std::array::from_fn(|part| state[part] + secs * change[part])
 }

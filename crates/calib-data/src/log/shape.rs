@@ -246,6 +246,14 @@ pub(super) fn names_tags(column: &HeadColumn) -> bool {
     known && (column.kind == FieldKind::Text || name.ends_with("id"))
 }
 
+/// Returns the columns of this kind that are neither the time nor about the values.
+fn others_with_kind(columns: &[HeadColumn], time: usize, kind: FieldKind) -> Vec<usize> {
+    let others = (0..columns.len()).filter(|&column| column != time);
+    others
+        .filter(|&column| columns[column].kind == kind && !is_aside(&columns[column].name))
+        .collect()
+}
+
 /// Returns the roles in a table of one column of numbers and columns of words with unknown names: its first rows may
 /// decide.
 fn unnamed_roles(
@@ -254,17 +262,12 @@ fn unnamed_roles(
     time: usize,
     data: &DataConfig,
 ) -> Result<Option<Roles>, DataError> {
-    let [numbers, texts] = [FieldKind::Number, FieldKind::Text].map(|kind| {
-        let others = (0..columns.len()).filter(|&column| column != time);
-        others
-            .filter(|&column| columns[column].kind == kind && !is_aside(&columns[column].name))
-            .collect::<Vec<usize>>()
-    });
+    let numbers = others_with_kind(columns, time, FieldKind::Number);
     let [value] = numbers[..] else { return Ok(None) };
     let is_narrow = columns.len() <= 3;
     let (mut alternating, mut staying) = (Vec::new(), Vec::new());
     let mut has_states = false;
-    for words in texts {
+    for words in others_with_kind(columns, time, FieldKind::Text) {
         if MODES.contains(&plain(&columns[words].name).as_str()) {
             has_states = true;
             continue;

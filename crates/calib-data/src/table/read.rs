@@ -75,12 +75,12 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
         .filter(|pair| pair.key != SCHEMA_KEY)
         .map(|pair| (pair.key.clone(), pair.value.clone().unwrap_or_default()))
         .collect::<BTreeMap<_, _>>();
-    let available: Vec<String> = schema.iter_names().map(ToString::to_string).collect();
     let names: Vec<String> = match names {
         Some(names) => names.iter().map(|&name| name.to_owned()).collect(),
-        None => available.clone(),
+        None => schema.iter_names().map(ToString::to_string).collect(),
     };
     if let Some(name) = names.iter().find(|name| !schema.contains(name.as_str())) {
+        let available = schema.iter_names().map(ToString::to_string).collect();
         return Err(TableError::NoColumn { name: name.clone(), available });
     }
     // Some types make the reader panic, so they are rejected first.

@@ -131,7 +131,7 @@ fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
         };
         let found = profile(&data);
         assert!(found.unused_excludes.is_empty(), "{:?}", found.unused_excludes);
-        assert_eq!(kept(&found).join(" "), expected);
+        assert_eq!(kept(&found).join(" "), expected, "{include:?} without {exclude:?}");
     }
 }
 

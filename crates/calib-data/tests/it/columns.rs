@@ -180,10 +180,11 @@ fn modes_may_lie_in_a_file_of_their_own_and_contradict_each_other() {
     let folder = Folder::of("a.parquet", &log(0, &[("a", &rising(6))]));
     folder.write("b.parquet", &modes(["run", "run", "stop", "", "run", "run"]));
     let preprocess = one_hot("mode");
-    let alone = load_with(&folder.data(), &preprocess);
-    assert_eq!(train_values(&alone, "mode=stop"), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+    let alone = values_of_contradicting(&folder, Contradictions::Refuse, &preprocess, "mode=stop");
+    assert_eq!(alone, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
     folder.write("c.parquet", &modes(["run", "", "run", "stop", "run", "run"]));
-    assert_refused_with(&folder.data(), &preprocess, &["00:00:02 mode is \"stop\" and \"run\""]);
+    let data = DataConfig { contradictions: Contradictions::Refuse, ..folder.data() };
+    assert_refused_with(&data, &preprocess, &["00:00:02 mode is \"stop\" and \"run\""]);
     let [first, last] = [Contradictions::First, Contradictions::Last].map(|contradictions| {
         values_of_contradicting(&folder, contradictions, &preprocess, "mode=stop")
     });

@@ -128,7 +128,7 @@ mod tests {
         let logs = [vec![0.3, 0.3], vec![0.1, inf], vec![0.1, 0.2], vec![inf, inf], vec![0.2, 0.3]];
         for (most, expected) in [(3, vec![0, 2, 4]), (2, vec![2, 4]), (1, vec![2])] {
             let kept = Vec::from_iter(best((0..logs.len()).collect(), &logs, most));
-            assert_eq!(kept, expected);
+            assert_eq!(kept, expected, "of at most {most}");
         }
         let kept = Vec::from_iter(best((0..logs.len()).collect(), &logs, 4));
         assert_eq!(kept, [0, 1, 2, 4], "who diverged less often is better");

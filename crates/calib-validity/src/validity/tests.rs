@@ -280,7 +280,8 @@ fn rules_are_compared_over_the_pairs_of_all_models() {
     let validity = judged(pairs());
     for (name, mean) in [("model:a:worst_rank", 1.25 / 3.0), ("model:b:pooled", 1.0)] {
         let found = validity.rules.iter().find(|rule| rule.method.name() == name);
-        near(found.expect("it is there").mean, mean);
+        let found = found.expect("it is there").mean;
+        assert!((found - mean).abs() < 1e-12, "{name}: {found} instead of {mean}");
     }
     assert_eq!(validity.rule_comparisons.len(), 1, "two rules are compared once");
     // 0, 0.25, 1 of a and 2, 0.5, 0 of b against 1, 0, 2 in both.

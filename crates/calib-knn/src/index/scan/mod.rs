@@ -283,6 +283,7 @@ impl<L: Lists> Block<'_, L> {
 }
 
 /// Returns the values of a state, less those of the centre.
+#[inline]
 fn centred(state: &[f32], centre: &[f32]) -> impl Iterator<Item = f32> {
     state.iter().zip(centre).map(|(value, centre)| value - centre)
 }
