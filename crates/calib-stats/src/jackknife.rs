@@ -104,7 +104,7 @@ mod tests {
     proptest! {
         #[test]
         fn of_one_kind_it_is_the_jackknife(parts in prop::collection::vec(-9.0f64..9.0, 2..9)) {
-            prop_assert_eq!(jackknife_of_kinds(1.0, &[parts.clone()]), jackknife(1.0, &parts));
+            prop_assert_eq!(jackknife_of_kinds(1.0, std::slice::from_ref(&parts)), jackknife(1.0, &parts));
         }
 
         #[test]
