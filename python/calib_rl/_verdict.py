@@ -302,9 +302,11 @@ class Verdict:
         """Read the choice and the advice by each part of the runs, as if errors over that part counted (``sweep.scored``).
 
         Returns:
-            A frame with the columns `sensor`, `part`, `label`, `recommendation`, `predictor`, `ratio`, `low` and `high`. `label` is
-            the setting that this part chooses. `ratio` is its error over this part divided by that of a simple `predictor`, with a
-            95 % interval over windows. Numbers are missing where they are not known.
+            A frame with the columns `sensor`, `part`, `label`, `recommendation`, `predictor`, `compared`, `ratio`, `low` and `high`.
+            `label` is the setting that this part chooses. `predictor` is the simple predictor to use, and missing unless that is the
+            recommendation. `ratio` is the error of the setting over this part divided by that of the simple predictor `compared`,
+            with a 95 % interval over windows. `predictor` is another one if a setting that does not learn starts from it. Numbers
+            are missing where they are not known.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -312,7 +314,7 @@ class Verdict:
             >>> list(verdict.parts()["part"])
             ['whole_run', 'after_first_quarter', 'final_quarter']
         """
-        names = ("sensor", "part", "label", "recommendation", "predictor", "ratio", "low", "high")
+        names = ("sensor", "part", "label", "recommendation", "predictor", "compared", "ratio", "low", "high")
         rows: dict[str, list[Any]] = {name: [] for name in names}
         labels = self.summary.get("candidates", [])
         for verdict in self.summary.get("verdicts", []):
@@ -324,7 +326,8 @@ class Verdict:
                 rows["part"].append(choice["part"])
                 rows["label"].append(labels[choice["chosen"]])
                 rows["recommendation"].append(choice["recommendation"])
-                rows["predictor"].append(simple.get("predictor"))
+                rows["predictor"].append(choice.get("predictor"))
+                rows["compared"].append(simple.get("predictor"))
                 rows["ratio"].append(ratio.get("value"))
                 rows["low"].append(interval.get("low"))
                 rows["high"].append(interval.get("high"))

@@ -35,6 +35,21 @@ def test_a_study_ends_with_a_verdict(verdict: calib_rl.Verdict) -> None:
     assert list(parts["part"]) == ["whole_run", "after_first_quarter", "final_quarter"]
     assert parts["recommendation"][0] == verdict.recommendations["PIT300"], "errors over whole runs decide"
     assert all(ratio is None or ratio > 0 for ratio in parts["ratio"])
+    for advice, predictor in zip(parts["recommendation"], parts["predictor"], strict=True):
+        assert (predictor is not None) == (advice == "use_simple_predictor")
+
+
+def test_parts_name_the_predictor_to_use_beside_the_compared_one(tmp_path: Path) -> None:
+    compared = {"predictor": "persistence", "ratio": {"value": 0.8, "interval": {"low": 0.7, "high": 0.9}}}
+    whole = {"part": "whole_run", "chosen": 1, "recommendation": "use_simple_predictor", "predictor": "line", "simple": compared}
+    last = {"part": "final_quarter", "chosen": 1, "recommendation": "deploy", "simple": compared}
+    unknown = {"part": "after_first_quarter", "chosen": 0, "recommendation": "not_checked"}
+    summary = {"candidates": ["learning_rate = 0", "learning_rate = 0.1"], "verdicts": [{"sensor": "A", "parts": [whole, last, unknown]}]}
+    parts = calib_rl.Verdict(tmp_path, tmp_path, tmp_path / "report.html", summary, negative=False).parts()
+    assert list(parts["predictor"]) == ["line", None, None], "what the agent that does not learn starts from"
+    assert list(parts["compared"]) == ["persistence", "persistence", None]
+    assert list(parts["ratio"]) == [0.8, 0.8, None]
+    assert list(parts["low"]) == [0.7, 0.7, None]
 
 
 def test_a_verdict_holds_what_the_step_returned(study: calib_rl.Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-use calib_agent::AgentConfig;
+use calib_agent::{AgentConfig, SimplePredictor};
 use calib_core::Seed;
 use itertools::Itertools as _;
 use schemars::JsonSchema;
@@ -24,6 +24,15 @@ impl Candidate {
     /// Returns the swept values as text, such as `learning_rate = 1e-4`.
     pub fn label(&self) -> String {
         label(&self.values)
+    }
+
+    /// Returns the simple predictor that the agent starts from, if it starts from one. `best` is the one that
+    /// `agent.baseline = "best"` stands for, where it is known.
+    pub fn start(&self, best: Option<SimplePredictor>) -> Option<SimplePredictor> {
+        self.agent.baseline.map(|baseline| match baseline {
+            SimplePredictor::Best => best.unwrap_or(baseline),
+            named => named,
+        })
     }
 
     /// Returns the same setting with the discount factor of `sensor`.

@@ -39,9 +39,9 @@ pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgemen
     let Runs { sensors, candidates, results } = read(path, part)?;
     let mut sweep = manifest(study, candidates);
     sweep.simple = simple_beside(path)?;
-    let judging = judging(study, part, &sweep, false);
     let mut verdicts = Vec::new();
     for sensor in &sensors {
+        let judging = judging(study, part, &sweep, sensor);
         check_evidence(sensor, &results, judging.rule)
             .with_context(|| path.display().to_string())?;
         verdicts.push(verdict(sensor, &sweep.candidates, &results, &judging)?);

@@ -235,8 +235,7 @@ pub fn verdict_of(
     manifest: &SweepFacts,
     results: &[UnitResult],
 ) -> Result<SensorVerdict, SweepError> {
-    let stands_still = manifest.standing_still.iter().any(|still| still == sensor);
-    let judging = judging(study, part, manifest, stands_still);
+    let judging = judging(study, part, manifest, sensor);
     let mut verdict = verdict(sensor, &manifest.candidates, results, &judging)?;
     if study.has_model() && study.sweep_starts().start == StartKind::Nearest {
         verdict.warnings.insert(0, LOOKED_AHEAD.to_owned());
@@ -244,12 +243,12 @@ pub fn verdict_of(
     Ok(verdict)
 }
 
-/// Returns how a sensor is judged. `stands_still` says that it is constant.
+/// Returns how a sensor is judged.
 pub(crate) fn judging<'a>(
     study: &Study,
     part: Part,
     sweep: &'a SweepFacts,
-    stands_still: bool,
+    sensor: &str,
 ) -> Judging<'a> {
     Judging {
         part,
@@ -257,7 +256,8 @@ pub(crate) fn judging<'a>(
         top_k: study.evaluate.top_k,
         scales: &sweep.scales,
         simple: &sweep.simple.scores,
-        stands_still,
+        best: sweep.simple.best.get(sensor).copied(),
+        stands_still: sweep.standing_still.iter().any(|still| still == sensor),
         resamples: study.evaluate.resamples,
         seed: Seed::new(study.seed).child("verdict"),
     }

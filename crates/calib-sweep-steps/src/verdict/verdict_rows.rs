@@ -8,8 +8,8 @@ use calib_report::{
 use calib_stats::Summary;
 use calib_study::Study;
 use calib_sweep::{
-    Candidate, ChoiceBaseline, EnvironmentScores, ErrorScale, PartChoice, Recommendation, Rule,
-    Sampling, SensorVerdict, SimpleComparison, Truth,
+    Candidate, ChoiceBaseline, EnvironmentScores, ErrorScale, PartChoice, Rule, Sampling,
+    SensorVerdict, SimpleComparison, Truth,
 };
 use serde_json::Value;
 
@@ -87,7 +87,7 @@ pub(crate) fn verdict_row(
         alternatives: alternatives(verdict, candidates),
         simple: verdict.simple.iter().filter_map(|simple| simple_row(simple, unit)).collect(),
         agent_on_log: agent_on_log(verdict),
-        parts: verdict.parts.iter().map(|choice| part_row(choice, verdict, sweep)).collect(),
+        parts: verdict.parts.iter().map(|choice| part_row(choice, candidates)).collect(),
         start_up_share: verdict.start_up_share,
         simpler: verdict.simpler().map(|simple| beside(simple, verdict, sweep)),
         matched: verdict
@@ -140,18 +140,14 @@ fn alternatives(verdict: &SensorVerdict, candidates: &[Candidate]) -> Vec<Altern
 }
 
 /// Returns choice and advice by one part of the runs.
-fn part_row(choice: &PartChoice, verdict: &SensorVerdict, sweep: &SweepFacts) -> PartRow {
-    let candidates = &sweep.candidates;
-    let compared = choice.simple.as_ref().map(|simple| simple.predictor);
-    let frozen = choice.learning_off.and_then(|off| start_of(&candidates[off], verdict, sweep));
-    let is_simple = choice.recommendation == Recommendation::UseSimplePredictor;
+fn part_row(choice: &PartChoice, candidates: &[Candidate]) -> PartRow {
     PartRow {
         part: run_part(choice.part),
         chosen: setting(&candidates[choice.chosen]),
         error: choice.online_error_of_verdict,
         recommendation: choice.recommendation,
-        simple: frozen.or(compared).filter(|_| is_simple),
-        compared,
+        simple: choice.predictor,
+        compared: choice.simple.as_ref().map(|simple| simple.predictor),
         ratio: choice.simple.as_ref().and_then(|simple| simple.ratio),
     }
 }
@@ -189,19 +185,8 @@ fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts
 
 /// Returns the simple predictor that the default or the choice equals, if it learns nothing more and is to be used.
 pub(crate) fn frozen(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<SimplePredictor> {
-    start_of(&sweep.candidates[verdict.learning_off?], verdict, sweep)
-}
-
-/// Returns the simple predictor that an agent starts from. For `baseline = "best"` it is the best one for this sensor.
-fn start_of(
-    candidate: &Candidate,
-    verdict: &SensorVerdict,
-    sweep: &SweepFacts,
-) -> Option<SimplePredictor> {
-    candidate.agent.baseline.map(|baseline| match baseline {
-        SimplePredictor::Best => *sweep.simple.best.get(&verdict.sensor).unwrap_or(&baseline),
-        named => named,
-    })
+    let best = sweep.simple.best.get(&verdict.sensor).copied();
+    sweep.candidates[verdict.learning_off?].start(best)
 }
 
 /// Returns a note if the best setting is at an end of a numeric grid, beyond which better ones may lie. Nothing lies

@@ -1,6 +1,6 @@
 //! How results are judged.
 
-use calib_agent::Part;
+use calib_agent::{Part, SimplePredictor};
 use calib_core::Seed;
 
 use super::Rule;
@@ -19,6 +19,8 @@ pub struct Judging<'a> {
     pub scales: &'a [ErrorScale],
     /// Errors of simple predictors. Empty where they are not known.
     pub simple: &'a [SimpleScore],
+    /// The simple predictor that `agent.baseline = "best"` stands for, if any agent of this sensor starts from it.
+    pub best: Option<SimplePredictor>,
     /// Whether the sensor is constant in every held-out window, so that there was nothing to predict.
     pub stands_still: bool,
     /// Number of resamples for intervals; 0 gives no intervals.
@@ -36,7 +38,17 @@ impl<'a> Judging<'a> {
         scales: &'a [ErrorScale],
         seed: Seed,
     ) -> Self {
-        Self { part, rule, top_k, scales, simple: &[], stands_still: false, resamples: 0, seed }
+        Self {
+            part,
+            rule,
+            top_k,
+            scales,
+            simple: &[],
+            best: None,
+            stands_still: false,
+            resamples: 0,
+            seed,
+        }
     }
 }
 

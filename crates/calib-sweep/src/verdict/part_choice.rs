@@ -1,4 +1,4 @@
-use calib_agent::Part;
+use calib_agent::{Part, SimplePredictor};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -18,12 +18,11 @@ pub struct PartChoice {
     pub online_error_of_verdict: Option<f64>,
     /// The recommendation if errors over this part count.
     pub recommendation: Recommendation,
-    /// The simple predictor to use instead of this setting, or else the one that the log prefers, compared over this part; none if simple
-    /// predictors are not known.
+    /// The simple predictor to use; none unless the recommendation is to use one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub predictor: Option<SimplePredictor>,
+    /// The simple predictor that decides against this setting, or else the one that the log prefers, compared over this part. It is not the
+    /// one to use if a setting does as well that starts from another predictor and does not learn. None if simple predictors are not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simple: Option<SimpleComparison>,
-    /// Index of a setting that starts from a simple predictor and does not learn after the log, as in the verdict; none if `simple` is to be
-    /// used instead.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub learning_off: Option<usize>,
 }

@@ -1,6 +1,8 @@
-use calib_agent::Part;
+use calib_agent::{Part, SimplePredictor};
 
-use super::{Judging, PartChoice, errors::Errors, judge::SensorResults};
+use super::{
+    Judging, PartChoice, Recommendation, SensorVerdict, errors::Errors, judge::SensorResults,
+};
 use crate::{EnvironmentId, SweepError, UnitResult};
 
 /// Returns the choice by each part of a run that has steps to score in every environment. The verdict chose the setting
@@ -26,11 +28,29 @@ pub(super) fn choices(
             online_error,
             online_error_of_verdict,
             recommendation: own.recommendation(),
+            predictor: results.predictor_to_use(&own, judging.best),
             simple: own.simpler().or_else(|| own.preferred_simple()).cloned(),
-            learning_off: own.learning_off.filter(|_| own.simpler().is_none()),
         });
     }
     Ok(choices)
+}
+
+impl SensorResults<'_> {
+    /// Returns the simple predictor that a verdict recommends, if it recommends one: that which decides against the
+    /// choice, or else the start of the setting that does not learn. `best` is as in [`Judging`].
+    fn predictor_to_use(
+        &self,
+        verdict: &SensorVerdict,
+        best: Option<SimplePredictor>,
+    ) -> Option<SimplePredictor> {
+        if verdict.recommendation() != Recommendation::UseSimplePredictor {
+            return None;
+        }
+        match verdict.simpler() {
+            Some(simpler) => Some(simpler.predictor),
+            None => self.candidates[verdict.learning_off?].start(best),
+        }
+    }
 }
 
 /// Returns the share of the squared error of a setting's held-out runs that falls into their first tenth. The agent has

@@ -78,6 +78,7 @@ fn judging(rule: Rule) -> Judging<'static> {
         top_k: 1,
         scales: &[],
         simple: &[],
+        best: None,
         stands_still: false,
         resamples: 300,
         seed: Seed::new(3),

@@ -159,6 +159,7 @@ fn judged(golden: &GoldenVerdict) -> SensorVerdict {
         top_k: 1,
         scales: &[],
         simple: &[],
+        best: None,
         stands_still: false,
         resamples: 20_000,
         seed: Seed::new(1),

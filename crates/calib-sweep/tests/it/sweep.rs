@@ -293,6 +293,7 @@ fn judged(study: &Study, results: &[UnitResult]) -> SensorVerdict {
         top_k: 1,
         scales: &scales,
         simple: &[],
+        best: None,
         stands_still: false,
         resamples: 200,
         seed: Seed::new(1),

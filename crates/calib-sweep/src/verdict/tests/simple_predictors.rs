@@ -69,19 +69,20 @@ fn no_agent_is_deployed_that_a_simple_predictor_beats() {
     assert!(!verdict.simpler().expect("persistence").is_better());
 }
 
-#[test]
-fn each_part_of_a_run_has_a_recommendation_of_its_own() {
-    // Setting 0 has 0.2 over whole runs. In the final quarter it has 0.3, where persistence has 0.1.
+/// Returns the verdict by the errors over a part of the runs. Setting 0 has 0.2 over whole runs, where it is the best and
+/// persistence has 0.5. In the final quarter the settings and persistence have these errors.
+fn judged_by_part(part: Part, settings: [f64; 3], persistence: f64) -> SensorVerdict {
     let windows = [100, 500, 900, 1_300];
-    let predictors = [(SimplePredictor::Mean, 1.0, 1.0), (SimplePredictor::Persistence, 0.5, 0.1)];
+    let predictors =
+        [(SimplePredictor::Mean, 1.0, 1.0), (SimplePredictor::Persistence, 0.5, persistence)];
     let mut results = Vec::new();
     let mut simple = Vec::new();
     for environment in [EnvironmentId::LogReplay, EnvironmentId::Online] {
         for (number, row) in (0..).zip(windows) {
             let mut result = run(environment, number, row, [0.2, 0.4, 0.3]);
-            for own in &mut result.rows {
+            for (own, rmse) in result.rows.iter_mut().zip(settings) {
                 let whole = own.scores.whole_run.expect("scored");
-                own.scores.final_quarter = Some(PartScore { rmse: 0.1 + whole.rmse, ..whole });
+                own.scores.final_quarter = Some(PartScore { rmse, ..whole });
             }
             results.push(result);
             for (predictor, whole, last) in predictors {
@@ -92,8 +93,13 @@ fn each_part_of_a_run_has_a_recommendation_of_its_own() {
             }
         }
     }
-    let judging = Judging { simple: &simple, ..judging(Rule::LogReplay) };
-    let judged = verdict("A", &candidates(), &results, &judging).expect("judged");
+    let judging = Judging { part, simple: &simple, ..judging(Rule::LogReplay) };
+    verdict("A", &candidates(), &results, &judging).expect("judged")
+}
+
+#[test]
+fn each_part_of_a_run_has_a_recommendation_of_its_own() {
+    let judged = judged_by_part(Part::WholeRun, [0.3, 0.5, 0.4], 0.1);
     assert_eq!(judged.recommendation(), Recommendation::Deploy);
     let parts: Vec<(Part, Recommendation)> =
         judged.parts.iter().map(|own| (own.part, own.recommendation)).collect();
@@ -102,14 +108,15 @@ fn each_part_of_a_run_has_a_recommendation_of_its_own() {
         (Part::FinalQuarter, Recommendation::UseSimplePredictor),
     ];
     assert_eq!(parts, expected, "runs have no scores without their first quarter");
+    assert_eq!(judged.parts[0].predictor, None);
+    assert_eq!(judged.parts[1].predictor, Some(SimplePredictor::Persistence));
     for (own, ratio) in judged.parts.iter().zip([0.4, 3.0]) {
         let compared = own.simple.as_ref().expect("known");
         assert_eq!(compared.predictor, SimplePredictor::Persistence);
         near(compared.ratio.expect("known").value, ratio);
     }
     // The same as if that part were scored.
-    let scored = Judging { part: Part::FinalQuarter, ..judging };
-    let scored = verdict("A", &candidates(), &results, &scored).expect("judged");
+    let scored = judged_by_part(Part::FinalQuarter, [0.3, 0.5, 0.4], 0.1);
     assert_eq!(scored.recommendation(), Recommendation::UseSimplePredictor);
     assert_eq!(scored.simpler(), judged.parts[1].simple.as_ref());
     assert_eq!(scored.parts[0].recommendation, Recommendation::Deploy);
@@ -274,7 +281,8 @@ fn the_log_decides_where_the_sensor_is_constant_in_the_held_out_data() {
     }
 }
 
-/// Setting 0 is the default with these errors, and learns nothing. Setting 1 is chosen.
+/// Setting 0 is the default with these errors, and learns nothing. Setting 1 is chosen. All start from a line. The
+/// best simple predictor is persistence.
 fn judged_beside_frozen(of_default: [f64; 3]) -> SensorVerdict {
     let windows = [100, 500, 900];
     let online =
@@ -282,10 +290,17 @@ fn judged_beside_frozen(of_default: [f64; 3]) -> SensorVerdict {
     let mut candidates = candidates();
     for candidate in &mut candidates {
         candidate.is_default = candidate.index == 0;
-        candidate.agent.baseline = Some(SimplePredictor::Ridge);
+        candidate.agent.baseline = Some(SimplePredictor::Best);
     }
     candidates[0].agent.learning_rate = 0.0;
-    verdict("A", &candidates, &with(online), &judging(Rule::WorstRank)).expect("judged")
+    let predictors = [(SimplePredictor::Mean, 1.0), (SimplePredictor::Persistence, 0.25)];
+    let simple: Vec<SimpleScore> = windows
+        .iter()
+        .flat_map(|&row| predictors.map(|(predictor, error)| online_score(predictor, row, error)))
+        .collect();
+    let best = Some(SimplePredictor::Line);
+    let judging = Judging { simple: &simple, best, ..judging(Rule::WorstRank) };
+    verdict("A", &candidates, &with(online), &judging).expect("judged")
 }
 
 #[test]
@@ -294,6 +309,11 @@ fn a_default_that_learns_nothing_is_kept_unless_the_choice_improves_on_it() {
     assert_eq!((alike.chosen, alike.grade), (1, Grade::Good));
     assert_eq!(alike.learning_off, Some(0));
     assert_eq!(alike.recommendation(), Recommendation::UseSimplePredictor);
+    // The part names the predictor that the default starts from, which is not the one of the ratio.
+    let part = &alike.parts[0];
+    assert_eq!(part.predictor, Some(SimplePredictor::Line));
+    let compared = part.simple.as_ref().expect("known");
+    assert_eq!(compared.predictor, SimplePredictor::Persistence);
     // More than chance, but too little to be worth an agent.
     let hardly = judged_beside_frozen([0.2006, 0.2005, 0.2004]);
     assert!(hardly.truth.as_ref().is_some_and(Truth::improves_on_the_default));
@@ -301,6 +321,7 @@ fn a_default_that_learns_nothing_is_kept_unless_the_choice_improves_on_it() {
     let improved = judged_beside_frozen([0.3, 0.32, 0.31]);
     assert_eq!(improved.learning_off, None);
     assert_eq!(improved.recommendation(), Recommendation::Deploy);
+    assert_eq!(improved.parts[0].predictor, None);
 }
 
 #[test]
