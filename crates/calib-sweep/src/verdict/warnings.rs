@@ -35,14 +35,16 @@ pub(super) fn level_may_have_changed(simple: &[SimpleComparison]) -> bool {
         .is_some_and(|error| error > OTHER_LEVEL && error.is_finite())
 }
 
-/// Returns warnings about the part of a run that errors measure: its start-up, or the rest.
+/// Returns warnings about the part of a run that errors measure: its start-up, or the rest. A part with another kind of
+/// advice has no warning here: its setting is not what to use, and the report warns of the advice.
 pub(super) fn of_parts(
+    verdict: &SensorVerdict,
     candidates: &[Candidate],
     parts: &[PartChoice],
     start_up_share: Option<f64>,
-    part: Part,
-    chosen: usize,
 ) -> Vec<String> {
+    let SensorVerdict { part, chosen, .. } = *verdict;
+    let recommendation = verdict.recommendation();
     let mut warnings = Vec::new();
     if let Some(share) = start_up_share.filter(|&share| share > MUCH_AT_THE_START)
         && part == Part::WholeRun
@@ -54,9 +56,11 @@ pub(super) fn of_parts(
             Part::AfterFirstQuarter.name()
         ));
     }
-    let other = parts
-        .iter()
-        .find(|choice| choice.part != part && !are_neighbours(candidates, choice.chosen, chosen));
+    let other = parts.iter().find(|choice| {
+        choice.part != part
+            && choice.recommendation == recommendation
+            && !are_neighbours(candidates, choice.chosen, chosen)
+    });
     if let Some(other) = other {
         warnings.push(format!(
             "errors {} decided; errors {} would choose {}; set sweep.scored = \"{}\" if that part is what counts at your plant",

@@ -23,7 +23,7 @@ pub fn verdict(
     if matches!(verdict.grade, Grade::Good | Grade::Fair | Grade::Unchecked)
         && verdict.learning_off.is_none()
     {
-        let of_parts = warnings::of_parts(candidates, &parts, start_up_share, judging.part, chosen);
+        let of_parts = warnings::of_parts(&verdict, candidates, &parts, start_up_share);
         verdict.warnings.extend(of_parts);
     }
     Ok(SensorVerdict { parts, start_up_share, ..verdict })

@@ -122,6 +122,20 @@ fn each_part_of_a_run_has_a_recommendation_of_its_own() {
     assert_eq!(scored.parts[0].recommendation, Recommendation::Deploy);
 }
 
+#[test]
+fn a_part_names_its_setting_only_if_it_advises_to_use_an_agent_too() {
+    let settings = [0.5, 0.4, 0.2];
+    let alike = judged_by_part(Part::WholeRun, settings, 0.5);
+    let simpler = judged_by_part(Part::WholeRun, settings, 0.1);
+    let advice = [&alike, &simpler].map(|verdict| verdict.parts[1].recommendation);
+    assert_eq!(advice, [Recommendation::Deploy, Recommendation::UseSimplePredictor]);
+    for verdict in [&alike, &simpler] {
+        assert_eq!((verdict.chosen, verdict.parts[1].chosen), (0, 2));
+    }
+    assert!(warns(&alike, "would choose learning_rate = 3;"), "{:?}", alike.warnings);
+    assert!(!warns(&simpler, "would choose"), "{:?}", simpler.warnings);
+}
+
 /// Returns a simple predictor with these errors on the log and on held-out data. `ratio` is the agent's error relative
 /// to it, with its interval.
 fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) -> SimpleComparison {
