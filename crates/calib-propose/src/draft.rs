@@ -3,6 +3,7 @@ use std::ops::Range;
 use crate::{
     Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Sensors, Size,
     axes::other_axes,
+    given::with_given,
     horizon,
     lines::{Lines, list, number},
     sensors::{explained, stays},
@@ -48,6 +49,9 @@ pub struct Draft<'a> {
     pub size_reason: &'a str,
     /// Choices that the user made.
     pub asked: Asked,
+    /// Keys that the user gave as `section.key=value`. They decide which other hyperparameters the grid offers, and
+    /// [`with_given`] writes them into the text.
+    pub given: &'a [String],
 }
 
 /// Choices that the user made.
@@ -318,7 +322,10 @@ impl Draft<'_> {
         text.key("log_replay_runs", &size.log_replay_runs.to_string(), "windows of the log");
         text.section("sweep.grid");
         text.key("learning_rate", &list(&size.learning_rates()), "");
-        other_axes(size, text);
+        // Keys that are not TOML are told when the study is complete.
+        let study: toml::Table =
+            toml::from_str(&with_given(&text.0, self.given)).unwrap_or_default();
+        other_axes(&study, text);
         text.section("evaluate");
         text.key(
             "rule",
@@ -352,7 +359,7 @@ mod tests {
 
     /// Returns the text of a study of `log` that predicts these sensors, with states `spacing` rows apart.
     fn drafted(log: &Sketch, sensors: &Sensors, spacing: usize) -> String {
-        drafted_with(log, sensors, spacing, ProposedModel::None, 1_000)
+        drafted_with(log, sensors, spacing, ProposedModel::None, 1_000, &[])
     }
 
     fn drafted_with(
@@ -361,6 +368,7 @@ mod tests {
         spacing: usize,
         model: ProposedModel,
         steps: usize,
+        given: &[String],
     ) -> String {
         let scope = Scope::of(log).expect("channels");
         let draft = Draft {
@@ -383,6 +391,7 @@ mod tests {
             agent_reason: "tried",
             baseline: "ridge regression for B",
             asked: Asked::default(),
+            given,
             size_reason: "sized to end within 10 min",
         };
         draft.text()
@@ -410,7 +419,10 @@ mod tests {
         assert_eq!(read["model"]["kind"].as_str(), Some("none"));
         assert!(read.get("rollout").is_none() && read["sweep"].get("member_runs").is_none());
         assert!(text.contains("kind = \"knn\" builds one of neighbours"), "{text}");
-        let modelled = drafted_with(&log, &sensors, 2, ProposedModel::Ensemble, 1_000);
+        assert!(text.contains("\n# lambda = [0, 0.9] "), "{text}");
+        let given = ["sweep.grid.lambda=[0.5]".to_owned()];
+        let modelled = drafted_with(&log, &sensors, 2, ProposedModel::Ensemble, 1_000, &given);
+        assert!(!modelled.contains("lambda"), "the given key is written later");
         let modelled: toml::Table = toml::from_str(&modelled).expect("TOML");
         assert_eq!(modelled["model"]["members"].as_integer(), Some(5));
         assert_eq!(modelled["sweep"]["member_runs"].as_integer(), Some(1));
@@ -448,7 +460,7 @@ mod tests {
             sketch(20_000, &[("A", wave(60.0)), ("B", wave(70.0)), ("slow \"1\"", wave(3_000.0))]);
         let text = |proposed: &[usize], steps| {
             let sensors = Sensors { proposed: proposed.to_vec(), others: Vec::new() };
-            drafted_with(&log, &sensors, 2, ProposedModel::None, steps)
+            drafted_with(&log, &sensors, 2, ProposedModel::None, steps, &[])
         };
         let all = text(&[0, 1, 2], 6_000);
         let line = all.lines().find(|line| line.contains("gammas")).expect(&all);

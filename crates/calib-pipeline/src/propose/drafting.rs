@@ -121,6 +121,7 @@ impl Drafting<'_> {
             baseline: words[3],
             size_reason: words[2],
             asked: Asked { sensors: !args.sensors.is_empty(), horizon: args.horizon },
+            given: &args.set,
         }
         .text()
     }
