@@ -77,14 +77,17 @@ fn a_verdict_says_where_its_agent_starts_if_it_names_another_predictor() {
     let summary = summary(&place);
     let best = place.read_json("study-results/sweep/simple.json")["best"].clone();
     let choices = summary["choices"].as_array().expect("a list");
+    let mut told = 0;
     for (choice, plain) in choices.iter().zip(summary["plain"].as_array().expect("a list")) {
         let start = &best[choice["sensor"].as_str().expect("a name")];
         assert!(start.is_string(), "{best}");
         if choice["grade"] == "simpler" {
             let is_told = plain.as_str().is_some_and(|text| text.contains("The agent starts from"));
             assert_eq!(is_told, choice["simple_predictor"]["predictor"] != *start, "{plain}");
+            told += usize::from(is_told);
         }
     }
+    assert!(told > 0, "one of the sensors has another start: {summary}");
 }
 
 #[test]
