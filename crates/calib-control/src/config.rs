@@ -56,7 +56,8 @@ pub struct ControlConfig {
     pub worst_return: Option<f64>,
     /// Where episodes start in the model.
     pub start: StartRows,
-    /// The largest share of the chosen setting's steps that the log may leave uncovered; above it, calib refuses the choice.
+    /// The largest share of the chosen setting's steps, or of the decisions of a held-out period, that the log may leave uncovered; above it,
+    /// calib refuses the choice.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub most_uncovered: f64,
     /// Minimum number of terminals in a log whose study names a terminal; below it, calib refuses a choice.
