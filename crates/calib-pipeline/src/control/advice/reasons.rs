@@ -141,13 +141,18 @@ fn few_terminals(terminals: usize, key: &str) -> Reason {
 
 /// Returns the doubt that a held-out period has left the training range. `key` allows more of its decisions to.
 fn held_out_uncovered(deployment: Option<&str>, share: f64, key: &str) -> Reason {
+    // A period without a name may be the rest after the fraction.
+    let training = match deployment {
+        Some(_) => "data.train",
+        None => "data.train or data.train_fraction",
+    };
     Reason {
         what: format!(
             "{} of the decisions of the {} were made in states that the training range does not cover: no model knows what actions do there",
             percent(share),
             period_name(deployment)
         ),
-        remedy: format!("let data.train have such states, or allow more with {key}"),
+        remedy: format!("let {training} have such states, or allow more with {key}"),
     }
 }
 

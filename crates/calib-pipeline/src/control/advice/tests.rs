@@ -327,8 +327,10 @@ fn a_period_that_the_log_does_not_cover_is_named() {
     let told: Vec<String> = advice.reasons().iter().map(Reason::whole).collect();
     let july = "75 % of the decisions of the deployment july were made in states";
     assert!(told[0].starts_with(july), "{told:?}");
-    assert!(told[0].ends_with("or allow more with control.most_uncovered"), "{told:?}");
+    let remedy = "let data.train have such states, or allow more with control.most_uncovered";
+    assert!(told[0].ends_with(remedy), "{told:?}");
     assert!(told[1].starts_with("80 % of the decisions of the held-out period were"), "{told:?}");
+    assert!(told[1].contains("let data.train or data.train_fraction have such"), "{told:?}");
     assert!(told[2].starts_with("only 1 episode ends in a terminal"), "{told:?}");
 }
 
