@@ -299,7 +299,7 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
 
 /// Returns a corridor: five steps in a row lead to the goal, each by the other action than the step before. A wrong action leads back
 /// to the first place. Every third episode is the shortest possible, and the others have random actions.
-fn corridor() -> Place {
+pub(crate) fn corridor() -> Place {
     let mut log = "timestamp,position,move,reward,goal\n".to_owned();
     let (mut position, mut episode, mut reward) = (0, 0, 0);
     let mut random = 1_u32;
@@ -341,104 +341,6 @@ fn a_choice_that_the_log_supports_ends_with_0() {
     }
 }
 
-/// The deployment `alike` is the end of the corridor's log. In `beyond` the positions lie far from all others.
-#[test]
-fn deployments_are_compared_with_the_training_range() {
-    let place = corridor();
-    let mut log = place.read("log.csv");
-    for row in 0..200 {
-        let [hour, minute] = [row / 60, row % 60];
-        let [position, action] = [50 + row % 5, row % 2];
-        writeln!(log, "2024-03-04 {hour:02}:{minute:02}:00,{position},{action},-1,0")
-            .expect("text");
-    }
-    place.write("log.csv", &log);
-    place.edit_study("train_fraction = 1.0", "train = { end = 2024-03-03 }");
-    let args = ["control", "study.toml", "--json"];
-    let nothing = place.calib(&args).json(&[0, 1]);
-    assert!(nothing.get("held_out").is_none(), "{nothing}");
-    let study = place.read("study.toml");
-    let deployments = "[deployments.beyond]\nstart = 2024-03-04\n[deployments.alike]\nstart = 2024-03-03\nend = 2024-03-04\n";
-    place.write("study.toml", &format!("{study}{deployments}"));
-    let status = place.calib(&["status", "study.toml"]).succeeds();
-    assert!(status.contains("deployments.alike.end = nothing, now"), "{status}");
-    // The agents are those of before. Only the periods are judged.
-    let ran = place.calib(&args);
-    let json = ran.json(&[1]);
-    assert!(ran.stderr().contains("no agent is trained again"), "{}", ran.stderr());
-    let [alike, beyond] = [0_usize, 1].map(|period| &json["held_out"][period]);
-    assert_eq!((&alike["deployment"], &beyond["deployment"]), (&"alike".into(), &"beyond".into()));
-    assert_eq!((&alike["uncovered"], &beyond["uncovered"]), (&0.0.into(), &1.0.into()));
-    assert_eq!((&beyond["decisions"], &beyond["mean_reward"]), (&199.into(), &(-1.0).into()));
-    let mean = beyond["behaviour"]["mean"].as_f64().expect("a number");
-    assert!((mean + 10.0).abs() < 1e-9, "ten steps are an episode: {mean}");
-    let mean = alike["behaviour"]["mean"].as_f64().expect("a number");
-    assert!((-10.0..0.0).contains(&mean), "{mean}");
-    let doubts = json["verdict"]["doubts"].as_array().expect("a list");
-    let mut others = doubts.clone();
-    others.retain(|doubt| doubt["reason"] != "held_out_uncovered");
-    let of_period =
-        serde_json::json!({ "reason": "held_out_uncovered", "deployment": "beyond", "share": 1.0 });
-    assert!(doubts.contains(&of_period) && others.len() + 1 == doubts.len(), "{doubts:?}");
-    assert_eq!(nothing["verdict"]["doubts"], serde_json::json!(others));
-    let told = place.calib(&["control", "study.toml"]).ends(&[1]);
-    for part in [
-        "100 % of the decisions of the deployment beyond were made in states that",
-        " training range ",
-        " deployment alike ",
-    ] {
-        assert!(told.contains(part), "{part} is missing in {told}");
-    }
-    let results = "study-results/control";
-    let report = place.read("study-results/control/report.html");
-    assert!(report.contains("Held-out periods") && report.contains("deployment alike"));
-    let again = place.content(results);
-    assert!(place.calib(&["status", "study.toml"]).succeeds().contains("every step is done"));
-    place.calib(&["control", "study.toml", "--force"]).ends(&[1]);
-    assert!(place.content(results) == again, "the same bytes as if all was made at once");
-    // A period may be without a name, and must be in the log.
-    let held_out = "train = { end = 2024-03-03 }\nheld_out = { start = 2024-03-04 }";
-    place.write("study.toml", &study.replace("train = { end = 2024-03-03 }", held_out));
-    let json = place.calib(&args).json(&[1]);
-    assert_eq!(json["held_out"].as_array().map(Vec::len), Some(1));
-    assert!(json["held_out"][0].get("deployment").is_none(), "{}", json["held_out"]);
-    assert_eq!(json["held_out"][0]["uncovered"], 1.0);
-    let late = study.replace("train = {", "held_out = { start = 2025-01-01 }\ntrain = {");
-    place.write("study.toml", &late);
-    let told = place.calib(&args).fails(2);
-    assert!(told.contains("held_out"), "{told}");
-    place.write("study.toml", &study);
-    let json = place.calib(&args).json(&[0, 1]);
-    assert_eq!(json["verdict"]["doubts"], nothing["verdict"]["doubts"]);
-}
-
-/// The last fifth of the corridor's log has no rewards. It ends the command only if the study names it.
-#[test]
-fn a_last_fifth_without_a_decision_is_left_out() {
-    let place = corridor();
-    let mut log = String::new();
-    for (number, line) in place.read("log.csv").lines().enumerate() {
-        let mut cells: Vec<&str> = line.split(',').collect();
-        // The period begins in row 2,400.
-        if number > 2390 {
-            cells[3] = "";
-        }
-        writeln!(log, "{}", cells.join(",")).expect("text");
-    }
-    place.write("log.csv", &log);
-    place.edit_study("train_fraction = 1.0\n", "");
-    let args = ["control", "study.toml", "--json"];
-    let ran = place.calib(&args);
-    let json = ran.json(&[0, 1]);
-    assert!(json.get("held_out").is_none(), "{json}");
-    let told = ran.stderr();
-    assert!(told.contains("the period after data.train_fraction has no decision"), "{told}");
-    let named = "[data]\ntrain = { end = 2024-03-02 }\nheld_out = { start = 2024-03-03 }\n";
-    place.edit_study("[data]\n", named);
-    let told = place.calib(&args).fails(2);
-    assert!(told.contains("the held-out period has no decision to judge"), "{told}");
-}
-
 /// The exit code does not depend on the headline: "keep the default" is possible with both.
 #[test]
 fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {
@@ -475,7 +377,8 @@ fn neighbours_can_be_near_in_a_representation() {
     let place = place();
     let study = "pole/study.toml";
     let section = "representation={ dimension = 4, hidden_units = 16, batch_size = 32, learning_rate = 3e-3, steps = 300 }";
-    let set = ["--set", "control.model.distance='laplacian'", "--set", section];
+    let held_out = "data.train_fraction=0.8";
+    let set = ["--set", "control.model.distance='laplacian'", "--set", section, "--set", held_out];
     let control = [&["control", study][..], &set].concat();
     let inspected = place.calib(&[&["inspect", study, "--json"][..], &set].concat());
     assert!(inspected.stderr().contains("distances are those of states"), "{}", inspected.stderr());

@@ -6,6 +6,7 @@ mod change;
 mod cluster;
 mod comparisons;
 mod control;
+mod control_held_out;
 mod control_plans;
 mod dataset;
 mod decisions;

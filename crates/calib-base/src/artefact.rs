@@ -65,7 +65,8 @@ pub trait Facts: Serialize + DeserializeOwned {
         true
     }
 
-    /// Whether subdirectories, which have no fingerprint in the manifest, are complete and undamaged.
+    /// Whether everything beside the lasting files is complete and undamaged, such as subdirectories, which have no
+    /// fingerprint in the manifest.
     fn has_all_parts(&self, _directory: &Path) -> bool {
         true
     }

@@ -14,8 +14,10 @@ const SHOWN: usize = 3;
 /// Columns as they were recorded.
 #[derive(Clone, Debug)]
 pub struct RecordedColumns {
-    /// Values `[names][rows]`, in the unit of the log; NaN where there is no number.
+    /// Values in the training rows, `[names][rows]`, in the unit of the log; NaN where there is no number.
     pub values: Vec<Vec<f64>>,
+    /// The same in the held-out rows. Without a held-out range there are no rows.
+    pub held_out: Vec<Vec<f64>>,
     /// Text in the columns, one entry per column with text.
     pub texts: Vec<TextFound>,
 }
@@ -32,8 +34,8 @@ pub struct TextFound {
 }
 
 impl Surveyed {
-    /// Returns the values of these channels in the training rows as recorded, without treatment. The channels need not
-    /// be columns of the states.
+    /// Returns the values of these channels as recorded, without treatment. The channels need not be columns of the
+    /// states.
     ///
     /// # Errors
     /// If a channel does not exist or holds no numbers, or has two values at one time and the study does not select one
@@ -41,31 +43,6 @@ impl Surveyed {
     /// interrupts.
     pub fn recorded(
         &self,
-        names: &[String],
-        monitor: &dyn Monitor,
-    ) -> Result<RecordedColumns, DataError> {
-        self.recorded_in(&self.survey.train.samples.starts, names, monitor)
-    }
-
-    /// Returns the values of these channels in the held-out rows, as [`recorded`](Self::recorded) does for training
-    /// rows. Without a held-out range there are no rows.
-    ///
-    /// # Errors
-    /// As [`recorded`](Self::recorded).
-    pub fn recorded_held_out(
-        &self,
-        names: &[String],
-        monitor: &dyn Monitor,
-    ) -> Result<RecordedColumns, DataError> {
-        let held_out = self.survey.held_out.as_ref();
-        let rows = held_out.map_or(&[][..], |part| &part.samples.starts[..]);
-        self.recorded_in(rows, names, monitor)
-    }
-
-    /// Returns the values of these channels in `rows` of the log.
-    fn recorded_in(
-        &self,
-        rows: &[u32],
         names: &[String],
         monitor: &dyn Monitor,
     ) -> Result<RecordedColumns, DataError> {
@@ -94,8 +71,11 @@ impl Surveyed {
             }
             channels.push(channel);
         }
+        let train = &self.survey.train.samples.starts[..];
+        let held_out = self.survey.held_out.as_ref();
+        let held_out = held_out.map_or(&[][..], |part| &part.samples.starts[..]);
         let mut recorded =
-            RecordedColumns { values: Vec::with_capacity(names.len()), texts: Vec::new() };
+            RecordedColumns { values: Vec::new(), held_out: Vec::new(), texts: Vec::new() };
         let mut batch = Batch::default();
         monitor.begin("reading actions and rewards", channels.len() as u64);
         let mut contradicting: Vec<(usize, Contradicting)> = Vec::new();
@@ -111,12 +91,16 @@ impl Surveyed {
                     recorded.texts.push(TextFound { column: name.clone(), example, rows: count });
                 }
                 contradicting.push((number, channel.contradictions.clone()));
-                recorded
-                    .values
-                    .push(rows.iter().map(|&row| channel.values[row as usize]).collect());
+                recorded.values.push(values_in(&channel.values, train));
+                recorded.held_out.push(values_in(&channel.values, held_out));
             }
         }
         log.refuse_contradictions(&contradicting, monitor)?;
         Ok(recorded)
     }
+}
+
+/// Returns the values in these rows.
+fn values_in(values: &[f64], rows: &[u32]) -> Vec<f64> {
+    rows.iter().map(|&row| values[row as usize]).collect()
 }

@@ -61,6 +61,11 @@ impl Sources {
         Ok(write_sealed_json(&directory.join(SOURCES), self)?)
     }
 
+    /// Whether the files are certainly the same and unchanged. They never are where the system reports no metadata.
+    pub fn are_unchanged_since(&self, noted: &Self) -> bool {
+        self == noted && self.files.iter().all(|file| file.stamp.is_some())
+    }
+
     /// Whether there are other files, or one has another size or modification time. Files that were moved, or copied
     /// with their times, count as the same.
     pub fn differ_from(&self, others: &Self) -> bool {

@@ -47,6 +47,31 @@ impl Facts for ControlFacts {
     fn key(&self) -> &str {
         &self.key
     }
+
+    /// Other held-out periods change the verdict. The inputs in the key, and the runs, stay the same.
+    fn lasts(name: &str) -> bool {
+        name != VERDICT
+    }
+
+    fn has_all_parts(&self, directory: &Path) -> bool {
+        let verdict = read_sealed_json::<VerdictKey>(&directory.join(VERDICT));
+        verdict.is_ok_and(|verdict| verdict.key == self.key)
+    }
+}
+
+/// The key in `verdict.json`. It says to which runs the verdict belongs, also if a killed command has replaced the
+/// verdict and not yet the manifest.
+#[derive(Deserialize)]
+struct VerdictKey {
+    key: String,
+}
+
+/// `verdict.json` with its key.
+#[derive(Serialize)]
+struct StoredVerdict<'a> {
+    key: &'a str,
+    #[serde(flatten)]
+    evaluation: &'a ControlEvaluation,
 }
 
 impl ControlEvaluation {
@@ -94,19 +119,42 @@ pub(super) fn key(
     }
 }
 
-/// Returns the stored verdict, if it has the same inputs and is intact. The flag says whether the report files are
-/// intact.
-pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bool)> {
-    let manifest = ControlManifest::find(directory, key)?;
-    let evaluation: ControlEvaluation = read_sealed_json(&directory.join(VERDICT)).ok()?;
-    if evaluation.lacks_settings() {
-        return None;
-    }
-    Some((evaluation, artefact::are_whole(directory, &manifest.shown)))
+/// A stored verdict that has the same inputs and is intact. Its held-out periods may be others.
+pub(super) struct KeptVerdict {
+    pub(super) evaluation: ControlEvaluation,
+    /// Whether the verdict and its report are those that the manifest names.
+    pub(super) is_listed: bool,
+    /// Whether the study and the log files are unchanged too, and so the held-out periods.
+    pub(super) is_current: bool,
 }
 
-/// Updates the stored study and log files of a verdict that also follows from the current ones. This happens for
-/// example if another `data.shape` reads the same log.
+impl KeptVerdict {
+    /// Reads the verdict with this key, if there is one and no setting failed. `sources` are the log files as they are
+    /// now.
+    pub(super) fn find(
+        directory: &Path,
+        key: &str,
+        study: &Study,
+        sources: &Sources,
+    ) -> Option<Self> {
+        let manifest = ControlManifest::find(directory, key)?;
+        let evaluation: ControlEvaluation = read_sealed_json(&directory.join(VERDICT)).ok()?;
+        if evaluation.lacks_settings() {
+            return None;
+        }
+        let is_listed = [&manifest.files, &manifest.shown]
+            .into_iter()
+            .all(|files| artefact::are_whole(directory, files));
+        let noted = Sources::noted_in(directory);
+        let is_current = is_listed
+            && study.differences(StepKind::Control, &manifest.study).is_empty()
+            && noted.is_some_and(|noted| sources.are_unchanged_since(&noted));
+        Some(Self { evaluation, is_listed, is_current })
+    }
+}
+
+/// Updates the stored study and log files of a verdict that also follows from the current ones, held-out periods
+/// included. This happens for example if another `data.shape` reads the same log.
 pub(super) fn note_study(
     directory: &Path,
     study: &Study,
@@ -213,14 +261,24 @@ pub(super) fn write(
 ) -> Result<(), StepError> {
     let claim = DirectoryLock::begun(directory)?;
     artefact::write_table(table(runs, evaluation), &directory.join(RUNS))?;
-    write_sealed_json(&directory.join(VERDICT), evaluation)?;
+    write_verdict(directory, &key, evaluation)?;
     let shown = show()?;
     let shown = artefact::fingerprints(directory, shown.iter().map(String::as_str))?;
     let facts = ControlFacts { key, study: study.clone(), log: log.clone(), shown };
     claim.finish(facts, [RUNS, VERDICT]).map(drop)
 }
 
-/// Replaces a verdict by the same one on other held-out periods. The runs stay.
+fn write_verdict(
+    directory: &Path,
+    key: &str,
+    evaluation: &ControlEvaluation,
+) -> Result<(), StepError> {
+    Ok(write_sealed_json(&directory.join(VERDICT), &StoredVerdict { key, evaluation })?)
+}
+
+/// Replaces a verdict by the same one on other held-out periods, and writes the files that `show` writes. The runs
+/// stay. If this is interrupted, the verdict is still valid, the old one or the new one, and the manifest does not name
+/// what was written. The next command then calls this again.
 pub(super) fn replace(
     directory: &Path,
     study: &Study,
@@ -230,8 +288,8 @@ pub(super) fn replace(
     let claim = DirectoryLock::new(directory, Below::Ours)?;
     let manifest: ControlManifest = artefact::read(directory)
         .with_context(|| format!("{} has no verdict to replace", directory.display()))?;
-    write_sealed_json(&directory.join(VERDICT), evaluation)?;
     let shown = show()?;
+    write_verdict(directory, &manifest.key, evaluation)?;
     let shown = artefact::fingerprints(directory, shown.iter().map(String::as_str))?;
     let facts = ControlFacts { shown, study: study.clone(), ..manifest.facts };
     claim.finish(facts, [RUNS, VERDICT]).map(drop)

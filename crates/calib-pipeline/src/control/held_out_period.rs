@@ -1,6 +1,7 @@
 //! A held-out period of a study of agents that act, as it was read and as it was judged.
 
 use calib_control::{Decisions, RecordedReturn};
+use calib_core::Frames;
 use calib_files::Fingerprint;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -38,6 +39,16 @@ impl HeldOutPeriod {
 /// Returns "deployment april", or "held-out period" for one without a name.
 pub(super) fn period_name(deployment: Option<&str>) -> String {
     deployment.map_or_else(|| "held-out period".to_owned(), |name| format!("deployment {name}"))
+}
+
+/// The rows of a held-out period.
+pub(super) struct HeldOutRows {
+    /// Its states, normalised as those of the training range.
+    pub(super) frames: Frames,
+    /// Fingerprint of its states.
+    pub(super) states: Fingerprint,
+    /// The recorded columns of `[control]`, `[columns][rows]`.
+    pub(super) recorded: Vec<Vec<f64>>,
 }
 
 /// The decisions that were recorded in a held-out period.

@@ -10,7 +10,7 @@ use calib_control::{
     ActionModel, ColumnFindings, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
     Ending, Levels, OutlyingActions, RewardRow, SetPoint, Settings, StartRows, Starts,
 };
-use calib_core::{Bounds, Frames, Period, RowIndex, States};
+use calib_core::{Bounds, Column, ColumnKind, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_model_steps::represent::Material;
@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     counting,
+    held_out_period::HeldOutRows,
     log_warnings::{left_out, tell_columns, tell_decisions, tell_missing_rewards},
 };
 
@@ -38,6 +39,8 @@ pub(crate) struct ActionLog {
     pub(crate) outlying: Vec<String>,
     /// Sentences on the parts of the log that are left out.
     left_out: Vec<String>,
+    /// The state columns that are channels of the log, and no features.
+    pub(super) sensors: Vec<String>,
 }
 
 /// A continuous action column in the log.
@@ -81,7 +84,17 @@ pub(crate) fn read(
     config: &ControlConfig,
     printer: &Printer,
 ) -> Result<ActionLog, StepError> {
-    let study = job.study();
+    read_with_rest(job, config, printer).map(|(log, _)| log)
+}
+
+/// Reads the training range as [`read`] does. The second value has the rows after `data.train_fraction`, if that key
+/// ends the training range and the study names no held-out period.
+pub(super) fn read_with_rest(
+    job: &Job,
+    config: &ControlConfig,
+    printer: &Printer,
+) -> Result<(ActionLog, Option<HeldOutRows>), StepError> {
+    let preprocess = &job.study().preprocess;
     let data = DataConfig { held_out: None, ..data_of_states(job, config)? };
     ensure!(
         !matches!(data.resample, Some(Resample::Mean | Resample::Linear)),
@@ -91,7 +104,7 @@ pub(crate) fn read(
     printer.say(&format!("reading {}", data.path.0.join(", ")));
     let progress = printer.progress();
     let resample = data.resample;
-    let surveyed = counting::survey(data, &study.preprocess, printer, &progress)?;
+    let surveyed = counting::survey(data, preprocess, printer, &progress)?;
     let names = config.columns();
     let mut recorded =
         surveyed.recorded(&names, &progress).map_err(|error| named(config, error))?;
@@ -103,7 +116,7 @@ pub(crate) fn read(
     tell_columns(config, resample, frames, &found, printer);
     let outlying = without_outlying(config, frames, &mut recorded.values);
     let constants = constants(&names, &recorded.values);
-    let mut set_points = set_points(config, &names, &recorded.values);
+    let set_points = set_points(config, &names, &recorded.values);
     for told in &outlying {
         printer.warn(told);
     }
@@ -135,10 +148,7 @@ pub(crate) fn read(
     let actions =
         (0..levels.values.len()).map(|level| levels.name(level, &config.actions)).collect();
     let columns = dataset.normaliser.columns();
-    set_points.retain(|name, _| columns.iter().all(|column| column.name != *name));
-    for values in set_points.values_mut() {
-        *values = rows.rows.iter().map(|&row| values[row]).collect();
-    }
+    let set_points = beside_states(set_points, columns, &rows.rows);
     let names = Names {
         actions,
         settings: settings_told(config, &rows.acted)?,
@@ -151,7 +161,13 @@ pub(crate) fn read(
     };
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
     let left_out = left_out(&dataset.profile, resample, frames, &found.gaps);
-    Ok(ActionLog { decisions, names, fingerprint, times, period, outlying, left_out })
+    let sensors = columns.iter().filter(|column| column.kind == ColumnKind::Sensor);
+    let sensors = sensors.map(|column| column.name.clone()).collect();
+    let log =
+        ActionLog { decisions, names, fingerprint, times, period, outlying, left_out, sensors };
+    let rest = dataset.held_out.zip(dataset.held_out_fingerprint);
+    let recorded = recorded.held_out;
+    Ok((log, rest.map(|(frames, states)| HeldOutRows { frames, states, recorded })))
 }
 
 /// Returns the log files of a study without the columns that are no part of the state.
@@ -288,6 +304,19 @@ fn set_points(
             Some((column.clone(), recorded[place].clone()))
         })
         .collect()
+}
+
+/// Returns the set-points that are no column of the states, with their values in these rows of the log.
+fn beside_states(
+    mut set_points: BTreeMap<String, Vec<f64>>,
+    columns: &[Column],
+    rows: &[usize],
+) -> BTreeMap<String, Vec<f64>> {
+    set_points.retain(|name, _| columns.iter().all(|column| column.name != *name));
+    for values in set_points.values_mut() {
+        *values = rows.iter().map(|&row| values[row]).collect();
+    }
+    set_points
 }
 
 /// Returns the smallest and the largest value, or zeros if all are missing.

@@ -1,3 +1,5 @@
+use std::path::Path;
+
 use calib_base::{
     StepError, artefact,
     clock::Stopwatch,
@@ -24,7 +26,8 @@ use super::{
     conduct::{conduct, recorded_rows},
     described::described,
     evaluation::ControlEvaluation,
-    files, held_out,
+    files::{self, KeptVerdict},
+    held_out,
     held_out_period::HeldOutLog,
     log::{self, ActionLog},
     model, page,
@@ -47,38 +50,37 @@ pub(crate) fn run(
     let Some(config) = &study.control else { return Err(no_section(job)) };
     let agents = ComparedAgents::of_study(job, config)?;
     let sources = Sources::of(&data_of(job)?)?;
-    let log = log::read(job, config, printer)?;
+    let (log, rest) = log::read_with_rest(job, config, printer)?;
     log.tell_left_out(printer);
     rare::check_actions(&log, config, printer)?;
-    let held_out = held_out::read(job, config, printer)?;
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
-    let kept = if job.policy().redoes() { None } else { files::kept(&directory, &key) };
     let origin = RunOrigin { key: key.clone(), log: log.fingerprint.clone() };
-    if let Some((mut evaluation, is_shown)) = kept {
-        if !job.policy().is_dry() {
-            mend(job, config, &log, &evaluation, is_shown, printer)?;
-            if job.policy().share.is_none() && !evaluation.is_on(&held_out) {
-                evaluation =
-                    held_out::judged_again(job, config, &log, evaluation, &held_out, printer)?;
-            }
-            files::note_study(&directory, study, &sources, printer)?;
-            if job.policy().share.is_none() {
-                let folder = job.layout().control_units();
-                artefact::or_read_only(units::remove_left(&folder, &key), &folder, printer)?;
-            }
-        }
-        printer.say(&format!("{} is up to date", directory.display()));
+    let kept = KeptVerdict::find(&directory, &key, study, &sources);
+    if let Some(kept) = kept.filter(|_| !job.policy().redoes()) {
+        let others = held_out::read_others(job, config, &log, rest, &kept, printer)?;
         if job.policy().is_dry() {
+            printer.say(&match others {
+                None => up_to_date(&directory),
+                Some(_) => format!("{}, and would be judged", held_out::ONLY_HELD_OUT),
+            });
             let units = RunFiles::seen(&job.layout().control_units(), origin, job.policy().share);
             let plan = ControlPlan::of_nothing(config, agents.count(), &units)?;
             return Ok(StepResult::Planned(plan));
         }
+        mend(job, config, &log, &kept.evaluation, printer)?;
         if job.policy().share.is_some() {
+            printer.say(&up_to_date(&directory));
             return Ok(StepResult::Nothing(Outcome::Done));
         }
+        let evaluation = held_out::brought_up_to_date(job, config, &log, kept, others, printer)?;
+        files::note_study(&directory, study, &sources, printer)?;
+        let folder = job.layout().control_units();
+        artefact::or_read_only(units::remove_left(&folder, &key), &folder, printer)?;
+        printer.say(&up_to_date(&directory));
         return Ok(StepResult::Made(evaluation));
     }
+    let held_out = held_out::read(job, config, &log, rest, printer)?;
     announce(config, &log, agents.count(), printer);
     if let ComparedAgents::Own(candidates) = &agents {
         fits(config, candidates, &log, printer)?;
@@ -117,23 +119,22 @@ pub(crate) fn run(
     Ok(StepResult::Made(evaluation))
 }
 
-/// Makes damaged files of a finished verdict again.
+fn up_to_date(directory: &Path) -> String {
+    format!("{} is up to date", directory.display())
+}
+
+/// Makes damaged files of the model of a finished verdict again.
 fn mend(
     job: &Job,
     config: &ControlConfig,
     log: &ActionLog,
     evaluation: &ControlEvaluation,
-    is_shown: bool,
     printer: &Printer,
 ) -> Result<(), StepError> {
     if evaluation.log.distance == Distance::Laplacian {
         decisions::mend(job, log.material(), printer)?;
     }
-    model::mend(job, config, log, printer)?;
-    if !is_shown {
-        page::write(&job.layout().control(), job, evaluation)?;
-    }
-    Ok(())
+    model::mend(job, config, log, printer)
 }
 
 /// Makes the runs of a share, which a later command without a share judges. That command tries failed settings again,
