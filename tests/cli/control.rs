@@ -382,7 +382,11 @@ fn neighbours_can_be_near_in_a_representation() {
     let control = [&["control", study][..], &set].concat();
     let inspected = place.calib(&[&["inspect", study, "--json"][..], &set].concat());
     assert!(inspected.stderr().contains("distances are those of states"), "{}", inspected.stderr());
-    place.calib(&control).ends(&[0, 1]);
+    let json = place.calib(&[&control[..], &["--json"]].concat()).json(&[0, 1]);
+    let period = &json["held_out"][0];
+    assert!(period["decisions"].as_u64().is_some_and(|decisions| decisions > 100), "{period}");
+    // The same policy acts in the same plant.
+    assert!(period["uncovered"].as_f64().is_some_and(|share| share < 0.5), "{period}");
     let representation = "pole/study-results/control-representation";
     let first = place.content("pole/study-results/control");
     let psi = place.content(representation);
