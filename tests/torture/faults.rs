@@ -200,6 +200,32 @@ fn a_study_of_everything() {
     campaign(&Job { args: &["run", "study.toml"], place: everything });
 }
 
+/// A study of acting agents with a verdict, to which a held-out period was added.
+fn another_period() -> Place {
+    let place = Place::new();
+    let rows = (0..400).map(|row| {
+        let [hour, minute, position] = [row / 60, row % 60, row % 4];
+        let action = row / 4 % 2;
+        format!("2024-03-01 {hour:02}:{minute:02}:00,{position},{action},-{position}\n")
+    });
+    let log: String = rows.collect();
+    place.write("data.csv", &format!("timestamp,position,move,reward\n{log}"));
+    let data =
+        "[data]\npath = \"data.csv\"\nshape = \"wide\"\ntrain = { end = 2024-03-01T05:00:00 }\n";
+    let control =
+        "[control]\nactions = [\"move\"]\ntimeout = 10\nsteps = 100\nmodels = [\"neighbors\"]\n";
+    let grid = "[control.grid]\nstep_size = [0.1, 0.3]\n";
+    place.write("study.toml", &format!("{data}{control}{grid}"));
+    let place = after(place, &[&["control", "study.toml"]]);
+    place.edit("study.toml", "[control]", "held_out = { start = 2024-03-01T05:00:00 }\n[control]");
+    place
+}
+
+#[test]
+fn what_is_judged_again() {
+    campaign(&Job { args: &["control", "study.toml"], place: another_period });
+}
+
 #[test]
 fn what_is_made_anew() {
     campaign(&Job {
