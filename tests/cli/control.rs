@@ -236,11 +236,13 @@ fn a_verdict_of_another_study_is_not_done() {
     assert!(status(&place).contains("data.shape"), "{}", status(&place));
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
     assert!(status(&place).contains("every step is done"), "{}", status(&place));
-    // The manifest looks as if a calib of the same version had used other inputs for its verdicts.
-    let manifest = place.path().join("study-results/control/manifest.json");
-    let mut sealed: serde_json::Value = read_sealed_json(&manifest).expect("sealed");
-    sealed["key"] = "another".into();
-    write_sealed_json(&manifest, &sealed).expect("writable");
+    // The files look as if a calib of the same version had used other inputs for its verdicts.
+    for name in ["manifest.json", "verdict.json"] {
+        let path = place.path().join("study-results/control").join(name);
+        let mut sealed: serde_json::Value = read_sealed_json(&path).expect("sealed");
+        sealed["key"] = "another".into();
+        write_sealed_json(&path, &sealed).expect("writable");
+    }
     let part = "the verdict in study-results/control was made with another calib; run `calib control study.toml` again";
     assert!(status(&place).contains(part), "{}", status(&place));
 }
