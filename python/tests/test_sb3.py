@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import re
 import shlex
 import subprocess
@@ -60,10 +61,11 @@ def blocks(language: str) -> list[str]:
 
 
 def test_the_fifteen_lines_of_the_guide_run(tmp_path: Path) -> None:
-    calib, *arguments = shlex.split(blocks("sh")[0])
-    assert calib == "calib" and command_line(*[tmp_path / "pole" if given == "pole" else given for given in arguments]).returncode == 0
+    python, script, log = shlex.split(blocks("sh")[0])
+    assert (python, script, log) == ("python", "python/examples/tank.py", "tank.csv")
+    run("tank.py", tmp_path / log)
     lines = blocks("python")[0]
-    assert "stable_baselines3" in lines and "total_timesteps=10_000" in lines
+    assert "stable_baselines3" in lines and "total_timesteps=5_000" in lines
     done = subprocess.run([sys.executable, "-c", SMALL + lines], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "all reasons: .why()" in done.stdout and "30 of 30" in done.stderr
@@ -78,8 +80,16 @@ def test_the_read_me_pages_have_the_lines_of_the_guide() -> None:
         assert f"```python\n{shortest}```" in text, page
 
 
-def test_the_example_runs(pole: Path, tmp_path: Path) -> None:
-    assert "all reasons" in run("tune_sb3.py", pole, tmp_path / "sb3", 100)
+def test_the_example_runs(tmp_path: Path) -> None:
+    run("tank.py", tmp_path / "tank.csv")
+    assert "all reasons" in run("tune_sb3.py", tmp_path / "tank.csv", tmp_path / "sb3", 100)
+
+
+def test_settings_learn_in_the_tank_itself(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.syspath_prepend(GUIDE.parents[2] / "python" / "examples")
+    importlib.import_module("tank").truth([{"learning_rate": 1e-3}], steps=120, runs=2)
+    setting, mean, means = re.fullmatch(r"(\{.*\}) (-[0-9.]+) (\[.*\])\n", capsys.readouterr().out).groups()
+    assert setting == "{'learning_rate': 0.001}" and len(means.split(",")) == 2 and -60 * 0.6 < float(mean) < 0.0
 
 
 def returns(make_agent: Any, grid: dict[str, list[Any]], model: calib_rl.ActionModel, **given: Any) -> list[Any]:

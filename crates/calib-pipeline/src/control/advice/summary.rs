@@ -48,9 +48,10 @@ impl Advice<'_> {
             verdict.over_default.as_ref().filter(|over| has_other && over.mean.is_finite());
         match over_other {
             Some(over) => format!(
-                "{first}: {} per episode than the default in the models{}.",
+                "{first}: {} per episode than the default in the models{}{}.",
                 amount(over.mean),
-                over.interval.map_or_else(String::new, interval_of_amounts)
+                over.interval.map_or_else(String::new, interval_of_amounts),
+                self.lead_in_ranks()
             ),
             None => format!(
                 "{first}: {} per episode in the models, and recorded episodes got {}{}.",
@@ -59,5 +60,18 @@ impl Advice<'_> {
                 verdict.behaviour.interval.map_or_else(String::new, interval)
             ),
         }
+    }
+
+    /// Returns the lead over the default in ranks, if it is what shows that the choice is ahead: where an interval of returns contains 0,
+    /// readers would ask why calib is sure.
+    fn lead_in_ranks(&self) -> String {
+        let Self { verdict, .. } = self;
+        let returns = verdict.over_default.and_then(|over| over.interval);
+        if !verdict.is_ahead_of_default() || returns.is_none_or(|returns| returns.low > 0.0) {
+            return String::new();
+        }
+        let Some(ranks) = verdict.ranks_over_default else { return String::new() };
+        let around = ranks.interval.map_or_else(String::new, interval);
+        format!("; clearly ahead of it in mean rank, by {}{around}", number(ranks.mean))
     }
 }

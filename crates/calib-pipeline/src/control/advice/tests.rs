@@ -315,6 +315,23 @@ fn the_first_screen_has_the_number_and_the_strongest_reasons() {
 }
 
 #[test]
+fn the_first_screen_says_that_ranks_decide() {
+    let mut verdict = verdict(&json!([]));
+    let over = verdict.over_default.expect("a default");
+    let lead = Difference { mean: 1.0, interval: Some(Interval { low: 0.5, high: 1.5 }), ..over };
+    verdict.ranks_over_default = Some(lead);
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let ranks = "; clearly ahead of it in mean rank, by 1 (95 %: 0.5 to 1.5).";
+    for (low, is_told) in [(-1.0, true), (0.5, false)] {
+        verdict.over_default =
+            Some(Difference { interval: Some(Interval { low, high: 5.0 }), ..over });
+        let shown = advice_on(&verdict, &settings).summary();
+        assert_eq!(shown[0], "Deploy a=2.");
+        assert_eq!(shown[1].ends_with(ranks), is_told, "{shown:?}");
+    }
+}
+
+#[test]
 fn a_period_that_the_log_does_not_cover_is_named() {
     let verdict = verdict(&json!([
         { "reason": "held_out_uncovered", "deployment": "july", "share": 0.75 },
