@@ -88,7 +88,9 @@ def test_the_example_runs(tmp_path: Path) -> None:
 def test_settings_learn_in_the_tank_itself(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.syspath_prepend(GUIDE.parents[2] / "python" / "examples")
     importlib.import_module("tank").truth([{"learning_rate": 1e-3}], steps=120, runs=2)
-    setting, mean, means = re.fullmatch(r"(\{.*\}) (-[0-9.]+) (\[.*\])\n", capsys.readouterr().out).groups()
+    line = re.fullmatch(r"(\{.*\}) (-[0-9.]+) (\[.*\])\n", capsys.readouterr().out)
+    assert line is not None
+    setting, mean, means = line.groups()
     assert setting == "{'learning_rate': 0.001}" and len(means.split(",")) == 2 and -60 * 0.6 < float(mean) < 0.0
 
 
