@@ -3,7 +3,7 @@
     cargo run --release -p calib-control --example protocol -- DIR 3..9 30 nearest --model pool
     python3 scripts/pool_protocol.py DIR [--logs FIRST END]
 
-`docs/control` has the logs that were made: numbers 3 to 8. Reads `DIR/truth-TASK.json` and `DIR/pool.jsonl`. Chooses by each rule from the stored returns, in a program of its own, and prints
+`docs/control` has the logs that were made: numbers 3 to 8, and of Puddle World and Cart-pole also 9 and 10. Reads `DIR/truth-TASK.json` and `DIR/pool.jsonl`. Chooses by each rule from the stored returns, in a program of its own, and prints
 Markdown: regret in % of a random choice's with 95 % intervals by a bootstrap over logs within cells, tasks weighted equally. Then, for
 each reason to refuse, the regret of the pool's choices that have it and of those that have not.
 
