@@ -37,6 +37,9 @@ const KINDS: [(&str, &str); 5] = [
     ("none", "no model"),
 ];
 
+/// The key under which the TOML library passes a date to what expects a section.
+const DATE: &str = "$__toml_private_datetime";
+
 /// Returns the key of a study for the name that other tools use: `model.neighbors` for `k`.
 pub fn meant_key(name: &str) -> Option<&'static str> {
     entry(&MEANT_KEYS, name)
@@ -56,6 +59,9 @@ pub(crate) fn friendly(message: &str) -> String {
         return format!("unknown key `{key}`: {told}");
     }
     let valid = quoted(rest);
+    if key == DATE {
+        return format!("expected a section with {}, got a date", valid.join(" or "));
+    }
     if valid.is_empty() {
         return format!("unknown key `{key}`; no keys are known here");
     }

@@ -117,7 +117,8 @@ impl ControlEvaluation {
     pub(super) fn with_held_out(mut self, held_out: Vec<HeldOutPeriod>, support: Support) -> Self {
         let doubts = &mut self.verdict.doubts;
         doubts.retain(|doubt| !matches!(doubt, Doubt::HeldOutUncovered { .. }));
-        doubts.extend(held_out.iter().filter_map(|period| {
+        let judged = held_out.iter().filter(|period| period.can_be_judged());
+        doubts.extend(judged.filter_map(|period| {
             support.doubt_about_held_out(period.deployment.as_deref(), period.uncovered)
         }));
         Self { held_out, ..self }

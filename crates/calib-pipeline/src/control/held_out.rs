@@ -199,14 +199,18 @@ pub(super) fn judged(
             Distance::Euclidean => states,
             Distance::Laplacian => decisions::encode_others(job, log.material(), &states, printer)?,
         };
-        judged.push(HeldOutPeriod {
+        let period = HeldOutPeriod {
             deployment: deployment.clone(),
             log: fingerprint.clone(),
             decisions: recorded.len(),
             uncovered: model.uncovered_share(&metric, &printer.progress())?,
             behaviour: recorded.recorded_return(config.timeout.min(config.steps))?,
             mean_reward: recorded.mean_reward(),
-        });
+        };
+        if let Some(warning) = period.warning() {
+            printer.warn(&warning);
+        }
+        judged.push(period);
     }
     Ok(judged)
 }

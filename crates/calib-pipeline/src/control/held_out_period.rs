@@ -6,6 +6,9 @@ use calib_files::Fingerprint;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// The fewest decisions of a period that may speak against a choice. Our choice.
+const FEWEST_DECISIONS: usize = 20;
+
 /// A held-out period beside the training range.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(super) struct HeldOutPeriod {
@@ -28,6 +31,27 @@ impl HeldOutPeriod {
     /// Returns its name for people.
     pub(super) fn name(&self) -> String {
         period_name(self.deployment.as_deref())
+    }
+
+    /// Whether it has the steps of an episode. The return of less is that of no episode.
+    pub(super) fn has_an_episode(&self) -> bool {
+        self.behaviour.episodes >= 1.0
+    }
+
+    /// Whether it has enough decisions for a share of them to mean something.
+    pub(super) fn can_be_judged(&self) -> bool {
+        self.decisions >= FEWEST_DECISIONS
+    }
+
+    /// Returns a warning if it has too few decisions.
+    pub(super) fn warning(&self) -> Option<String> {
+        let (name, decisions) = (self.name(), self.decisions);
+        (!self.can_be_judged()).then(|| {
+            format!(
+                "the {name} has too few decisions to be a reason against the choice: {decisions}, of at least {FEWEST_DECISIONS}; name a longer \
+                 period"
+            )
+        })
     }
 
     /// Whether this is the result of such a log.
@@ -57,4 +81,29 @@ pub(super) struct HeldOutLog {
     /// They have a single action, because it does not matter here which one was taken.
     pub(super) decisions: Decisions,
     pub(super) fingerprint: Fingerprint,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_few_decisions_are_warned_of() {
+        let recorded =
+            r#"{ "mean": 1.0, "interval": null, "episodes": 0.5, "best": null, "worst": null }"#;
+        let mut period = HeldOutPeriod {
+            deployment: Some("june".to_owned()),
+            log: Fingerprint::of(b"june"),
+            decisions: 19,
+            uncovered: 1.0,
+            behaviour: serde_json::from_str(recorded).expect("a return"),
+            mean_reward: 1.0,
+        };
+        assert!(!period.can_be_judged() && !period.has_an_episode());
+        let warning = period.warning().expect("it is short");
+        assert!(warning.starts_with("the deployment june has too few decisions"), "{warning}");
+        assert!(warning.contains("19, of at least 20"), "{warning}");
+        period.decisions = 20;
+        assert_eq!(period.warning(), None);
+    }
 }

@@ -168,7 +168,11 @@ fn held_out(evaluation: &ControlEvaluation) -> Vec<Table> {
             Cell::Text(period.name()),
             Cell::Count(period.decisions as u64),
             Cell::Percent(period.uncovered),
-            Cell::Number(period.behaviour.mean),
+            if period.has_an_episode() {
+                Cell::Number(period.behaviour.mean)
+            } else {
+                Cell::Missing
+            },
             Cell::Number(period.mean_reward),
         ]
     }));

@@ -125,7 +125,7 @@ fn held_out(evaluation: &ControlEvaluation) -> String {
             period.name(),
             count(period.decisions),
             percent(period.uncovered),
-            number(period.behaviour.mean),
+            if period.has_an_episode() { number(period.behaviour.mean) } else { "–".to_owned() },
             number(period.mean_reward),
         ]
     }));

@@ -214,6 +214,9 @@ fn what_is_expected_is_said_in_words() {
         "study.toml with --set agent.gamma=x: agent.gamma: expected a number, got the text \"x\""
     );
     assert_eq!(refused("agent = 3\n", &[]), "study.toml:1:9: expected a section, got 3");
+    let unnamed = "[deployments]\nstart = 2024-04-01\n";
+    let date = "study.toml:2:9: expected a section with start or end, got a date";
+    assert_eq!(refused(unnamed, &[]), date);
     assert_eq!(
         refused("[sweep]\nsensors = \"A\"\n", &[]),
         "study.toml:2:11: expected a list, got the text \"A\""
