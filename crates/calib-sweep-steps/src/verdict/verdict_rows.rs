@@ -3,7 +3,7 @@
 use calib_agent::{Part, SimplePredictor};
 use calib_report::{
     Alternative, Dimension, ErrorCurve, ErrorSource, HeldOutResult, PartRow, RankCurve, Reason,
-    Samples, Sensitivity, Separation, Setting, SimpleRow, Simpler, Sources, TopK, Verdict,
+    Samples, Sensitivity, Separation, Setting, SimpleRow, Simpler, Sources, TopK, Verdict, listed,
 };
 use calib_stats::Summary;
 use calib_study::Study;
@@ -189,12 +189,9 @@ pub(crate) fn frozen(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<Simp
     sweep.candidates[verdict.learning_off?].start(best)
 }
 
-/// Returns a note if the best setting is at an end of a numeric grid, beyond which better ones may lie. Nothing lies
-/// below a step size of 0.
+/// Returns a note if the best setting is at an end of a numeric key of the grid, beyond which better ones may lie.
 fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
     let candidates = &sweep.candidates;
-    let numbers: Vec<f64> =
-        candidates.iter().map(|candidate| setting(candidate).as_number()).collect::<Option<_>>()?;
     let online = verdict.truth.as_ref();
     let told_apart = match online {
         Some(truth) => {
@@ -203,25 +200,51 @@ fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
         None => separation(&verdict.scores) == Separation::Apart,
     };
     let stands_still = sweep.standing_still.contains(&verdict.sensor);
-    if sweep.study.sweep.sampling != Sampling::Grid
-        || numbers.len() < 3
-        || !told_apart
-        || stands_still
-    {
+    if sweep.study.sweep.sampling != Sampling::Grid || !told_apart || stands_still {
         return None;
     }
-    let best = numbers[online.map_or(Some(verdict.chosen), |truth| truth.best)?];
-    let end = if numbers.iter().all(|&number| number <= best) {
-        "largest"
-    } else if best > 0.0 && numbers.iter().all(|&number| number >= best) {
-        "smallest"
-    } else {
+    let best = online.map_or(Some(verdict.chosen), |truth| truth.best)?;
+    let keys = &candidates[best].values;
+    let ends: Vec<String> = keys
+        .iter()
+        .enumerate()
+        .filter_map(|(place, (key, _))| {
+            let end = end_of(candidates, best, place)?;
+            Some(if keys.len() == 1 {
+                format!("is the {end}")
+            } else {
+                format!("has the {end} {key}")
+            })
+        })
+        .collect();
+    if ends.is_empty() {
         return None;
-    };
+    }
     let whose = if online.is_some() { "the best setting on held-out data" } else { "the choice" };
     Some(format!(
-        "{whose} is the {end} of the grid: better ones may lie beyond it; add some to sweep.grid"
+        "{whose} {} of the grid: better ones may lie beyond it; add some to sweep.grid",
+        listed(&ends)
     ))
+}
+
+/// Returns which end of at least three numbers a setting has at this place of its values. Nothing lies below a step size of 0.
+fn end_of(candidates: &[Candidate], best: usize, place: usize) -> Option<&'static str> {
+    let numbers: Vec<f64> = candidates
+        .iter()
+        .map(|candidate| single(&candidate.values[place].1).as_number())
+        .collect::<Option<_>>()?;
+    let mut distinct = numbers.clone();
+    distinct.sort_by(f64::total_cmp);
+    distinct.dedup();
+    // Three at least.
+    let [smallest, _, .., largest] = distinct[..] else { return None };
+    if numbers[best] == largest {
+        Some("largest")
+    } else if numbers[best] == smallest && smallest > 0.0 {
+        Some("smallest")
+    } else {
+        None
+    }
 }
 
 fn agreement(
@@ -381,4 +404,33 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
 fn separation(numbers: &[f64]) -> Separation {
     let differ = numbers.len() < 2 || numbers.windows(2).any(|pair| pair[0] != pair[1]);
     if differ { Separation::Apart } else { Separation::Alike }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_agent::AgentConfig;
+    use serde_json::json;
+
+    use super::*;
+
+    fn candidate(rate: f64, lambda: f64) -> Candidate {
+        let values = [("learning_rate", rate), ("lambda", lambda)]
+            .map(|(key, value)| (key.to_owned(), json!(value)))
+            .to_vec();
+        Candidate { index: 0, is_default: false, values, agent: AgentConfig::default() }
+    }
+
+    #[test]
+    fn each_key_has_its_own_ends() {
+        let mut candidates = Vec::new();
+        for rate in [0.0, 0.1, 1.0] {
+            candidates.extend([0.0, 0.9].map(|lambda| candidate(rate, lambda)));
+        }
+        let ends: Vec<_> = (0..6).map(|best| end_of(&candidates, best, 0)).collect();
+        // Nothing lies below a rate of 0, and two values have no inside.
+        assert_eq!(ends, [None, None, None, None, Some("largest"), Some("largest")]);
+        assert!((0..6).all(|best| end_of(&candidates, best, 1).is_none()));
+        let positive = [0.3, 0.1, 1.0].map(|rate| candidate(rate, 0.0));
+        assert_eq!(end_of(&positive, 1, 0), Some("smallest"));
+    }
 }
