@@ -3,8 +3,8 @@
 
     python3 scripts/guides.py [CALIB]
 
-Every page of docs/guides is run in an empty folder of its own: its `sh` blocks, in order, as one shell
-script that stops at the first failure. CALIB is the binary, by default target/release/calib.
+Every page of docs/guides is run in a folder of its own, which has nothing but `python` of the checkout: its
+`sh` blocks, in order, as one shell script that stops at the first failure. CALIB is the binary, by default target/release/calib.
 `read_outputs.py` is run on what the page about the report leaves.
 """
 
@@ -43,6 +43,7 @@ def main() -> None:
             raise SystemExit(f"guides.py: {page.name} has no commands")
         with tempfile.TemporaryDirectory() as folder:
             begun = time.monotonic()
+            (Path(folder) / "python").symlink_to(ROOT / "python")
             script = "set -euo pipefail\n" + "".join(blocks)
             done = subprocess.run(["bash", "-c", script], cwd=folder, env=environment, capture_output=True, text=True)
             if done.returncode != 0:

@@ -62,7 +62,7 @@ def blocks(language: str) -> list[str]:
 
 def test_the_fifteen_lines_of_the_guide_run(tmp_path: Path) -> None:
     python, script, log = shlex.split(blocks("sh")[0])
-    assert (python, script, log) == ("python", "python/examples/tank.py", "tank.csv")
+    assert (python, script, log) == ("python3", "python/examples/tank.py", "tank.csv")
     run("tank.py", tmp_path / log)
     lines = blocks("python")[0]
     assert "stable_baselines3" in lines and "total_timesteps=5_000" in lines
