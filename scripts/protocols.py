@@ -95,16 +95,20 @@ def regrets(truth: list[float]) -> list[float]:
     return [min(value - best, CAP) for value in truth]
 
 
-def interval(values: list[float]) -> tuple[float, float, float]:
-    """Returns the mean and its 95 % interval by Student's t."""
-    # Two-sided 97.5 % points of Student's t for 1 to 30 degrees of freedom.
+def quantile(freedom: int) -> float:
+    """Returns the two-sided 97.5 % point of Student's t; from 30 degrees of freedom on that for 30."""
     points = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
               2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042]
+    return points[min(freedom, len(points)) - 1]
+
+
+def interval(values: list[float]) -> tuple[float, float, float]:
+    """Returns the mean and its 95 % interval by Student's t."""
     count, middle = len(values), mean(values)
     if count < 2:
         return middle, math.nan, math.nan
     deviation = math.sqrt(sum((value - middle) ** 2 for value in values) / (count - 1))
-    half = points[min(count - 1, 30) - 1] * deviation / math.sqrt(count)
+    half = quantile(count - 1) * deviation / math.sqrt(count)
     return middle, middle - half, middle + half
 
 

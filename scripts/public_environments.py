@@ -5,6 +5,7 @@
     python3 scripts/public_environments.py DIR --report
     python3 scripts/public_environments.py DIR --fitted-q [d3rlpy]
     python3 scripts/public_environments.py DIR --random-actions wastewater-7,four_tank-1
+    python3 scripts/public_environments.py DIR --columns 24 [--report]
 
 For each environment and each number of a log: a rule of the plant acts, a quarter of its actions are at random, and what
 happened is a log of 1,000 to 20,000 steps. A linear Q-learning agent has 16 settings. `calib_rl.tune` lets each learn in the
@@ -28,6 +29,18 @@ gradient steps, and its own predictions in the first states. Its values are kept
 --agent dqn is the same question for Stable-Baselines3's DQN with its usual network, in the first five logs of pc-gym's reactor and
 four tanks, whose settings the linear agent told apart. It has eight settings. Before its runs it was decided: the choice is better
 than DQN's default if its regret is less, with a 95 % interval over logs above 0. The truth of a setting is again a mean over five runs.
+
+--agent own asks it for an agent of calib, Q-learning with a network, which `calib control` sweeps itself. It has 16 settings, and ten
+logs of pc-gym's reactor and four tanks and of LunarLander, whose settings the linear agent told apart. Its other settings are
+calib's defaults, and the discount that of the linear agent. calib's agents scale the state by the range of the log they are tuned on.
+In truth they do so by the range of the longest log, number 4. Before its runs it was decided: the choice is better than the default
+(Adam's usual step size, 0.001, and calib's epsilon, 0.1) if it has less regret, with an interval above 0.
+
+--columns N asks whether models of many columns choose as well. N columns replace those of the log: its own ones, and others that the
+agent does not see. Half of the others are random mixtures of its own, standardised, with as much white noise; half are noise that drifts
+(an autoregression of 0.95). The truth and the agent stay the same, so that only the models change. It was decided before its runs that
+increments stay in calib's pool for logs of many columns if, with 24 and with 480 columns, the regret of the pool with them is no more
+than 5 points above that of the pool without them, over the first five logs of the reactor and the four tanks.
 
 `lane` was added after all of this, because the plant of `wastewater` is overloaded: BSM1 gets the untreated influent of BSM2, which is
 twice as large, and its ammonia rises through every episode. Before its runs it was decided: its ten logs count in place of those of
@@ -63,6 +76,11 @@ GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.
 DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
 SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
 RELIABLE = 0.8
+WIDE = [24, 480]
+WIDE_LOGS = 5
+# The environments of pc-gym, whose settings the truth of the linear agent tells apart.
+TOLD_APART = ["cstr", "four_tank"]
+KINDS = {"neighbors", "increments", "network"}
 # Environments that count in place of others.
 REPLACED = {"wastewater": "lane"}
 RUNS_OF_RANDOM = 4
@@ -404,10 +422,42 @@ class Compared:
     logs: int
     # Suffix of its file names.
     suffix: str = ""
+    # Number of columns of the states, if it is not that of the environment.
+    columns: int | None = None
 
-    def in_truth(self, env, seed, setting):
-        return self.make(as_gymnasium(env) if self.suffix else env, seed=seed, **setting)
+    def in_truth(self, env, seed, setting, name, folder):
+        """Returns the agent that learns in an environment itself."""
+        if self.make is OwnAgent:
+            return OwnAgent(env, model_of(name, LONGEST_LOG, folder)[0], seed=seed, **setting)
+        return self.make(as_gymnasium(env) if self.make is deep else env, seed=seed, **setting)
 
+
+class OwnAgent:
+    """calib's Q-learning with a network, which learns in an environment itself."""
+
+    # Settings that are not swept.
+    FIXED = {"algorithm": "deep_q_learning", "gamma": GAMMA}
+
+    def __init__(self, env, model, seed=0, **setting):
+        import calib_rl
+
+        self.env = env
+        self.agent = calib_rl.ControlAgent(model, seed=seed, **self.FIXED, **setting)
+        self.levels = [int(action.values[0]) for action in self.agent.actions]
+
+    def learn(self, total_timesteps):
+        over, action = True, 0
+        for _ in range(total_timesteps):
+            if over:
+                action = self.agent.begin(self.env.reset()[0])
+            seen, reward, terminated, truncated, _ = self.env.step(self.levels[action])
+            action, over = self.agent.step(reward, seen, terminal=terminated), terminated or truncated
+
+
+OWN_GRID = {"step_size": [1e-4, 3e-4, 1e-3, 3e-3], "epsilon": [0.02, 0.1, 0.3, 0.8]}
+OWN_SETTINGS = [{"step_size": rate, "epsilon": epsilon} for rate in OWN_GRID["step_size"] for epsilon in OWN_GRID["epsilon"]]
+OWN_DEFAULT = {"step_size": 1e-3, "epsilon": 0.1}
+LONGEST_LOG = LENGTHS.index(max(LENGTHS))
 
 DEEP_SETTINGS = [
     {"learning_rate": rate, "target_update_interval": interval, "exploration_fraction": share}
@@ -416,11 +466,12 @@ DEEP_SETTINGS = [
 DEEP_DEFAULT = {"learning_rate": 1e-4, "target_update_interval": 10_000, "exploration_fraction": 0.1}
 AGENTS = {
     "linear": Compared(Agent, SETTINGS, DEFAULT, list(ENVIRONMENTS), 10),
-    "dqn": Compared(deep, DEEP_SETTINGS, DEEP_DEFAULT, ["cstr", "four_tank"], 5, "-dqn"),
+    "dqn": Compared(deep, DEEP_SETTINGS, DEEP_DEFAULT, TOLD_APART, 5, "-dqn"),
+    "own": Compared(OwnAgent, OWN_SETTINGS, OWN_DEFAULT, [*TOLD_APART, "lunar"], 10, "-own"),
 }
 
 
-def truth_of(name, agent):
+def truth_of(name, agent, folder):
     """Returns the mean return per episode of each setting, including the learning phase, in each run."""
     env = ENVIRONMENTS[name][0]()
     returns = []
@@ -428,7 +479,7 @@ def truth_of(name, agent):
         of_runs = []
         for run in range(RUNS):
             counted = Counted(env, 1_000 + run)
-            agent.in_truth(counted, run, setting).learn(STEPS)
+            agent.in_truth(counted, run, setting, name, folder).learn(STEPS)
             of_runs.append(statistics.fmean(counted.returns))
         returns.append(of_runs)
         print(f"{name}: {setting} gets {statistics.fmean(of_runs):.4g}", file=sys.stderr, flush=True)
@@ -470,16 +521,38 @@ def recorded(env, seen):
     return (seen + 1.0) / 2.0 * (env.high - env.low) + env.low
 
 
-def model_of(name, number, folder):
-    """Returns the model of a log, and the columns of its states."""
+def widened(frame, columns, count, number):
+    """Returns the frame with `count` columns of the state: `columns`, mixtures of them with noise, and noise that drifts."""
+    import polars as pl
+
+    rng = np.random.default_rng([8, number, count])
+    own = frame.select(columns).to_numpy()
+    own = (own - own.mean(0)) / own.std(0).clip(1e-9)
+    others = []
+    for place in range(count - len(columns)):
+        noise = rng.normal(size=len(own))
+        if place % 2:
+            for row in range(1, len(noise)):
+                noise[row] = 0.95 * noise[row - 1] + noise[row]
+        else:
+            weights = rng.normal(size=len(columns))
+            noise += own @ (weights / np.linalg.norm(weights))
+        others.append(pl.Series(f"x{place}", noise))
+    return frame.with_columns(others)
+
+
+def model_of(name, number, folder, width=None):
+    """Returns the model of a log, and the columns of its states that agents observe."""
     import calib_rl
 
     frame, columns = log_of(name, number)
+    if width:
+        frame = widened(frame, columns, width, number)
     has_terminals = frame["terminal"].sum() > 0
     if not has_terminals:
         frame = frame.drop("terminal")
     model = calib_rl.build_model(
-        frame, folder / f"{name}-{number}", actions=["action"], reward="reward", terminal="terminal" if has_terminals else None,
+        frame, folder / f"{name}{f'-wide-{width}' if width else ''}-{number}", actions=["action"], reward="reward", terminal="terminal" if has_terminals else None,
         timeout=ENVIRONMENTS[name][0]().limit,
     )  # fmt: skip
     return model, columns
@@ -489,7 +562,7 @@ def choice_of(name, number, folder, agent):
     """Returns the result of `calib_rl.tune` for a log."""
     import calib_rl
 
-    model, columns = model_of(name, number, folder)
+    model, columns = model_of(name, number, folder, agent.columns)
     tuned = calib_rl.tune(
         agent.make, agent.settings, model, total_timesteps=STEPS, default=agent.default, seed=number,
         folder=folder / f"{name}{agent.suffix}-{number}" / "units", environment={"observe": columns, "units": "physical"},
@@ -503,6 +576,32 @@ def choice_of(name, number, folder, agent):
         "advice": tuned.advice[0],
         "reasons": [doubt["reason"] for doubt in tuned.verdict["doubts"]],
         "mean_ranks": {place: rank for place, rank in zip(places, selection["mean_ranks"])},
+        "returns": returns,
+    }
+
+
+def choice_of_control(name, number, folder, agent):
+    """Returns the result of `calib control` for a log."""
+    import calib_rl
+
+    model, _ = model_of(name, number, folder)
+    # A default that is swept has the agent's own values.
+    swept = {"control.agent": {**OwnAgent.FIXED, **agent.default}, "control.grid": OWN_GRID, "control.steps": STEPS, "seed": number}
+    study = calib_rl.Study(folder / f"{name}-{number}" / "study.toml", set=swept, output=folder / f"{name}{agent.suffix}-{number}")
+    verdict = study.control(progress=False)
+    said = verdict.summary["verdict"]
+    places = [agent.settings.index({key: candidate[key] for key in OWN_GRID}) for candidate in verdict.summary["candidates"]]
+    runs = verdict.runs()
+    returns = [
+        [run["model"], run["member"], places[run["candidate"]], run["mean_return"]]
+        for run in runs.iter_rows(named=True)
+    ]  # fmt: skip
+    return {
+        "steps": LENGTHS[number % len(LENGTHS)],
+        "chosen": places[said["selection"]["chosen"]],
+        "advice": verdict.advice[0],
+        "reasons": [doubt["reason"] for doubt in said["doubts"]],
+        "mean_ranks": {place: rank for place, rank in zip(places, said["selection"]["mean_ranks"])},
         "returns": returns,
     }
 
@@ -702,13 +801,15 @@ def make(args, folder, agent):
     names = args.environments.split(",") if args.environments else agent.environments
     for name in names:
         path = folder / f"truth-{name}{agent.suffix}.json"
-        if not path.exists():
-            write(path, truth_of(name, agent))
+        # With more columns the truth is that of the environment's own.
+        if agent.columns is None and not path.exists():
+            write(path, truth_of(name, agent, folder / "work"))
     for number in range(*(args.logs or [0, agent.logs])):
         for name in names:
             path = folder / f"{name}{agent.suffix}-{number}.json"
             if not path.exists():
-                write(path, choice_of(name, number, folder / "work", agent))
+                choose = choice_of_control if agent.make is OwnAgent else choice_of
+                write(path, choose(name, number, folder / "work", agent))
                 print(f"{name} {number}: done", file=sys.stderr, flush=True)
 
 
@@ -745,6 +846,44 @@ def reliability(truth):
     rest = runs - runs.mean(0) - (settings - settings.mean())[:, None]
     noise = (rest**2).sum() / ((runs.shape[0] - 1) * (runs.shape[1] - 1)) / runs.shape[1]
     return max(0.0, 1.0 - noise / settings.var(ddof=1))
+
+
+def choice_by_mean_rank(returns, kinds):
+    """Returns the setting with the smallest mean rank over the ensemble members of these kinds of models."""
+    members = {}
+    for kind, member, place, value in returns:
+        if kind in kinds:
+            members.setdefault((kind, member), {})[place] = value
+    places = sorted(next(iter(members.values())))
+
+    def mean_rank(place):
+        return statistics.fmean(1 + sum(other > own[place] for other in own.values()) for own in members.values())
+
+    return min(places, key=mean_rank)
+
+
+def report_columns(folder):
+    """Prints the regret by the kinds of models that choose, with the environments' own columns and with more."""
+    names = TOLD_APART
+    truths = {name: [statistics.fmean(runs) for runs in json.loads((folder / f"truth-{name}.json").read_text())] for name in names}
+    pools = {
+        "the pool": KINDS, "without increments": KINDS - {"increments"}, **{f"{kind} alone": {kind} for kind in sorted(KINDS)},
+    }  # fmt: skip
+    print("| columns | " + " | ".join(pools) + " | the pool less that without increments |")
+    print("|---" * (len(pools) + 2) + "|")
+    for label, middle in (("their own", ""), *((f"{width}", f"-wide-{width}") for width in WIDE)):
+        regrets = {pool: {name: [] for name in names} for pool in pools}
+        for name, truth in truths.items():
+            for number in range(WIDE_LOGS):
+                path = folder / f"{name}{middle}-{number}.json"
+                if path.exists():
+                    returns = json.loads(path.read_text())["returns"]
+                    for pool, kinds in pools.items():
+                        chosen = choice_by_mean_rank(returns, kinds)
+                        regrets[pool][name].append(100.0 * (max(truth) - truth[chosen]) / (max(truth) - statistics.fmean(truth)))
+        if all(all(logs.values()) for logs in regrets.values()):
+            less = {name: [one - other for one, other in zip(regrets["the pool"][name], regrets["without increments"][name])] for name in names}
+            print(f"| {label} | " + " | ".join(interval(logs) for logs in regrets.values()) + f" | {interval(less)} |")
 
 
 def kinds_agreement(log):
@@ -850,6 +989,7 @@ def main():
     parser.add_argument("--environments")
     parser.add_argument("--logs", type=int, nargs=2)
     parser.add_argument("--agent", choices=list(AGENTS), default="linear")
+    parser.add_argument("--columns", type=int, choices=WIDE)
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--random-actions", metavar="LOG,LOG")
     parser.add_argument("--fitted-q", nargs="?", const="calib", choices=list(ESTIMATORS))
@@ -859,6 +999,13 @@ def main():
             print(beside_random_actions(log, args.folder), flush=True)
     elif args.fitted_q:
         make_fitted_q(args, args.folder)
+    elif args.columns and args.report:
+        report_columns(args.folder)
+    elif args.columns:
+        agent = dataclasses.replace(
+            AGENTS["linear"], environments=TOLD_APART, logs=WIDE_LOGS, suffix=f"-wide-{args.columns}", columns=args.columns
+        )  # fmt: skip
+        make(args, args.folder, agent)
     elif args.report:
         report(args.folder, AGENTS[args.agent])
     else:
