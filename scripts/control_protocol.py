@@ -130,16 +130,25 @@ def table(truth, logs, rule):
                 f"{name}: {len(own)} logs, mean percentile of the model's choice {told(of['chosen'])} (worst {min(of['chosen']):.0f}), "
                 f"of fitted Q's {told(of['fitted'])}, model over fitted Q {told(over)}; calib's default {sum(default) / len(default):.0f}"
             )
-    # Regret as a share of that of a random choice, over all logs of each task.
-    for task in TASKS:
-        of = truth[task]
-        random = max(of) - sum(of) / len(of)
-        own = [log for log in logs if log["task"] == task and log["rule"] == rule]
+
+
+def regrets(truth, logs, rule):
+    """Prints the regret of choices in % of that of a random choice, over groups of logs."""
+
+    def share(log, choice):
+        returns = truth[log["task"]]
+        return 100 * (max(returns) - returns[choice]) / (max(returns) - sum(returns) / len(returns))
+
+    groups = {"all logs": lambda log: True, "supported": lambda log: not refused(log), "refused": refused}
+    groups |= {task: lambda log, task=task: log["task"] == task for task in TASKS}
+    groups |= {f"{length:,} steps": lambda log, length=length: log["transitions"] == length for length in LENGTHS}
+    for name, keep in groups.items():
+        own = [log for log in logs if log["rule"] == rule and keep(log)]
         if own:
-            shares = [100 * (max(of) - of[log["chosen"]]) / random for log in own]
-            others = [100 * (max(of) - of[log["fitted"]]) / random for log in own]
+            shares = [share(log, log["chosen"]) for log in own]
+            others = [share(log, log["fitted"]) for log in own]
             both = [b - a for a, b in zip(shares, others)]
-            print(f"{task}: regret in % of a random choice's: model {told(shares)}, fitted Q {told(others)}, fitted Q − model {told(both)}")
+            print(f"{name}: regret in % of a random choice's: model {told(shares)}, fitted Q {told(others)}, fitted Q − model {told(both)}")
 
 
 def beside(truth, logs, rule):
@@ -268,6 +277,7 @@ def main():
         if any(log["rule"] == rule for log in logs):
             print(f"### {rule}\n")
             table(truth, of_model(logs, MODELS[0]), rule)
+            regrets(truth, of_model(logs, MODELS[0]), rule)
             print()
             cell_table(truth, logs, rule)
             beside(truth, logs, rule)
