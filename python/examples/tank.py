@@ -7,6 +7,7 @@ A plant has no second line: with it you see here what `calib_rl.tune` could not 
 """
 
 import csv
+import itertools
 import random
 import statistics
 import sys
@@ -72,4 +73,6 @@ def truth(settings, steps=5_000, runs=5):
 if __name__ == "__main__":
     write_log(sys.argv[1])
     if "truth" in sys.argv[2:]:
-        truth([{"learning_rate": rate, "target_update_interval": copied} for rate in [1e-4, 1e-3] for copied in [200, 10_000]])
+        from tune_sb3 import GRID
+
+        truth([dict(zip(GRID, values)) for values in itertools.product(*GRID.values())])

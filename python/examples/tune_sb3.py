@@ -7,6 +7,9 @@ from stable_baselines3 import DQN
 import calib_rl
 
 
+GRID = {"learning_rate": [1e-4, 1e-3], "target_update_interval": [200, 10_000]}
+
+
 def make_agent(env, **setting):
     return DQN("MlpPolicy", env, learning_starts=500, **setting)
 
@@ -14,8 +17,7 @@ def make_agent(env, **setting):
 if __name__ == "__main__":
     log, folder, *steps = sys.argv[1:]
     model = calib_rl.build_model(log, folder, actions=["valve"], reward="reward", timeout=60)
-    grid = {"learning_rate": [1e-4, 1e-3], "target_update_interval": [200, 10_000]}
     steps = int(steps[0]) if steps else 5_000
-    tuned = calib_rl.tune(make_agent, grid, model, total_timesteps=steps, folder=f"{folder}/units", progress=True)
+    tuned = calib_rl.tune(make_agent, GRID, model, total_timesteps=steps, folder=f"{folder}/units", progress=True)
     print(tuned)
     print(tuned.report(f"{folder}/report.html"))

@@ -10,8 +10,8 @@ mod support;
 
 use calib_core::Seed;
 use calib_stats::{
-    Difference, Direction, Drawn, Nested, RankRule, Selection, StatsError, hierarchical, select_by,
-    spearman,
+    Difference, Direction, Drawn, Nested, RankRule, Selection, StatsError, column_means,
+    hierarchical, select_by, spearman,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -184,7 +184,11 @@ pub fn judge(
     let selection = select_by(rule, &of_all_kinds(&blocks, candidates), HIGHER)?;
     let chosen = selection.chosen;
     let each = of_each_kind(&blocks, &kinds, rule, candidates)?;
-    let members: Vec<Vec<f64>> = blocks.iter().map(|block| over_kinds(block, candidates)).collect();
+    let mut members = Vec::new();
+    for block in &blocks {
+        let of_kinds: Vec<&[f64]> = block.chunks(candidates).collect();
+        members.push(column_means(&of_kinds));
+    }
     let own_returns = of_setting(&each, chosen);
     let mut of_random_setting = Vec::new();
     for kind in &each {
@@ -330,14 +334,6 @@ fn of_kind(blocks: &[Vec<f64>], kind: usize, candidates: usize) -> Vec<Vec<f64>>
 fn of_all_kinds(blocks: &[Vec<f64>], candidates: usize) -> Vec<Vec<f64>> {
     let kinds = blocks.first().map_or(0, |block| block.len() / candidates);
     (0..kinds).flat_map(|kind| of_kind(blocks, kind, candidates)).collect()
-}
-
-/// Returns the mean over kinds of each setting's returns in one block.
-fn over_kinds(block: &[f64], candidates: usize) -> Vec<f64> {
-    let kinds = (block.len() / candidates) as f64;
-    (0..candidates)
-        .map(|candidate| block.iter().skip(candidate).step_by(candidates).sum::<f64>() / kinds)
-        .collect()
 }
 
 /// The cost of a choice, if the true returns are known.

@@ -30,17 +30,23 @@ const LEAST_SHARE: f64 = 0.5;
 /// counts it (B − 1)²/B times, and its true share is 1/B. So the variance is J − (B − 2) s²/K, with J of the jackknife, and at least J/2.
 /// What a part changes in one kind alone counts as noise. For one kind it is the jackknife.
 pub fn jackknife_of_kinds(whole: f64, without: &[Vec<f64>]) -> Option<Interval> {
-    let kinds = without.len() as f64;
-    let parts = without.first()?.len();
-    let of_parts: Vec<f64> =
-        (0..parts).map(|part| without.iter().map(|kind| kind[part]).sum::<f64>() / kinds).collect();
+    let of_parts = column_means(without);
+    let parts = of_parts.len() as f64;
     let error = jackknife_error(&of_parts).filter(|_| whole.is_finite())?;
     let mut variance = error.powi(2);
     if without.len() > 1 {
-        let noise = interaction(without, &of_parts) / kinds;
-        variance = (variance - (parts as f64 - 2.0) * noise).max(LEAST_SHARE * variance);
+        let noise = interaction(without, &of_parts) / without.len() as f64;
+        variance = (variance - (parts - 2.0) * noise).max(LEAST_SHARE * variance);
     }
-    around(whole, variance.sqrt(), parts as f64 - 1.0)
+    around(whole, variance.sqrt(), parts - 1.0)
+}
+
+/// Returns the mean of each column of `rows`, `[rows][columns]`. Without rows there is none.
+pub fn column_means<R: AsRef<[f64]>>(rows: &[R]) -> Vec<f64> {
+    let columns = rows.first().map_or(0, |row| row.as_ref().len());
+    (0..columns)
+        .map(|column| rows.iter().map(|row| row.as_ref()[column]).sum::<f64>() / rows.len() as f64)
+        .collect()
 }
 
 /// Returns the mean square of kind × part of `[kinds][parts]`, whose means over kinds are `of_parts`, `[parts]`.

@@ -85,7 +85,7 @@ pub use error_ratio::{ErrorRatio, error_ratio};
 pub use estimate::Estimate;
 pub use hierarchical::{ChoiceOfResamples, hierarchical};
 pub use importance::importance;
-pub use jackknife::{jackknife, jackknife_error, jackknife_of_kinds};
+pub use jackknife::{column_means, jackknife, jackknife_error, jackknife_of_kinds};
 pub use log_choice::{LogChoice, choose_by_mean_log};
 pub use losses::Losses;
 pub use nested::{Drawn, Nested};

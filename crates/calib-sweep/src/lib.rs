@@ -42,6 +42,7 @@ mod environment_id;
 mod error;
 mod error_scale;
 mod fitting_rows;
+mod grid_end;
 mod member;
 mod pass;
 mod plan;
@@ -76,6 +77,7 @@ pub use environment_id::EnvironmentId;
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
 pub use fitting_rows::FittingRows;
+pub use grid_end::GridEnd;
 pub use member::{MemberEnvironment, RolloutOptions};
 pub use plan::{
     CompletedSweep, PassId, Plan, PlanOptions, PlannedSensor, RESULT_VERSION, ReadyPass,

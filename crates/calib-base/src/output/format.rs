@@ -98,6 +98,14 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
 }
 
+/// Formats a table of results for a terminal, without its title and caption.
+pub fn results(shown: &calib_report::Table) -> String {
+    let header: Vec<&str> = shown.columns.iter().map(String::as_str).collect();
+    let rows: Vec<Vec<String>> =
+        shown.rows.iter().map(|row| row.iter().map(ToString::to_string).collect()).collect();
+    table(&header, &rows)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,6 @@
 //! Means and differences of returns over ensemble members.
 
-use calib_stats::{Difference, StatsError, jackknife_of_kinds, paired_difference};
+use calib_stats::{Difference, StatsError, column_means, jackknife_of_kinds, paired_difference};
 
 pub(super) fn mean(returns: &[f64]) -> f64 {
     returns.iter().sum::<f64>() / returns.len() as f64
@@ -16,7 +16,7 @@ pub(super) fn beyond(
     own: &[Vec<f64>],
     other: &[Vec<f64>],
 ) -> Result<Option<Difference>, StatsError> {
-    let [own_means, other_means] = [own, other].map(over_kinds);
+    let [own_means, other_means] = [own, other].map(column_means);
     let blocks: Vec<usize> = (0..own_means.len()).collect();
     let difference = match paired_difference(&blocks, &own_means, &other_means) {
         Ok(difference) => difference,
@@ -28,12 +28,4 @@ pub(super) fn beyond(
         each.push(own.iter().zip(other).map(|(own, other)| own - other).collect::<Vec<f64>>());
     }
     Ok(Some(Difference { interval: jackknife_of_kinds(difference.mean, &each), ..difference }))
-}
-
-/// Returns the means over kinds, `[members]`, of `[kinds][members]`.
-fn over_kinds(returns: &[Vec<f64>]) -> Vec<f64> {
-    let members = returns.first().map_or(0, Vec::len);
-    (0..members)
-        .map(|member| returns.iter().map(|kind| kind[member]).sum::<f64>() / returns.len() as f64)
-        .collect()
 }

@@ -190,9 +190,10 @@ fn outlying_member(
     chosen: usize,
 ) -> Option<OutlyingMember> {
     let mut all: Vec<ChosenInMember> = Vec::new();
-    for KindReturns { kind, members, .. } in each {
-        let of_kind = constants.iter().find(|constant| constant.kind == *kind)?;
-        let own: Vec<f64> = members.iter().map(|returns| returns[chosen]).collect();
+    for returns in each {
+        let kind = returns.kind;
+        let of_kind = constants.iter().find(|constant| constant.kind == kind)?;
+        let own = returns.of_setting(chosen);
         // With few ensemble members no outlying one can be detected.
         if own.len() < FEWEST_BLOCKS {
             return None;
@@ -200,7 +201,7 @@ fn outlying_member(
         let middle = median(&own).ok()?;
         let beside_random = own.iter().zip(&of_kind.random).enumerate();
         all.extend(beside_random.map(|(member, (&chosen_return, random))| ChosenInMember {
-            member: OutlyingMember { kind: *kind, member, chosen_return },
+            member: OutlyingMember { kind, member, chosen_return },
             over_random: chosen_return - random,
             distance: (chosen_return - middle).abs(),
         }));

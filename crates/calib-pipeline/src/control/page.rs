@@ -47,7 +47,7 @@ pub(super) fn write(
         figures: figures.into_iter().map(|(_, figure)| figure).collect(),
         tables: [
             vec![candidates(evaluation), actions(evaluation)],
-            held_out(evaluation),
+            held_out(evaluation).into_iter().collect(),
             maps(evaluation),
             represented(job, evaluation),
         ]
@@ -151,38 +151,9 @@ fn actions(evaluation: &ControlEvaluation) -> Table {
     }
 }
 
-/// Returns the table of the held-out periods, if there are any. The training range is first.
-fn held_out(evaluation: &ControlEvaluation) -> Vec<Table> {
-    if evaluation.held_out.is_empty() {
-        return Vec::new();
-    }
-    let mut rows = vec![vec![
-        Cell::Text("training range".to_owned()),
-        Cell::Count(evaluation.log.transitions as u64),
-        Cell::Missing,
-        Cell::Number(evaluation.verdict.behaviour.mean),
-        Cell::Number(evaluation.mean_reward),
-    ]];
-    rows.extend(evaluation.held_out.iter().map(|period| {
-        vec![
-            Cell::Text(period.name()),
-            Cell::Count(period.decisions as u64),
-            Cell::Percent(period.uncovered),
-            if period.has_an_episode() {
-                Cell::Number(period.behaviour.mean)
-            } else {
-                Cell::Missing
-            },
-            Cell::Number(period.mean_reward),
-        ]
-    }));
-    vec![Table {
-        title: "Held-out periods".to_owned(),
-        caption: "Models and agents know nothing of these periods. Not covered: decisions in states that no decision of the training range is near, whatever the actions. The recorded return is that of an episode, and of what was done then, not of the chosen agent.".to_owned(),
-        columns: texts(show::HELD_OUT),
-        rows,
-        best: None,
-    }]
+/// Returns the table of the held-out periods, if there are any.
+fn held_out(evaluation: &ControlEvaluation) -> Option<Table> {
+    (!evaluation.held_out.is_empty()).then(|| show::held_out(evaluation, Cell::Missing))
 }
 
 /// Returns the numbers of the maps, one table per column.

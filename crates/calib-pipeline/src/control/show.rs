@@ -1,9 +1,10 @@
 use calib_base::{
     StepError,
     outcome::{Outcome, Told},
-    output::{Printer, count, counted, number, percent, table},
+    output::{Printer, count, counted, number, percent, results, table},
 };
 use calib_control::{FittedQValue, Importance};
+use calib_report::{Cell, Table};
 use calib_stats::RankRule;
 use calib_study::{Job, StepKind};
 
@@ -43,7 +44,7 @@ impl Told for ControlEvaluation {
         }
         printer.lines(&candidates(self))?;
         if !self.held_out.is_empty() {
-            printer.lines(&held_out(self))?;
+            printer.lines(&results(&held_out(self, Cell::Text(String::new()))))?;
         }
         if explains {
             printer.lines(&actions(&self.log))?;
@@ -106,30 +107,37 @@ fn settings(log: &ActionLogSummary) -> String {
     table(&["set", "least", "5 %", "median", "95 %", "largest"], &rows)
 }
 
-/// Headings of the table of held-out periods.
-pub(super) const HELD_OUT: [&str; 5] =
-    ["period", "decisions", "not covered", "recorded return", "reward of a step"];
-
-/// Returns a table of the held-out periods, with the training range first.
-fn held_out(evaluation: &ControlEvaluation) -> String {
-    let recorded = &evaluation.verdict.behaviour;
+/// Returns a table of the held-out periods, with the training range first. `covered` is shown for the training range, which
+/// is not compared with itself.
+pub(super) fn held_out(evaluation: &ControlEvaluation, covered: Cell) -> Table {
     let mut rows = vec![vec![
-        "training range".to_owned(),
-        count(evaluation.log.transitions),
-        String::new(),
-        number(recorded.mean),
-        number(evaluation.mean_reward),
+        Cell::Text("training range".to_owned()),
+        Cell::Count(evaluation.log.transitions as u64),
+        covered,
+        Cell::Number(evaluation.verdict.behaviour.mean),
+        Cell::Number(evaluation.mean_reward),
     ]];
     rows.extend(evaluation.held_out.iter().map(|period| {
         vec![
-            period.name(),
-            count(period.decisions),
-            percent(period.uncovered),
-            if period.has_an_episode() { number(period.behaviour.mean) } else { "–".to_owned() },
-            number(period.mean_reward),
+            Cell::Text(period.name()),
+            Cell::Count(period.decisions as u64),
+            Cell::Percent(period.uncovered),
+            if period.has_an_episode() {
+                Cell::Number(period.behaviour.mean)
+            } else {
+                Cell::Missing
+            },
+            Cell::Number(period.mean_reward),
         ]
     }));
-    table(&HELD_OUT, &rows)
+    let columns = ["period", "decisions", "not covered", "recorded return", "reward of a step"];
+    Table {
+        title: "Held-out periods".to_owned(),
+        caption: "Models and agents know nothing of these periods. Not covered: decisions in states that no decision of the training range is near, whatever the actions. The recorded return is that of an episode, and of what was done then, not of the chosen agent.".to_owned(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows,
+        best: None,
+    }
 }
 
 /// Number of columns in the table of states.

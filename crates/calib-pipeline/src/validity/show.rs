@@ -6,9 +6,9 @@ use calib_agent::Part;
 use calib_base::{
     StepError,
     outcome::{Outcome, Told},
-    output::{Printer, count, counted, duration, number, percent, table},
+    output::{Printer, counted, duration, percent, results, table},
 };
-use calib_report::{Cell, Table};
+use calib_report::Table;
 use calib_validity::{CAP, FEWEST_PLANTS, Validity};
 
 use super::{
@@ -121,21 +121,7 @@ fn show(judged: &JudgedStudies, printer: &Printer) -> Result<(), StepError> {
 fn print(shown: &Table, printer: &Printer) -> Result<(), StepError> {
     printer.result("")?;
     printer.result(&shown.title)?;
-    let header: Vec<&str> = shown.columns.iter().map(String::as_str).collect();
-    let rows: Vec<Vec<String>> =
-        shown.rows.iter().map(|row| row.iter().map(text).collect()).collect();
-    printer.lines(&table(&header, &rows))
-}
-
-fn text(cell: &Cell) -> String {
-    match cell {
-        Cell::Text(text) => text.clone(),
-        Cell::Number(value) => number(*value),
-        Cell::Percent(share) => percent(*share),
-        Cell::Count(value) => count(*value as usize),
-        Cell::Setting(setting) => setting.to_string(),
-        Cell::Missing => "–".to_owned(),
-    }
+    printer.lines(&results(shown))
 }
 
 /// Returns a line on the judged plants.

@@ -1,6 +1,6 @@
 //! Tables, the data profile, and the instructions to reproduce the report.
 
-use calib_core::{count, number, percent};
+use calib_core::count;
 use maud::{Markup, html};
 
 use super::document::{Section, SectionEntry};
@@ -50,14 +50,7 @@ pub(super) fn rows(table: &Table) -> Markup {
 
 fn cell(table: &Table, cells: &[Cell], row: usize, column: usize) -> Markup {
     let cell = cells.get(column).unwrap_or(&Cell::Missing);
-    let text = match cell {
-        Cell::Text(text) => text.clone(),
-        Cell::Number(value) => number(*value),
-        Cell::Percent(share) => percent(*share),
-        Cell::Count(value) => count(*value),
-        Cell::Setting(setting) => setting.to_string(),
-        Cell::Missing => "–".to_owned(),
-    };
+    let text = cell.to_string();
     let class = match cell {
         Cell::Text(_) | Cell::Setting(Setting::Name(_)) if text.len() > SHORT => "text",
         Cell::Text(_) => "short",

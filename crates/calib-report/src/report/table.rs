@@ -1,5 +1,9 @@
 //! A table of any content.
 
+use std::fmt;
+
+use calib_core::{count, number, percent};
+
 /// Rows and columns with a title; the first column names the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
@@ -48,6 +52,19 @@ impl Cell {
         match self {
             Self::Number(value) | Self::Percent(value) if value.is_finite() => Some(*value),
             _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Text(text) => out.write_str(text),
+            Self::Number(value) => out.write_str(&number(*value)),
+            Self::Percent(share) => out.write_str(&percent(*share)),
+            Self::Count(value) => out.write_str(&count(*value)),
+            Self::Setting(setting) => setting.fmt(out),
+            Self::Missing => out.write_str("–"),
         }
     }
 }

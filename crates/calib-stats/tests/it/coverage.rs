@@ -1,8 +1,8 @@
 //! The coverage of 95 % intervals in simulations.
 
 use calib_stats::{
-    Interval, Losses, Nested, choose_by_mean_log, error_ratio, hierarchical, jackknife,
-    jackknife_of_kinds, paired_difference, ratio_of_sums, summarise, summarise_clusters,
+    Interval, Losses, Nested, choose_by_mean_log, column_means, error_ratio, hierarchical,
+    jackknife, jackknife_of_kinds, paired_difference, ratio_of_sums, summarise, summarise_clusters,
     summarise_overlapping, upper_bound,
 };
 
@@ -248,9 +248,7 @@ fn the_noise_of_runs_is_left_out_where_kinds_show_it() {
             let mut widths = Vec::new();
             let held = coverage(0.0, || {
                 let kinds = kinds(&mut random, own, noise);
-                let blocks: Vec<f64> = (0..5)
-                    .map(|block| kinds.iter().map(|kind| kind[block]).sum::<f64>() / 3.0)
-                    .collect();
+                let blocks = column_means(&kinds);
                 let mean = blocks.iter().sum::<f64>() / 5.0;
                 let interval = jackknife_of_kinds(mean, &kinds).expect("five blocks");
                 let plain = jackknife(mean, &blocks).expect("five blocks");

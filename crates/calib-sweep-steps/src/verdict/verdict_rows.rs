@@ -8,7 +8,7 @@ use calib_report::{
 use calib_stats::Summary;
 use calib_study::Study;
 use calib_sweep::{
-    Candidate, ChoiceBaseline, EnvironmentScores, ErrorScale, PartChoice, Rule, Sampling,
+    Candidate, ChoiceBaseline, EnvironmentScores, ErrorScale, GridEnd, PartChoice, Rule, Sampling,
     SensorVerdict, SimpleComparison, Truth,
 };
 use serde_json::Value;
@@ -209,7 +209,7 @@ fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
         .iter()
         .enumerate()
         .filter_map(|(place, (key, _))| {
-            let end = end_of(candidates, best, place)?;
+            let end = end_of(candidates, best, place)?.name();
             Some(if keys.len() == 1 {
                 format!("is the {end}")
             } else {
@@ -227,24 +227,13 @@ fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
     ))
 }
 
-/// Returns which end of at least three numbers a setting has at this place of its values. Nothing lies below a step size of 0.
-fn end_of(candidates: &[Candidate], best: usize, place: usize) -> Option<&'static str> {
+/// Returns the end of the grid at which a setting is by the number at this place of its values.
+fn end_of(candidates: &[Candidate], best: usize, place: usize) -> Option<GridEnd> {
     let numbers: Vec<f64> = candidates
         .iter()
         .map(|candidate| single(&candidate.values[place].1).as_number())
         .collect::<Option<_>>()?;
-    let mut distinct = numbers.clone();
-    distinct.sort_by(f64::total_cmp);
-    distinct.dedup();
-    // Three at least.
-    let [smallest, _, .., largest] = distinct[..] else { return None };
-    if numbers[best] == largest {
-        Some("largest")
-    } else if numbers[best] == smallest && smallest > 0.0 {
-        Some("smallest")
-    } else {
-        None
-    }
+    GridEnd::at(numbers[best], numbers)
 }
 
 fn agreement(
@@ -428,9 +417,10 @@ mod tests {
         }
         let ends: Vec<_> = (0..6).map(|best| end_of(&candidates, best, 0)).collect();
         // Nothing lies below a rate of 0, and two values have no inside.
-        assert_eq!(ends, [None, None, None, None, Some("largest"), Some("largest")]);
+        let largest = Some(GridEnd::Largest);
+        assert_eq!(ends, [None, None, None, None, largest, largest]);
         assert!((0..6).all(|best| end_of(&candidates, best, 1).is_none()));
         let positive = [0.3, 0.1, 1.0].map(|rate| candidate(rate, 0.0));
-        assert_eq!(end_of(&positive, 1, 0), Some("smallest"));
+        assert_eq!(end_of(&positive, 1, 0), Some(GridEnd::Smallest));
     }
 }

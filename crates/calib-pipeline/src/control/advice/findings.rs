@@ -3,16 +3,13 @@
 use calib_base::output::{number, percent};
 use calib_control::{Doubt, FEWEST_BLOCKS};
 use calib_report::listed;
+use calib_sweep::GridEnd;
 
 use super::{
     Advice,
     beside::{beside_random_actions, recorded_episodes},
     words::{difference, interval},
 };
-
-/// Smallest number of different values of a field for which an end of the grid is reported. With two values each is at
-/// an end.
-const FEWEST_NUMBERS: usize = 3;
 
 /// Fields whose values are at most 1.
 const AT_MOST_ONE: [&str; 3] = ["epsilon", "lambda", "gamma"];
@@ -102,26 +99,16 @@ impl Advice<'_> {
         (!ends.is_empty()).then_some(told)
     }
 
-    /// Returns which end of the grid `value` is in `field`, if it is one. Nothing lies below 0, such as a temperature
-    /// of 0.
+    /// Returns which end of the grid `value` is in `field`, if it is one.
     fn at_end(&self, field: &str, value: &str) -> Option<String> {
         let own = finite(value)?;
         let all = self.fields.iter().flatten().filter(|(other, _)| other == field);
-        let mut numbers: Vec<f64> = all.map(|(_, value)| finite(value)).collect::<Option<_>>()?;
-        numbers.sort_by(f64::total_cmp);
-        numbers.dedup();
-        if numbers.len() < FEWEST_NUMBERS {
+        let numbers = all.map(|(_, value)| finite(value)).collect::<Option<_>>()?;
+        let end = GridEnd::at(own, numbers)?;
+        if end == GridEnd::Largest && AT_MOST_ONE.contains(&field) && own >= 1.0 {
             return None;
         }
-        let is_last = AT_MOST_ONE.contains(&field) && own >= 1.0;
-        let end = if numbers.iter().all(|&number| number <= own) && !is_last {
-            "largest"
-        } else if own > 0.0 && numbers.iter().all(|&number| number >= own) {
-            "smallest"
-        } else {
-            return None;
-        };
-        Some(format!("{field}={value} ({end})"))
+        Some(format!("{field}={value} ({})", end.name()))
     }
 
     /// Returns sentences on the setting that each kind of model alone would choose, if there are several kinds.
