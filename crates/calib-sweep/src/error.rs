@@ -167,7 +167,7 @@ pub enum SweepError {
     Stats(#[from] StatsError),
     /// Missing units that a verdict needs.
     #[error(
-        "{missing} of {planned} training runs have no result, such as {example}; run the sweep again to complete it"
+        "{missing} of {planned} runs (sensor, environment, run) have no result, such as {example}; run the sweep again to complete it"
     )]
     Incomplete {
         /// Units without a result.

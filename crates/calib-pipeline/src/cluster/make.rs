@@ -224,7 +224,10 @@ impl Planning<'_> {
                     if self.is_needed(&plan, &pass, &stored) {
                         let stage = plan.stage(&pass);
                         let secs = cost.of(sensors.len());
-                        let pass = PlannedPass { part: number, environment, run, group, secs };
+                        let training_runs = training_runs(&plan, &pass, &stored);
+                        let part = number;
+                        let pass =
+                            PlannedPass { part, environment, run, group, training_runs, secs };
                         work.push(StagedPass { stage, pass });
                     }
                 }
@@ -314,6 +317,19 @@ impl Planning<'_> {
         }
         shards
     }
+}
+
+/// Returns the number of training runs of a pass that have no result: one for each setting of a unit. In a race it is
+/// an upper bound.
+fn training_runs(plan: &Plan<'_>, pass: &PassId, stored: &StoredUnits) -> usize {
+    let settings = plan.settings().len();
+    pass.units()
+        .filter(|unit| !stored.whole().contains_key(unit))
+        .map(|unit| {
+            let made = stored.begun().get(&unit).map_or(0, |begun| begun.runs.len());
+            settings.saturating_sub(made)
+        })
+        .sum()
 }
 
 /// Returns the streams of each discount factor, on which its sensors are trained.

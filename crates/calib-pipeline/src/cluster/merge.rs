@@ -80,8 +80,8 @@ fn collect(opened: &OpenedPlan, printer: &Printer) -> Result<SharedRuns, StepErr
             }
             Ok(Some(results)) => format!(
                 "it has {} of {} training runs",
-                count(results.units.len()),
-                count(opened.plan.shards[number].units(&opened.plan))
+                count(results::training_runs(&results.units)),
+                count(opened.plan.shards[number].training_runs())
             ),
             Ok(None) => "it has no results".to_owned(),
             Err(error) => error.to_string(),

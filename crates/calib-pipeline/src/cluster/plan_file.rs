@@ -18,7 +18,7 @@ pub(crate) const PLAN: &str = "plan.json";
 pub(crate) const INPUTS: &str = "inputs";
 
 /// Version of a plan and its other files.
-pub(crate) const FORMAT: u32 = 4;
+pub(crate) const FORMAT: u32 = 5;
 
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct PlanFile {
@@ -144,6 +144,12 @@ impl Shard {
     pub(crate) fn units(&self, plan: &PlanFile) -> usize {
         self.passes.iter().map(|pass| plan.sensors_of(pass)).sum()
     }
+
+    /// Returns the number of training runs that it makes: one for each setting of a unit. In a race it is an upper
+    /// bound.
+    pub(crate) fn training_runs(&self) -> usize {
+        self.passes.iter().map(|pass| pass.training_runs).sum()
+    }
 }
 
 /// A pass over the stream of a run.
@@ -153,6 +159,8 @@ pub(crate) struct PlannedPass {
     pub(crate) environment: EnvironmentId,
     pub(crate) run: usize,
     pub(crate) group: usize,
+    /// Number of training runs without a result. In a race it is an upper bound.
+    pub(crate) training_runs: usize,
     /// Predicted seconds.
     pub(crate) secs: f64,
 }

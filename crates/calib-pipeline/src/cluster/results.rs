@@ -62,6 +62,11 @@ pub(crate) fn add(units: &mut UnitsInOrder, more: impl IntoIterator<Item = UnitR
     }
 }
 
+/// Returns the number of training runs: one for each setting of a unit.
+pub(crate) fn training_runs(units: &UnitsInOrder) -> usize {
+    units.values().map(|unit| unit.runs.len()).sum()
+}
+
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ShardResults {
     pub(crate) header: Header,

@@ -106,7 +106,7 @@ impl ShardRun<'_> {
         let header = Header::new(opened.fingerprint.to_string(), number, &opened.plan.maker);
         let states = opened.states(number);
         let sink = ShardSink::new(opened.results(number), states.clone(), header, units);
-        let had = sink.len();
+        let had = sink.training_runs();
         let parts: BTreeSet<usize> = self.shard.passes.iter().map(|pass| pass.part).collect();
         let failed: Result<usize, StepError> =
             parts.into_iter().map(|part| self.part(part, &before, &sink)).sum();
@@ -122,7 +122,7 @@ impl ShardRun<'_> {
         }
         sink.complete().map_err(unfinished)?;
         let _ = remove_states(&states);
-        let made = sink.len() - had;
+        let made = sink.training_runs() - had;
         let took = clock.elapsed();
         Ok(ClusterShard { number, freshness: Freshness::Made, made, took })
     }

@@ -58,11 +58,13 @@ impl Summary {
             1 => String::new(),
             stages => format!(" in {stages} stages, one after the other"),
         };
+        // In a race, the settings of later stages are not known yet.
+        let at_most = if self.stages > 1 { "at most " } else { "" };
         vec![
             format!(
-                "{}{stages}, {}",
+                "{}{stages}, {at_most}{}",
                 counted(self.shards, "shard"),
-                counted(self.units, "training run")
+                counted(self.training_runs, "training run")
             ),
             format!(
                 "predicted: {} of one thread in all, {} the longest shard, {} where every shard has a core; up to {} of \
@@ -119,8 +121,8 @@ impl Status {
         printer.result(&format!(
             "{done} of {} done, {begun} begun, {missing} missing, {faulty} faulty; {} of {} training runs",
             counted(shards.len(), "shard"),
-            count(shards.iter().map(|shard| shard.units).sum()),
-            count(shards.iter().map(|shard| shard.all_units).sum()),
+            count(shards.iter().map(|shard| shard.training_runs).sum()),
+            count(shards.iter().map(|shard| shard.all_training_runs).sum()),
         ))?;
         let left: f64 = shards
             .iter()
@@ -134,10 +136,14 @@ impl Status {
             .iter()
             .filter(|shard| shard.note.is_some() || shard.queue.is_some())
             .map(|shard| {
-                let units = format!("{} of {}", count(shard.units), count(shard.all_units));
+                let runs = format!(
+                    "{} of {}",
+                    count(shard.training_runs),
+                    count(shard.all_training_runs)
+                );
                 let notes = [shard.queue.clone(), shard.note.clone()];
                 let notes: Vec<String> = notes.into_iter().flatten().collect();
-                vec![shard.shard.to_string(), units, notes.join("; ")]
+                vec![shard.shard.to_string(), runs, notes.join("; ")]
             })
             .collect();
         if !rows.is_empty() {

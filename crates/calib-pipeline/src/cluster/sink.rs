@@ -43,8 +43,9 @@ impl ShardSink {
         self.locked().units.get(&(unit.clone(), key.to_owned())).cloned()
     }
 
-    pub(crate) fn len(&self) -> usize {
-        self.locked().units.len()
+    /// Returns the number of training runs in the file.
+    pub(crate) fn training_runs(&self) -> usize {
+        results::training_runs(&self.locked().units)
     }
 
     /// Writes the results at the end of an attempt.

@@ -14,8 +14,8 @@ use serde::Serialize;
 use crate::cluster::{
     attempt::{self, Attempt, AttemptEnd},
     engines::queue,
-    plan_file::{OpenedPlan, PlanFile},
-    results::Extent,
+    plan_file::{OpenedPlan, PlanFile, Shard},
+    results::{self, Extent, UnitsInOrder},
 };
 
 /// Size and predicted cost of a plan.
@@ -24,6 +24,8 @@ pub(crate) struct Summary {
     pub(crate) shards: usize,
     pub(crate) stages: usize,
     pub(crate) units: usize,
+    /// Number of training runs: one for each setting of a unit. In a race it is an upper bound.
+    pub(crate) training_runs: usize,
     /// Predicted seconds on one thread, for all shards; the next field is for the longest shard.
     pub(crate) secs: f64,
     pub(crate) longest_secs: f64,
@@ -40,6 +42,7 @@ pub(crate) fn summary(plan: &PlanFile) -> Summary {
         shards: plan.shards.len(),
         stages: plan.stages(),
         units: plan.shards.iter().map(|shard| shard.units(plan)).sum(),
+        training_runs: plan.shards.iter().map(Shard::training_runs).sum(),
         secs: secs.clone().sum(),
         longest_secs: secs.fold(0.0, f64::max),
         together_secs: (0..plan.stages())
@@ -71,6 +74,9 @@ pub(crate) struct ShardStatus {
     pub(crate) units: usize,
     #[serde(rename = "of")]
     pub(crate) all_units: usize,
+    pub(crate) training_runs: usize,
+    /// Number of training runs that the shard is to make. In a race it is an upper bound until the shard is done.
+    pub(crate) all_training_runs: usize,
     pub(crate) attempts: usize,
     /// Whether an attempt is running, as far as this machine can see.
     pub(crate) is_running: bool,
@@ -169,15 +175,17 @@ pub(crate) fn missing(opened: &OpenedPlan) -> Vec<usize> {
 fn standing(opened: &OpenedPlan, number: usize) -> ShardStatus {
     let shard = &opened.plan.shards[number];
     let attempts = attempt::read(&opened.attempts(number));
+    let none = UnitsInOrder::new();
     let (state, units, fault) = match opened.read(number) {
         Ok(Some(results)) => match results.extent {
-            Extent::Whole => (State::Done, results.units.len(), None),
-            Extent::Partial => (State::Begun, results.units.len(), None),
+            Extent::Whole => (State::Done, results.units, None),
+            Extent::Partial => (State::Begun, results.units, None),
         },
-        Ok(None) if attempts.is_empty() => (State::Missing, 0, None),
-        Ok(None) => (State::Begun, 0, None),
-        Err(error) => (State::Faulty, 0, Some(error.to_string())),
+        Ok(None) if attempts.is_empty() => (State::Missing, none, None),
+        Ok(None) => (State::Begun, none, None),
+        Err(error) => (State::Faulty, none, Some(error.to_string())),
     };
+    let training_runs = results::training_runs(&units);
     let note = match state {
         State::Done => None,
         _ => fault.or_else(|| attempts.last().map(told)),
@@ -187,8 +195,13 @@ fn standing(opened: &OpenedPlan, number: usize) -> ShardStatus {
         shard: number,
         stage: shard.stage,
         state,
-        units,
+        units: units.len(),
         all_units: shard.units(&opened.plan),
+        training_runs,
+        all_training_runs: match state {
+            State::Done => training_runs,
+            _ => shard.training_runs(),
+        },
         attempts: attempts.len(),
         is_running: attempts
             .iter()
