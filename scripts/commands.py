@@ -20,8 +20,10 @@ TABLE = ROOT / "docs" / "commands.md"
 BEFORE = """\
 # Every command and option
 
-`calib COMMAND --help` prints the same text, and `calib man DIR` writes it as man pages.
-[Commands and exit codes](commands.md) has a shorter list. `scripts/commands.py` makes this page.
+`calib COMMAND --help` prints the same text, and `calib man DIR` writes it as man pages. The options
+`--quiet`, `--verbose`, `--log` and `--color`, which every command has, are only
+[under calib](#calib). [Commands and exit codes](commands.md) has a shorter list.
+`scripts/commands.py` makes this page.
 
 """
 
@@ -45,8 +47,11 @@ def commands(text: str) -> list[str]:
 
 
 def brief(text: str) -> str:
-    """Removes the options that every command has."""
-    text = re.sub(r"\n\nWhat is shown:\n.*?(?=\n\n\S|\Z)", "", text, flags=re.DOTALL)
+    """Removes the options that every command has, and their heading if no other option is under it."""
+    option = r"\n+ (?: -\w, |     )--"
+    text = re.sub(rf"{option}(?:quiet|verbose|log|color)\b.*?(?={option}|\n\n\S|\Z)", "", text, flags=re.DOTALL)
+    text = re.sub(r"\n\nWhat is shown:(?=\n\n\S|\Z)", "", text)
+    text = text.replace("\nWhat is shown:\n\n", "\nWhat is shown:\n")
     return re.sub(r"\n\n? +-(?:h, --help|V, --version)\n? +Print (?:help|version)[^\n]*", "", text)
 
 
