@@ -1,6 +1,6 @@
 """How well `calib_rl.tune` chooses on environments that nobody of calib wrote: the tables of docs/control.md, "Public environments".
 
-    pip install calib-rl[gym,frames,tune] pcgym gymchem box2d bsm2-python
+    pip install './python[gym,frames,tune]' pcgym gymchem box2d bsm2-python
     python3 scripts/public_environments.py DIR [--environments cstr,lunar] [--logs FIRST END]
     python3 scripts/public_environments.py DIR --report
     python3 scripts/public_environments.py DIR --fitted-q [d3rlpy]

@@ -47,7 +47,7 @@ CONTENTS = {
     ),
     "gym": (
         "Environments",
-        "Models as environments of Gymnasium. They need `pip install 'calib-rl[gym]'`.",
+        "Models as environments of Gymnasium. They need the extra `gym`:\n`pip install './python[gym]'` in a checkout.",
         "calib_rl.gym",
         ["make", "make_vec", "of_path", "vector_of_path", "CalibrationEnv", "CalibrationVectorEnv"],
     ),

@@ -40,7 +40,7 @@ else:
         except ModuleNotFoundError as missing:
             if missing.name != "gymnasium":
                 raise
-            told = "calib_rl.gym needs the package gymnasium: pip install 'calib-rl[gym]', or pip install gymnasium"
+            told = "calib_rl.gym needs the package gymnasium: pip install gymnasium"
             raise ImportError(told) from missing
 
 __all__ = [

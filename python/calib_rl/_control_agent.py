@@ -155,7 +155,7 @@ class ControlAgent:
             path: The file. An existing file is replaced.
 
         Raises:
-            ImportError: The package onnx is missing: ``pip install 'calib-rl[onnx]'``.
+            ImportError: The package onnx is missing: ``pip install onnx``.
             CalibError: The agent has diverged, or the file cannot be written.
 
         Examples:

@@ -119,7 +119,7 @@ def _polars_frame(frame: Any) -> Any:
     try:
         import polars
     except ImportError:
-        told = "a frame of pandas is read with pyarrow or with polars, and neither is installed: pip install pyarrow, or pip install 'calib-rl[frames]'"
+        told = "a frame of pandas is read with pyarrow or with polars, and neither is installed: pip install pyarrow, or pip install polars"
         raise ImportError(told) from None
     return polars.DataFrame([_polars_column(str(name), values) for name, values in frame.items()])
 

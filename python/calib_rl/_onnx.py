@@ -24,7 +24,7 @@ def written(agent: Path, path: Path) -> None:
     try:
         import onnx
     except ImportError as missing:
-        raise ImportError("to_onnx needs the package onnx: pip install 'calib-rl[onnx]', or pip install onnx") from missing
+        raise ImportError("to_onnx needs the package onnx: pip install onnx") from missing
     arrays, texts = _saved(agent)
     described = json.loads(texts["agent"])
     graph = _Graph(onnx)

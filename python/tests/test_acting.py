@@ -354,7 +354,7 @@ def test_modules_are_imported_at_their_first_use(acting: calib_rl.ActionModel) -
     made = f"import gymnasium; print(gymnasium.make('calib_rl.gym:calib/Model-v0', path={str(acting.path)!r}).action_space)"
     assert _alone(made) == "Discrete(3)"
     without = "import sys; sys.modules['gymnasium'] = None\nimport calib_rl\ntry: calib_rl.gym\nexcept ImportError as error: print(error)"
-    assert _alone(without).startswith("calib_rl.gym needs the package gymnasium: pip install 'calib-rl[gym]'")
+    assert _alone(without).startswith("calib_rl.gym needs the package gymnasium: pip install gymnasium")
     with pytest.raises(AttributeError, match="module 'calib_rl' has no attribute 'gymm'"):
         getattr(calib_rl, "gymm")
 
@@ -692,7 +692,7 @@ def test_an_agent_that_cannot_become_onnx(acting: calib_rl.ActionModel, tmp_path
         with pytest.raises(calib_rl.CalibError, match="cannot be written"):
             agent.to_onnx(place)
     monkeypatch.setitem(sys.modules, "onnx", None)
-    with pytest.raises(ImportError, match=r"calib-rl\[onnx\]"):
+    with pytest.raises(ImportError, match="pip install onnx"):
         agent.to_onnx(path)
     assert path.read_text() == "what was there" and list(tmp_path.iterdir()) == [path]
 

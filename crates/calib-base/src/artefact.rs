@@ -265,8 +265,8 @@ fn other_format(path: &Path, format: u32, read: u32, command: &str) -> StepError
     let path = path.display();
     StepError::Stale(if format > read {
         format!(
-            "{path} has format {format}, which a newer calib wrote, and this calib reads format {read}; update calib (in Python: pip install \
-             --upgrade calib-rl), or run `{command}` to make it again with this one"
+            "{path} has format {format}, which a newer calib wrote, and this calib reads format {read}; update calib, or run \
+             `{command}` to make it again with this one"
         )
     } else {
         format!("{path} has format {format}, this calib reads format {read}; run `{command}`")
@@ -521,7 +521,7 @@ mod tests {
             claim.complete(&TestManifest { format }).expect("writable");
             refused(directory.path()).to_string()
         });
-        let part = "has format 3, which a newer calib wrote, and this calib reads format 1; update calib (in Python: ";
+        let part = "has format 3, which a newer calib wrote, and this calib reads format 1; update calib, or run `";
         assert!(newer.contains(part) && newer.contains("or run `calib make`"), "{newer}");
         assert!(
             older.ends_with("has format 0, this calib reads format 1; run `calib make`"),
