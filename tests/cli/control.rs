@@ -462,6 +462,41 @@ fn what_is_damaged_is_found_and_made_again() {
 }
 
 #[test]
+fn a_damaged_verdict_is_named_before_its_runs_are_made_again() {
+    let place = place();
+    let args = ["control", "pole/study.toml"];
+    place.calib(&args).ends(&[0, 1]);
+    let results = "pole/study-results/control";
+    let whole = place.content(results);
+    let dry = [&args[..], &["--dry-run"]].concat();
+    for name in ["manifest.json", "runs.parquet", "verdict.json"] {
+        let path = place.path_of(&format!("{results}/{name}"));
+        let written = fs::read(&path).expect("readable");
+        let mut damaged = written.clone();
+        let middle = damaged.len() / 2;
+        damaged[middle] ^= 0x10;
+        fs::write(&path, &damaged).expect("writable");
+        let told = format!("control/{name} is damaged: ");
+        let ran = place.calib(&dry);
+        assert!(ran.stderr().contains(&told), "{}", ran.stderr());
+        let forced = place.calib(&[&dry[..], &["--force"]].concat());
+        assert!(!forced.stderr().contains(&told), "{}", forced.stderr());
+        fs::write(&path, &written).expect("writable");
+    }
+    let verdict = place.path_of(&format!("{results}/verdict.json"));
+    fs::write(&verdict, "no JSON").expect("writable");
+    let ran = place.calib(&args);
+    ran.ends(&[0, 1]);
+    let told = ran.stderr();
+    for part in ["verdict.json is damaged", "makes its runs again"] {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    assert!(place.content(results) == whole, "the same bytes");
+    let again = place.calib(&args);
+    assert!(!again.stderr().contains("is damaged"), "{}", again.stderr());
+}
+
+#[test]
 fn a_torque_is_chosen_among_levels_of_its_range() {
     let place = Place::new();
     let args = ["simulate", "swing", "--task", "pendulum", "--policy", "random"];

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Artefact, Below, DirectoryLock, Facts, Files, TOOL},
+    artefact::{self, Artefact, Below, DirectoryLock, Facts, Files, MANIFEST, TOOL},
     bail, ensure,
     log::{plant_of_study::data_of, sources::Sources},
     output::Printer,
@@ -12,7 +12,7 @@ use calib_base::{
 };
 use calib_control::{Distance, Run};
 use calib_data::table::Table;
-use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
+use calib_files::{FileError, Fingerprint, read_sealed_json, write_sealed_json};
 use calib_study::{Job, StepKind, Study};
 use serde::{Deserialize, Serialize};
 
@@ -129,14 +129,29 @@ pub(super) struct KeptVerdict {
 }
 
 impl KeptVerdict {
-    /// Reads the verdict with this key, if there is one and no setting failed. `sources` are the log files as they are
-    /// now.
-    pub(super) fn find(
-        directory: &Path,
+    /// Returns the verdict with this key, if there is one that the job need not make again. `sources` are the log files
+    /// as they are now. Warns if there is one, and a file of it is damaged.
+    pub(super) fn to_use(
+        job: &Job,
         key: &str,
-        study: &Study,
         sources: &Sources,
+        printer: &Printer,
     ) -> Option<Self> {
+        if job.policy().redoes() {
+            return None;
+        }
+        let directory = &job.layout().control();
+        let found = Self::find(directory, key, job.study(), sources);
+        if found.is_none()
+            && let Some(damage) = damage(directory, key)
+        {
+            printer.warn(&format!("{damage}; calib makes its runs again"));
+        }
+        found
+    }
+
+    /// Reads the verdict with this key, if there is one and no setting failed.
+    fn find(directory: &Path, key: &str, study: &Study, sources: &Sources) -> Option<Self> {
         let manifest = ControlManifest::find(directory, key)?;
         let evaluation: ControlEvaluation = read_sealed_json(&directory.join(VERDICT)).ok()?;
         if evaluation.lacks_settings() {
@@ -151,6 +166,33 @@ impl KeptVerdict {
             && noted.is_some_and(|noted| sources.are_unchanged_since(&noted));
         Some(Self { evaluation, is_listed, is_current })
     }
+}
+
+/// Returns the damage of the verdict with this key, if there is any: a file that is not as it was written. A missing
+/// file counts as no damage.
+fn damage(directory: &Path, key: &str) -> Option<FileError> {
+    let damage_of_json = |name: &str| {
+        let read = read_sealed_json::<serde_json::Value>(&directory.join(name));
+        read.err().filter(FileError::is_of_content)
+    };
+    // A damaged manifest does not say what the verdict belongs to.
+    if let Some(damage) = damage_of_json(MANIFEST) {
+        return Some(damage);
+    }
+    let manifest: ControlManifest = artefact::read(directory)?;
+    if manifest.key != key {
+        return None;
+    }
+    if let Some(damage) = damage_of_json(VERDICT) {
+        return Some(damage);
+    }
+    for (name, written) in manifest.lasting_files() {
+        let path = directory.join(name);
+        if artefact::fingerprint_once(&path).is_ok_and(|found| found != written) {
+            return Some(FileError::Damaged { path, reason: "it is not what was written" });
+        }
+    }
+    None
 }
 
 /// Updates the stored study and log files of a verdict that also follows from the current ones, held-out periods

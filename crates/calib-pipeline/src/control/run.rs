@@ -56,8 +56,7 @@ pub(crate) fn run(
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
     let origin = RunOrigin { key: key.clone(), log: log.fingerprint.clone() };
-    let kept = KeptVerdict::find(&directory, &key, study, &sources);
-    if let Some(kept) = kept.filter(|_| !job.policy().redoes()) {
+    if let Some(kept) = KeptVerdict::to_use(job, &key, &sources, printer) {
         let others = held_out::read_others(job, config, &log, rest, &kept, printer)?;
         if job.policy().is_dry() {
             printer.say(&match others {
