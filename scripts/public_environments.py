@@ -6,6 +6,7 @@
     python3 scripts/public_environments.py DIR --fitted-q [d3rlpy]
     python3 scripts/public_environments.py DIR --random-actions wastewater-7,four_tank-1
     python3 scripts/public_environments.py DIR --columns 24 [--report]
+    python3 scripts/public_environments.py DIR --pessimism [--report]
 
 For each environment and each number of a log: a rule of the plant acts, a quarter of its actions are at random, and what
 happened is a log of 1,000 to 20,000 steps. A linear Q-learning agent has 16 settings. `calib_rl.tune` lets each learn in the
@@ -41,6 +42,11 @@ agent does not see. Half of the others are random mixtures of its own, standardi
 (an autoregression of 0.95). The truth and the agent stay the same, so that only the models change. It was decided before its runs that
 increments stay in calib's pool for logs of many columns if, with 24 and with 480 columns, the regret of the pool with them is no more
 than 5 points above that of the pool without them, over the first five logs of the reactor and the four tanks.
+
+--pessimism asks whether rollouts of neighbours should end, with the worst return, where the log has no such action near
+(`pessimism="minimum_return"`). Only neighbours know this, so their runs are made again on all ten logs of the reactor, the four tanks
+and LunarLander, and the stored runs of the other kinds of models stay. It was decided before its runs that this becomes the default if
+the regret of the pool is less with it, with an interval above 0.
 
 `lane` was added after all of this, because the plant of `wastewater` is overloaded: BSM1 gets the untreated influent of BSM2, which is
 twice as large, and its ammonia rises through every episode. Before its runs it was decided: its ten logs count in place of those of
@@ -80,6 +86,7 @@ WIDE = [24, 480]
 WIDE_LOGS = 5
 # The environments of pc-gym, whose settings the truth of the linear agent tells apart.
 TOLD_APART = ["cstr", "four_tank"]
+WITH_FAST_TRUTH = [*TOLD_APART, "lunar"]
 KINDS = {"neighbors", "increments", "network"}
 # Environments that count in place of others.
 REPLACED = {"wastewater": "lane"}
@@ -424,6 +431,11 @@ class Compared:
     suffix: str = ""
     # Number of columns of the states, if it is not that of the environment.
     columns: int | None = None
+    # More arguments of `calib_rl.tune`, and of the environments in it.
+    tune: dict = dataclasses.field(default_factory=dict)
+    environment: dict = dataclasses.field(default_factory=dict)
+    # Whether the truth is that of the linear agent, which is stored.
+    is_variant: bool = False
 
     def in_truth(self, env, seed, setting, name, folder):
         """Returns the agent that learns in an environment itself."""
@@ -467,7 +479,7 @@ DEEP_DEFAULT = {"learning_rate": 1e-4, "target_update_interval": 10_000, "explor
 AGENTS = {
     "linear": Compared(Agent, SETTINGS, DEFAULT, list(ENVIRONMENTS), 10),
     "dqn": Compared(deep, DEEP_SETTINGS, DEEP_DEFAULT, TOLD_APART, 5, "-dqn"),
-    "own": Compared(OwnAgent, OWN_SETTINGS, OWN_DEFAULT, [*TOLD_APART, "lunar"], 10, "-own"),
+    "own": Compared(OwnAgent, OWN_SETTINGS, OWN_DEFAULT, WITH_FAST_TRUTH, 10, "-own"),
 }
 
 
@@ -565,7 +577,8 @@ def choice_of(name, number, folder, agent):
     model, columns = model_of(name, number, folder, agent.columns)
     tuned = calib_rl.tune(
         agent.make, agent.settings, model, total_timesteps=STEPS, default=agent.default, seed=number,
-        folder=folder / f"{name}{agent.suffix}-{number}" / "units", environment={"observe": columns, "units": "physical"},
+        folder=folder / f"{name}{agent.suffix}-{number}" / "units", **agent.tune,
+        environment={"observe": columns, "units": "physical", **agent.environment},
     )  # fmt: skip
     places = [agent.settings.index(setting) for setting in tuned.settings]
     selection = tuned.verdict["selection"]
@@ -801,8 +814,7 @@ def make(args, folder, agent):
     names = args.environments.split(",") if args.environments else agent.environments
     for name in names:
         path = folder / f"truth-{name}{agent.suffix}.json"
-        # With more columns the truth is that of the environment's own.
-        if agent.columns is None and not path.exists():
+        if not agent.is_variant and not path.exists():
             write(path, truth_of(name, agent, folder / "work"))
     for number in range(*(args.logs or [0, agent.logs])):
         for name in names:
@@ -884,6 +896,27 @@ def report_columns(folder):
         if all(all(logs.values()) for logs in regrets.values()):
             less = {name: [one - other for one, other in zip(regrets["the pool"][name], regrets["without increments"][name])] for name in names}
             print(f"| {label} | " + " | ".join(interval(logs) for logs in regrets.values()) + f" | {interval(less)} |")
+
+
+def report_pessimism(folder):
+    """Prints the regret by neighbours alone and by the pool, with both ways to go on where the log has no such action near."""
+    rows = {f"{label}, {way}": {} for label in ("neighbours", "pool") for way in ("nearest", "minimum_return")}
+    less = {}
+    for name in WITH_FAST_TRUTH:
+        truth = [statistics.fmean(runs) for runs in json.loads((folder / f"truth-{name}.json").read_text())]
+        numbers = [number for number in range(10) if (folder / f"{name}-pessimism-{number}.json").exists()]
+        for number in numbers:
+            stored, own = (json.loads((folder / f"{name}{middle}-{number}.json").read_text())["returns"] for middle in ("", "-pessimism"))
+            others = [one for one in stored if one[0] != "neighbors"]
+            for row, (returns, kinds) in zip(rows, ((stored, {"neighbors"}), (own, {"neighbors"}), (stored, KINDS), (own + others, KINDS))):
+                chosen = choice_by_mean_rank(returns, kinds)
+                rows[row].setdefault(name, []).append(100.0 * (max(truth) - truth[chosen]) / (max(truth) - statistics.fmean(truth)))
+        if numbers:
+            less[name] = [one - other for one, other in zip(rows["pool, nearest"][name], rows["pool, minimum_return"][name])]
+    print("| choice of | " + " | ".join(less) + " | environments equal (95 % over logs) |")
+    print("|---" * (len(less) + 2) + "|")
+    for row, of_logs in [*rows.items(), ("pool, nearest less minimum_return", less)]:
+        print(f"| {row} | " + " | ".join(f"{statistics.fmean(logs):.1f}" for logs in of_logs.values()) + f" | {interval(of_logs)} |")
 
 
 def kinds_agreement(log):
@@ -990,6 +1023,7 @@ def main():
     parser.add_argument("--logs", type=int, nargs=2)
     parser.add_argument("--agent", choices=list(AGENTS), default="linear")
     parser.add_argument("--columns", type=int, choices=WIDE)
+    parser.add_argument("--pessimism", action="store_true")
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--random-actions", metavar="LOG,LOG")
     parser.add_argument("--fitted-q", nargs="?", const="calib", choices=list(ESTIMATORS))
@@ -1003,7 +1037,16 @@ def main():
         report_columns(args.folder)
     elif args.columns:
         agent = dataclasses.replace(
-            AGENTS["linear"], environments=TOLD_APART, logs=WIDE_LOGS, suffix=f"-wide-{args.columns}", columns=args.columns
+            AGENTS["linear"], environments=TOLD_APART, logs=WIDE_LOGS, suffix=f"-wide-{args.columns}", columns=args.columns,
+            is_variant=True,
+        )  # fmt: skip
+        make(args, args.folder, agent)
+    elif args.pessimism and args.report:
+        report_pessimism(args.folder)
+    elif args.pessimism:
+        agent = dataclasses.replace(
+            AGENTS["linear"], environments=WITH_FAST_TRUTH, suffix="-pessimism", tune={"kinds": ["neighbors"]},
+            environment={"pessimism": "minimum_return"}, is_variant=True,
         )  # fmt: skip
         make(args, args.folder, agent)
     elif args.report:
