@@ -136,11 +136,8 @@ impl Status {
             .iter()
             .filter(|shard| shard.note.is_some() || shard.queue.is_some())
             .map(|shard| {
-                let runs = format!(
-                    "{} of {}",
-                    count(shard.training_runs),
-                    count(shard.all_training_runs)
-                );
+                let runs =
+                    format!("{} of {}", count(shard.training_runs), count(shard.all_training_runs));
                 let notes = [shard.queue.clone(), shard.note.clone()];
                 let notes: Vec<String> = notes.into_iter().flatten().collect();
                 vec![shard.shard.to_string(), runs, notes.join("; ")]
