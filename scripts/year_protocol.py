@@ -165,7 +165,7 @@ def report(plants: list[dict]) -> None:
             departures = mean(one["departures"] for one in found)
             mixing = [">1e6" if math.isinf(one["mixing"]) else f"{one['mixing']:,.0f}" for one in found]
             row(
-                name, f"{100 * departures:.2g} %", f"{departures * HOUR_SECS / period:.2g}", ", ".join(mixing),
+                name, f"{100 * departures:.2g} %" if departures < 0.1 else f"{100 * departures:.0f} %", f"{departures * HOUR_SECS / period:.2g}", ", ".join(mixing),
                 f"{100 * mean(one['frozen'] for one in found):.0f} %", f"{mean(one['dtw'] for one in found):.4f}",
                 f"{mean(one['one_step'] for one in found):.1f}", f"{100 * math.expm1(mean(one['regret'] for one in found)):.1f} %",
             )  # fmt: skip
