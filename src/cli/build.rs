@@ -42,6 +42,9 @@ pub(crate) struct DeviceArgs {
 pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) study: DeviceArgs,
+    /// Print all reasons of the verdict, as in the report
+    #[arg(long)]
+    pub(crate) why: bool,
     /// Show a page with progress, time left and the ranking so far, at this address of this machine, such as 127.0.0.1:8080 or 8080, as long as the command runs
     #[arg(long, value_name = "ADDRESS", help_heading = OUTPUT)]
     pub(crate) serve: Option<Address>,

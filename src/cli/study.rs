@@ -141,8 +141,9 @@ impl From<ValidityArgs> for ValidityOptions {
 /// What `check` takes.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct CheckArgs {
-    /// A folder of results, such as study-results
-    pub(crate) directory: PathBuf,
+    /// A folder of results, such as study-results, or the study file that is beside it
+    #[arg(value_name = "DIR|STUDY")]
+    pub(crate) results: PathBuf,
     /// Also read the logs that the results were made from
     #[arg(long)]
     pub(crate) read_data: bool,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use calib_pipeline::{
-    CheckedResults, Damage, Logs, Outcome, Printer, StepError,
+    CheckedResults, Damage, Job, Logs, Outcome, Printer, Request, StepError,
     output::{count, counted},
 };
 
@@ -12,11 +12,16 @@ use crate::cli::CheckArgs;
 /// Compares the files with their recorded fingerprints, and names the damaged files.
 pub(super) fn run(args: &CheckArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let logs = if args.read_data { Logs::Read } else { Logs::Leave };
-    let checked = calib_pipeline::check(&args.directory, logs, printer)?;
+    let root = if args.results.is_file() {
+        Job::resolve(Request::new(&args.results))?.layout().root().to_owned()
+    } else {
+        args.results.clone()
+    };
+    let checked = calib_pipeline::check(&root, logs, printer)?;
     if printer.is_json() {
         printer.json(&checked)?;
     } else {
-        show(&checked, &args.directory, printer)?;
+        show(&checked, &root, printer)?;
     }
     Ok(if checked.damages.is_empty() { Outcome::Done } else { Outcome::Negative })
 }

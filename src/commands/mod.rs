@@ -70,7 +70,8 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         Command::Init(args) => init(args, printer)?,
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
-        Command::Run(RunArgs { study: DeviceArgs { study, device }, serve }) => {
+        Command::Run(RunArgs { study: DeviceArgs { study, device }, why, serve }) => {
+            let printer = &explaining(printer, why);
             let page =
                 serve.map(|address| status::page_of(&study, address, printer)).transpose()?;
             let job = study.job()?;

@@ -23,6 +23,8 @@ fn a_study_from_its_log_to_the_verdict() {
     let run = place.calib(&["run", "study.toml"]);
     let again = place.calib(&["run", "study.toml"]);
     let evaluate = place.calib(&["evaluate", "study.toml", "--why"]);
+    let explained = place.calib(&["run", "study.toml", "--why"]);
+    assert_eq!(explained.stdout(), evaluate.stdout());
     let inspect = place.calib(&["inspect", "study.toml"]);
     with_filters(|| {
         insta::assert_snapshot!("run", shown(&run));

@@ -239,7 +239,7 @@ fn what_is_missing_or_changed_is_to_do_and_told() {
         assert_eq!(status(&place, "study.toml")["state"], "done", "{missing}");
     }
     fs::remove_file(results.join("report.html")).expect("there");
-    let checked = place.calib(&["check", "study-results"]).ends(&[1]);
+    let checked = place.calib(&["check", "study.toml"]).ends(&[1]);
     assert!(checked.contains("study-results/report.html: it is missing"), "{checked}");
     place.calib(&["evaluate", "study.toml"]).ends(&[0, 1]);
 
