@@ -184,11 +184,7 @@ pub fn judge(
     let selection = select_by(rule, &of_all_kinds(&blocks, candidates), HIGHER)?;
     let chosen = selection.chosen;
     let each = of_each_kind(&blocks, &kinds, rule, candidates)?;
-    let mut members = Vec::new();
-    for block in &blocks {
-        let of_kinds: Vec<&[f64]> = block.chunks(candidates).collect();
-        members.push(column_means(&of_kinds));
-    }
+    let members: Vec<Vec<f64>> = blocks.iter().map(|block| over_kinds(block, candidates)).collect();
     let own_returns = of_setting(&each, chosen);
     let mut of_random_setting = Vec::new();
     for kind in &each {
@@ -334,6 +330,11 @@ fn of_kind(blocks: &[Vec<f64>], kind: usize, candidates: usize) -> Vec<Vec<f64>>
 fn of_all_kinds(blocks: &[Vec<f64>], candidates: usize) -> Vec<Vec<f64>> {
     let kinds = blocks.first().map_or(0, |block| block.len() / candidates);
     (0..kinds).flat_map(|kind| of_kind(blocks, kind, candidates)).collect()
+}
+
+/// Returns the mean over kinds of each setting's returns in one block.
+fn over_kinds(block: &[f64], candidates: usize) -> Vec<f64> {
+    column_means(&block.chunks(candidates).collect::<Vec<_>>())
 }
 
 /// The cost of a choice, if the true returns are known.
