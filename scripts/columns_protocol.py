@@ -24,6 +24,8 @@ The protocol, as it was fixed before its runs:
   Plant 0 was seen before, with arithmetic means of DTW: there the network without noise runs away, and has 2,210.
 - *What is decided*: nothing about calib. The documents say whether freezing and regret of each network grow with noise, with columns,
   or with neither, by the intervals of the two slopes.
+
+Added after the runs, and part of the report: how much more error the choices of one model have than those of another.
 """
 
 import json
@@ -43,6 +45,11 @@ PLANTS_A_CELL = 3
 DAYS = 10
 MODELS = ["neighbours", "network", "network-residual", "network-block"]
 MEASURES = ["regret", "dtw", "frozen"]
+# Choices that are compared with those of another model, or of the replayed log.
+COMPARED = [
+    ("network-residual", "network"), ("network-block", "network"), ("network-block", "network-residual"),
+    ("network-block", "neighbours"), ("network-block", "log replay"),
+]  # fmt: skip
 
 STUDY = """seed = {seed}
 output = "results"
@@ -173,6 +180,11 @@ def report(plants: list[dict]) -> None:
         for measure in MEASURES:
             values = [mean(map(math.log if measure == "dtw" else float, plant["models"][name][measure])) for plant in plants]
             row(name, {"regret": "ln(error / best)", "dtw": "ln(DTW)"}.get(measure, measure), *slopes(plants, values))
+    print("\nError of one choice by that of another (95 % over plants):\n")
+    head("choice in", "by that in", "quotient")
+    for name, other in COMPARED:
+        less = [mean(plant["models"][name]["regret"]) - mean(plant["models"][other]["regret"]) for plant in plants]
+        row(name, other, protocols.quotient(less))
 
 
 def slopes(plants: list[dict], values: list[float]) -> list[str]:
