@@ -36,7 +36,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import protocols
-from measures_protocol import PLANT, RATES, SENSORS, capped_means, mean_of_finite
+from measures_protocol import PLANT, SENSORS, capped_means, mean_of_finite
 from protocols import day, head, mean, row, smallest
 
 CHANNELS = [12, 48, 192]

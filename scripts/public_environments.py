@@ -3,6 +3,7 @@
     pip install './python[gym,frames,tune]' pcgym gymchem box2d bsm2-python
     python3 scripts/public_environments.py DIR [--environments cstr,lunar] [--logs FIRST END]
     python3 scripts/public_environments.py DIR --report
+    python3 scripts/public_environments.py DIR --agent own [--report]
     python3 scripts/public_environments.py DIR --fitted-q [d3rlpy]
     python3 scripts/public_environments.py DIR --random-actions wastewater-7,four_tank-1
     python3 scripts/public_environments.py DIR --columns 24 [--report]
@@ -41,12 +42,14 @@ In truth they do so by the range of the longest log, number 4. Before its runs i
 agent does not see. Half of the others are random mixtures of its own, standardised, with as much white noise; half are noise that drifts
 (an autoregression of 0.95). The truth and the agent stay the same, so that only the models change. It was decided before its runs that
 increments stay in calib's pool for logs of many columns if, with 24 and with 480 columns, the regret of the pool with them is no more
-than 5 points above that of the pool without them, over the first five logs of the reactor and the four tanks.
+than 5 points above that of the pool without them, over the first five logs of the reactor and the four tanks. With --report it prints
+the regret of each pool of kinds of models, with the columns of the environments and with each N that has logs in DIR.
 
 --pessimism asks whether rollouts of neighbours should end, with the worst return, where the log has no such action near
 (`pessimism="minimum_return"`). Only neighbours know this, so their runs are made again on all ten logs of the reactor, the four tanks
 and LunarLander, and the stored runs of the other kinds of models stay. It was decided before its runs that this becomes the default if
-the regret of the pool is less with it, with an interval above 0.
+the regret of the pool is less with it, with an interval above 0. With --report it prints both regrets, of neighbours alone and of the pool.
+Both options need the truth and the choices of the linear agent in DIR.
 
 `lane` was added after all of this, because the plant of `wastewater` is overloaded: BSM1 gets the untreated influent of BSM2, which is
 twice as large, and its ammonia rises through every episode. Before its runs it was decided: its ten logs count in place of those of
@@ -86,6 +89,7 @@ WIDE = [24, 480]
 WIDE_LOGS = 5
 # The environments of pc-gym, whose settings the truth of the linear agent tells apart.
 TOLD_APART = ["cstr", "four_tank"]
+# The same and LunarLander: those that are told apart and whose truth takes little time.
 WITH_FAST_TRUTH = [*TOLD_APART, "lunar"]
 KINDS = {"neighbors", "increments", "network"}
 # Environments that count in place of others.
@@ -434,8 +438,8 @@ class Compared:
     # More arguments of `calib_rl.tune`, and of the environments in it.
     tune: dict = dataclasses.field(default_factory=dict)
     environment: dict = dataclasses.field(default_factory=dict)
-    # Whether the truth is that of the linear agent, which is stored.
-    is_variant: bool = False
+    # Whether the truth is that of the linear agent, which is made without this option.
+    has_truth_of_linear: bool = False
 
     def in_truth(self, env, seed, setting, name, folder):
         """Returns the agent that learns in an environment itself."""
@@ -597,7 +601,8 @@ def choice_of_control(name, number, folder, agent):
     """Returns the result of `calib control` for a log."""
     import calib_rl
 
-    model, _ = model_of(name, number, folder)
+    # The model's folder has the study.
+    model_of(name, number, folder)
     # A default that is swept has the agent's own values.
     swept = {"control.agent": {**OwnAgent.FIXED, **agent.default}, "control.grid": OWN_GRID, "control.steps": STEPS, "seed": number}
     study = calib_rl.Study(folder / f"{name}-{number}" / "study.toml", set=swept, output=folder / f"{name}{agent.suffix}-{number}")
@@ -814,7 +819,7 @@ def make(args, folder, agent):
     names = args.environments.split(",") if args.environments else agent.environments
     for name in names:
         path = folder / f"truth-{name}{agent.suffix}.json"
-        if not agent.is_variant and not path.exists():
+        if not agent.has_truth_of_linear and not path.exists():
             write(path, truth_of(name, agent, folder / "work"))
     for number in range(*(args.logs or [0, agent.logs])):
         for name in names:
@@ -860,6 +865,19 @@ def reliability(truth):
     return max(0.0, 1.0 - noise / settings.var(ddof=1))
 
 
+def regret_in(truth, place):
+    """Returns the regret of a setting in % of that of a random choice, from the true mean return of each."""
+    return 100.0 * (max(truth) - truth[place]) / (max(truth) - statistics.fmean(truth))
+
+
+def truth_of_linear(name, folder):
+    """Reads the true mean return of each setting of the linear agent."""
+    path = folder / f"truth-{name}.json"
+    if not path.exists():
+        sys.exit(f"{path} is missing; make it first: python3 scripts/public_environments.py {folder} --environments {name}")
+    return [statistics.fmean(runs) for runs in json.loads(path.read_text())]
+
+
 def choice_by_mean_rank(returns, kinds):
     """Returns the setting with the smallest mean rank over the ensemble members of these kinds of models."""
     members = {}
@@ -877,7 +895,7 @@ def choice_by_mean_rank(returns, kinds):
 def report_columns(folder):
     """Prints the regret by the kinds of models that choose, with the environments' own columns and with more."""
     names = TOLD_APART
-    truths = {name: [statistics.fmean(runs) for runs in json.loads((folder / f"truth-{name}.json").read_text())] for name in names}
+    truths = {name: truth_of_linear(name, folder) for name in names}
     pools = {
         "the pool": KINDS, "without increments": KINDS - {"increments"}, **{f"{kind} alone": {kind} for kind in sorted(KINDS)},
     }  # fmt: skip
@@ -891,8 +909,7 @@ def report_columns(folder):
                 if path.exists():
                     returns = json.loads(path.read_text())["returns"]
                     for pool, kinds in pools.items():
-                        chosen = choice_by_mean_rank(returns, kinds)
-                        regrets[pool][name].append(100.0 * (max(truth) - truth[chosen]) / (max(truth) - statistics.fmean(truth)))
+                        regrets[pool][name].append(regret_in(truth, choice_by_mean_rank(returns, kinds)))
         if all(all(logs.values()) for logs in regrets.values()):
             less = {name: [one - other for one, other in zip(regrets["the pool"][name], regrets["without increments"][name])] for name in names}
             print(f"| {label} | " + " | ".join(interval(logs) for logs in regrets.values()) + f" | {interval(less)} |")
@@ -903,16 +920,18 @@ def report_pessimism(folder):
     rows = {f"{label}, {way}": {} for label in ("neighbours", "pool") for way in ("nearest", "minimum_return")}
     less = {}
     for name in WITH_FAST_TRUTH:
-        truth = [statistics.fmean(runs) for runs in json.loads((folder / f"truth-{name}.json").read_text())]
-        numbers = [number for number in range(10) if (folder / f"{name}-pessimism-{number}.json").exists()]
-        for number in numbers:
-            stored, own = (json.loads((folder / f"{name}{middle}-{number}.json").read_text())["returns"] for middle in ("", "-pessimism"))
+        truth = truth_of_linear(name, folder)
+        logs = [[folder / f"{name}{middle}-{number}.json" for middle in ("", "-pessimism")] for number in range(AGENTS["linear"].logs)]
+        made = [paths for paths in logs if all(path.exists() for path in paths)]
+        for paths in made:
+            stored, own = (json.loads(path.read_text())["returns"] for path in paths)
             others = [one for one in stored if one[0] != "neighbors"]
             for row, (returns, kinds) in zip(rows, ((stored, {"neighbors"}), (own, {"neighbors"}), (stored, KINDS), (own + others, KINDS))):
-                chosen = choice_by_mean_rank(returns, kinds)
-                rows[row].setdefault(name, []).append(100.0 * (max(truth) - truth[chosen]) / (max(truth) - statistics.fmean(truth)))
-        if numbers:
+                rows[row].setdefault(name, []).append(regret_in(truth, choice_by_mean_rank(returns, kinds)))
+        if made:
             less[name] = [one - other for one, other in zip(rows["pool, nearest"][name], rows["pool, minimum_return"][name])]
+    if not less:
+        sys.exit(f"{folder} has no logs with --pessimism; leave --report out to make them")
     print("| choice of | " + " | ".join(less) + " | environments equal (95 % over logs) |")
     print("|---" * (len(less) + 2) + "|")
     for row, of_logs in [*rows.items(), ("pool, nearest less minimum_return", less)]:
@@ -939,8 +958,7 @@ def report(folder, agent):
     truths = {name: [statistics.fmean(of_runs) for of_runs in found] for name, found in runs.items()}
 
     def regret(name, place):
-        truth = truths[name]
-        return 100.0 * (max(truth) - truth[place]) / (max(truth) - statistics.fmean(truth))
+        return regret_in(truths[name], place)
 
     default = agent.settings.index(agent.default)
     labels = ["choice", "what calib advises", "choice if ahead of the default", "default", "best of the other environments"]
@@ -1038,7 +1056,7 @@ def main():
     elif args.columns:
         agent = dataclasses.replace(
             AGENTS["linear"], environments=TOLD_APART, logs=WIDE_LOGS, suffix=f"-wide-{args.columns}", columns=args.columns,
-            is_variant=True,
+            has_truth_of_linear=True,
         )  # fmt: skip
         make(args, args.folder, agent)
     elif args.pessimism and args.report:
@@ -1046,7 +1064,7 @@ def main():
     elif args.pessimism:
         agent = dataclasses.replace(
             AGENTS["linear"], environments=WITH_FAST_TRUTH, suffix="-pessimism", tune={"kinds": ["neighbors"]},
-            environment={"pessimism": "minimum_return"}, is_variant=True,
+            environment={"pessimism": "minimum_return"}, has_truth_of_linear=True,
         )  # fmt: skip
         make(args, args.folder, agent)
     elif args.report:
