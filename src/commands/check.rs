@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use calib_pipeline::{
-    CheckedResults, Damage, Job, Logs, Outcome, Printer, Request, StepError,
+    CheckedResults, Damage, Job, Logs, Outcome, Printer, Request, StepError, ensure,
     output::{count, counted},
 };
 
@@ -12,10 +12,23 @@ use crate::cli::CheckArgs;
 /// Compares the files with their recorded fingerprints, and names the damaged files.
 pub(super) fn run(args: &CheckArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let logs = if args.read_data { Logs::Read } else { Logs::Leave };
-    let root = if args.results.is_file() {
-        Job::resolve(Request::new(&args.results))?.layout().root().to_owned()
+    let given = &args.results;
+    let root = if given.is_file() {
+        let root = Job::resolve(Request::new(given))?.layout().root().to_owned();
+        ensure!(
+            root.is_dir(),
+            "{} has no results in {}; run it first, or give the folder of its results if it was run with --output",
+            given.display(),
+            root.display()
+        );
+        root
     } else {
-        args.results.clone()
+        ensure!(
+            given.exists(),
+            "{} does not exist; give a study file, or the folder of its results",
+            given.display()
+        );
+        given.clone()
     };
     let checked = calib_pipeline::check(&root, logs, printer)?;
     if printer.is_json() {

@@ -223,6 +223,12 @@ fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
 fn what_is_missing_or_changed_is_to_do_and_told() {
     let place = Place::with_study();
     let results = place.path().join("study-results");
+    place
+        .calib(&["check", "study.toml"])
+        .fails_with(2, &["study.toml has no results in study-results; run it first"]);
+    place
+        .calib(&["check", "other.toml"])
+        .fails_with(2, &["other.toml does not exist; give a study file"]);
     place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
     for missing in ["sweep/runs.parquet", "sweep/units/PIT300/log-replay/run-0001.json"] {
         fs::remove_file(results.join(missing)).expect("there");
