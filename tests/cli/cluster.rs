@@ -97,7 +97,7 @@ fn a_plan_is_of_what_is_left_and_of_the_study_as_it_was() {
     let dry = place.calib(&["cluster", "plan", "study.toml", "-o", "dry", "--dry-run"]).succeeds();
     assert!(dry.contains("predicted") && !place.path().join("dry").exists(), "{dry}");
     for shard in 0..2 {
-        assert!(run(&place, "plan", shard).succeeds().contains("3 training runs made"));
+        assert!(run(&place, "plan", shard).succeeds().contains("is done: 3 training runs made"));
     }
     place.edit_study("gamma = 0.9", "gamma = 0.8");
     place.calib(&["cluster", "merge", "plan"]).succeeds();
@@ -300,7 +300,7 @@ fn a_shard_that_is_asked_to_stop_says_so_and_goes_on() {
     assert!(shard["units"].as_u64() > Some(0), "{shard}");
     let [had, all] =
         ["training_runs", "all_training_runs"].map(|key| shard[key].as_u64().expect("a number"));
-    let rest = format!("{} training runs made", all - had);
+    let rest = format!("is done: {} training runs made", all - had);
     let told = run(&place, "plan", 0).succeeds().replace(',', "");
     assert!(told.contains(&rest), "{rest} is missing in {told}");
 }

@@ -107,6 +107,12 @@ mod tests {
         assert_eq!(jackknife_of_kinds(0.0, &[vec![f64::NEG_INFINITY, 1.0], vec![0.0, 1.0]]), None);
     }
 
+    #[test]
+    fn means_are_of_columns() {
+        assert_eq!(column_means(&[[1.0, 2.0], [3.0, 6.0]]), [2.0, 4.0]);
+        assert_eq!(column_means::<[f64; 2]>(&[]), [0.0; 0]);
+    }
+
     proptest! {
         #[test]
         fn of_one_kind_it_is_the_jackknife(parts in prop::collection::vec(-9.0f64..9.0, 2..9)) {
