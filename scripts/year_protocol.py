@@ -29,7 +29,6 @@ import protocols
 from measures_protocol import SENSORS, capped_means
 from protocols import head, mean, row, smallest
 
-RATES = 6
 SPACINGS = [120, 600]
 DAY_SECS = 86_400
 HOUR_SECS = 3_600
