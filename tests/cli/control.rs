@@ -488,7 +488,7 @@ fn a_damaged_verdict_is_named_before_its_runs_are_made_again() {
     let ran = place.calib(&args);
     ran.ends(&[0, 1]);
     let told = ran.stderr();
-    for part in ["verdict.json is damaged", "makes its runs again"] {
+    for part in ["verdict.json is damaged", "its runs have to be made again"] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
     assert!(place.content(results) == whole, "the same bytes");

@@ -145,7 +145,7 @@ impl KeptVerdict {
         if found.is_none()
             && let Some(damage) = damage(directory, key)
         {
-            printer.warn(&format!("{damage}; calib makes its runs again"));
+            printer.warn(&format!("{damage}; its runs have to be made again"));
         }
         found
     }
