@@ -36,8 +36,8 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import protocols
-from measures_protocol import PLANT, SENSORS, capped_means, mean_of_finite
-from protocols import day, head, mean, row, smallest
+from measures_protocol import PLANT, SENSORS, mean_errors, mean_of_finite
+from protocols import day, head, mean, regret_of_choice, row
 
 CHANNELS = [12, 48, 192]
 NOISE = [1 / 3, 1.0, 3.0]
@@ -121,22 +121,20 @@ def make(number: int, folder: Path, calib: str) -> dict:
     study.write_text(STUDY.format(seed=seed, models=json.dumps(MODELS), plant=plant, sensors=json.dumps(SENSORS)))
     protocols.run(calib, study, "simulate", "build-model", "rollout", "sweep")
 
-    def tables(name: str, environment) -> list:
-        runs = polars.read_parquet(folder / "results/models" / name / "sweep/runs.parquet").filter(environment)
-        return [capped_means(runs.filter(polars.col("sensor") == sensor), "nrmse") for sensor in SENSORS]
+    def errors(name: str, environment) -> list:
+        return mean_errors(polars.read_parquet(folder / "results/models" / name / "sweep/runs.parquet").filter(environment))
 
-    truth = [table[:, 0] for table in tables("neighbours", polars.col("environment") == "online")]
-    replay = [table[:, 0] for table in tables("neighbours", polars.col("environment") == "log-replay")]
+    truth = errors("neighbours", polars.col("environment") == "online")
+    replay = errors("neighbours", polars.col("environment") == "log-replay")
     is_model = polars.col("environment").str.starts_with("member:")
-    found = {"log replay": {"regret": [regret(own, other) for own, other in zip(truth, replay)]}}
+    found = {"log replay": {"regret": list(map(regret_of_choice, truth, replay))}}
     for name in MODELS:
         rollouts = folder / "results/models" / name / "rollout"
         warping = polars.read_parquet(rollouts / "dtw.parquet").filter(polars.col("step_pattern") == "symmetric2")
         manifest = json.loads((rollouts / "manifest.json").read_text())
         collapse = {sensor["sensor"]: sensor["collapsed"] for sensor in manifest["collapse"]["sensors"]}
-        own = tables(name, is_model)
         found[name] = {
-            "regret": [regret(of_truth, None if table is None else table[:, 0]) for of_truth, table in zip(truth, own)],
+            "regret": list(map(regret_of_choice, truth, errors(name, is_model))),
             "dtw": [mean_of_finite(warping.filter(polars.col("sensor") == sensor)["normalized_distance"]) for sensor in SENSORS],
             "frozen": [collapse[sensor] / 15 for sensor in SENSORS],
         }
@@ -145,12 +143,6 @@ def make(number: int, folder: Path, calib: str) -> dict:
     shutil.rmtree(folder / "results")
     random_rate = [float(own.mean() - own.min()) for own in truth]
     return {"channels": channels, "noise": noise, "columns": columns, "random": random_rate, "models": found}
-
-
-def regret(truth, errors) -> float:
-    """Returns the logarithm of the error of the choice by that of the best rate; of a random rate if there is no choice."""
-    chosen = truth.mean() if errors is None else truth[smallest(list(errors))]
-    return float(chosen - truth.min())
 
 
 def report(plants: list[dict]) -> None:
@@ -204,4 +196,4 @@ def slopes(plants: list[dict], values: list[float]) -> list[str]:
 
 
 if __name__ == "__main__":
-    protocols.make_and_report(__doc__, "columns.jsonl", 27, make, report)
+    protocols.make_and_report(__doc__, "columns.jsonl", len(CHANNELS) * len(NOISE) * PLANTS_A_CELL, make, report)

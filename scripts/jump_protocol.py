@@ -47,7 +47,7 @@ from pathlib import Path
 
 import measures_protocol
 import protocols
-from measures_protocol import PERIOD_SECS, RATES, SENSORS, TRAINING_DAYS, capped_means, spearman
+from measures_protocol import PERIOD_SECS, RATES, SENSORS, TRAINING_DAYS, spearman
 from protocols import day, head, interval, mean, quotient, row, smallest, typical_regret
 
 # Jump probabilities per step, by name.
@@ -278,11 +278,10 @@ class Plant(measures_protocol.Plant):
 def mean_errors(runs) -> list[list[float]]:
     """Returns the mean logarithm of the error, `[sensor][rate]`, of some rows of runs.parquet."""
     import numpy as np
-    import polars
 
-    tables = [capped_means(runs.filter(polars.col("sensor") == sensor), "nrmse") for sensor in SENSORS]
-    # A table is missing if every rate diverged in every run. All rates are equally bad then.
-    return [[0.0] * RATES if table is None else np.round(table[:, 0], 5).tolist() for table in tables]
+    # If every rate diverged in every run, all rates are equally bad.
+    own = measures_protocol.mean_errors(runs)
+    return [[0.0] * RATES if errors is None else np.round(errors, 5).tolist() for errors in own]
 
 
 def of_runs(runs, truth: list[list[float]]) -> dict:

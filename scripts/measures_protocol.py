@@ -384,19 +384,15 @@ class Plant:
         def read(name: str, table: str):
             return polars.read_parquet(self.folder / "results/models" / name / "sweep" / f"{table}.parquet")
 
-        def errors(frame, environment) -> list:
-            own = frame.filter(environment)
-            return [capped_means(own.filter(polars.col("sensor") == sensor), "nrmse") for sensor in SENSORS]
-
         is_online = polars.col("environment") == "online"
         is_replay = polars.col("environment") == "log-replay"
         is_model = polars.col("environment").str.starts_with("member:")
         runs, curves = read("k-3", "runs"), read("k-3", "curves")
-        replayed = errors(runs, is_replay)
+        replayed = mean_errors(runs.filter(is_replay))
         found = {}
         for name in models:
             own_runs, own_curves = read(name, "runs"), read(name, "curves")
-            own = errors(own_runs, is_model)
+            own = mean_errors(own_runs.filter(is_model))
             own_measures = measures[name] | {"curve": [], "profile": []}
             for place, sensor in enumerate(SENSORS):
                 in_model = own_curves.filter(is_model & (polars.col("sensor") == sensor))
@@ -405,15 +401,15 @@ class Plant:
                 own_measures["curve"].append(curve)
                 own_measures["profile"].append(centred_difference(own[place], replayed[place]))
             found[name] = {
-                "errors": [None if table is None else np.round(table[:, 0], 5).tolist() for table in own],
+                "errors": [None if errors is None else np.round(errors, 5).tolist() for errors in own],
                 "measures": own_measures,
             }
         return {
             "task": self.plant | self.task | {"steps": self.steps, "start": day(self.start)},
             "windows": runs.filter(is_online)["start_row"].n_unique(),
-            "truth": [np.round(table[:, 0], 5).tolist() for table in errors(runs, is_online)],
+            "truth": [np.round(errors, 5).tolist() for errors in mean_errors(runs.filter(is_online))],
             "not_capped": protocols.errors(runs.filter(is_online), SENSORS, RATES),
-            "replay": [np.round(table[:, 0], 5).tolist() for table in replayed],
+            "replay": [np.round(errors, 5).tolist() for errors in replayed],
             "models": found,
         }
 
@@ -510,6 +506,14 @@ def capped_means(frame, column: str):
     if not len(table) or np.isnan(table).all(axis=0).any():
         return None
     return np.nanmean(table, axis=0)
+
+
+def mean_errors(runs) -> list:
+    """Returns the mean logarithm of the error of each rate by sensor, of some rows of runs.parquet; None if every rate diverged in each run."""
+    import polars
+
+    tables = [capped_means(runs.filter(polars.col("sensor") == sensor), "nrmse") for sensor in SENSORS]
+    return [None if table is None else table[:, 0] for table in tables]
 
 
 def centred_difference(one, other) -> float:

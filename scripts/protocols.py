@@ -89,6 +89,15 @@ def smallest(row: list[float]) -> int:
     return min(range(len(row)), key=lambda place: row[place])
 
 
+def regret_of_choice(truth, errors) -> float:
+    """Returns ln(error / best error) of the candidate with the smallest of `errors`, or of a random one if there are none.
+
+    Both are arrays of logarithms, by candidate.
+    """
+    chosen = truth.mean() if errors is None else truth[smallest(list(errors))]
+    return float(chosen - truth.min())
+
+
 def regrets(truth: list[float]) -> list[float]:
     """Returns ln(error / best error) of each candidate, at most ln(10)."""
     best = min(truth)
