@@ -63,6 +63,7 @@ that is stored.
 import argparse
 import dataclasses
 import functools
+import itertools
 import json
 import os
 import random
@@ -83,7 +84,7 @@ PASSES = 200
 D3RLPY_STEPS = 5_000
 GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.8]}
 DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
-SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
+SETTINGS = [dict(zip(GRID, values)) for values in itertools.product(*GRID.values())]
 RELIABLE = 0.8
 WIDE = [24, 480]
 WIDE_LOGS = 5
@@ -444,7 +445,7 @@ class Compared:
     def in_truth(self, env, seed, setting, name, folder):
         """Returns the agent that learns in an environment itself."""
         if self.make is OwnAgent:
-            return OwnAgent(env, model_of(name, LONGEST_LOG, folder)[0], seed=seed, **setting)
+            return OwnAgent(env, model_of_longest_log(name, folder), seed=seed, **setting)
         return self.make(as_gymnasium(env) if self.make is deep else env, seed=seed, **setting)
 
 
@@ -471,7 +472,7 @@ class OwnAgent:
 
 
 OWN_GRID = {"step_size": [1e-4, 3e-4, 1e-3, 3e-3], "epsilon": [0.02, 0.1, 0.3, 0.8]}
-OWN_SETTINGS = [{"step_size": rate, "epsilon": epsilon} for rate in OWN_GRID["step_size"] for epsilon in OWN_GRID["epsilon"]]
+OWN_SETTINGS = [dict(zip(OWN_GRID, values)) for values in itertools.product(*OWN_GRID.values())]
 OWN_DEFAULT = {"step_size": 1e-3, "epsilon": 0.1}
 LONGEST_LOG = LENGTHS.index(max(LENGTHS))
 
@@ -572,6 +573,11 @@ def model_of(name, number, folder, width=None):
         timeout=ENVIRONMENTS[name][0]().limit,
     )  # fmt: skip
     return model, columns
+
+
+@functools.cache  # every run of a truth scales states by it
+def model_of_longest_log(name, folder):
+    return model_of(name, LONGEST_LOG, folder)[0]
 
 
 def choice_of(name, number, folder, agent):
@@ -878,18 +884,20 @@ def truth_of_linear(name, folder):
     return [statistics.fmean(runs) for runs in json.loads(path.read_text())]
 
 
-def choice_by_mean_rank(returns, kinds):
-    """Returns the setting with the smallest mean rank over the ensemble members of these kinds of models."""
+def mean_ranks(returns, kinds):
+    """Returns the mean rank of each setting over the ensemble members of these kinds of models, by the setting's place."""
     members = {}
     for kind, member, place, value in returns:
         if kind in kinds:
             members.setdefault((kind, member), {})[place] = value
     places = sorted(next(iter(members.values())))
+    return {place: statistics.fmean(1 + sum(other > own[place] for other in own.values()) for own in members.values()) for place in places}
 
-    def mean_rank(place):
-        return statistics.fmean(1 + sum(other > own[place] for other in own.values()) for own in members.values())
 
-    return min(places, key=mean_rank)
+def choice_by_mean_rank(returns, kinds):
+    """Returns the setting with the smallest mean rank over the ensemble members of these kinds of models."""
+    ranks = mean_ranks(returns, kinds)
+    return min(ranks, key=ranks.__getitem__)
 
 
 def report_columns(folder):
@@ -940,16 +948,8 @@ def report_pessimism(folder):
 
 def kinds_agreement(log):
     """Returns Spearman's correlation between the mean ranks of the settings by kind of model, as a mean over pairs of kinds."""
-    members = {}
-    for kind, member, place, value in log["returns"]:
-        members.setdefault(kind, {}).setdefault(member, {})[place] = value
-    orders = []
-    for own in members.values():
-        ranks = {place: [] for place in next(iter(own.values()))}
-        for returns in own.values():
-            for place, value in returns.items():
-                ranks[place].append(1 + sum(other > value for other in returns.values()))
-        orders.append([statistics.fmean(ranks[place]) for place in sorted(ranks)])
+    kinds = dict.fromkeys(kind for kind, *_ in log["returns"])
+    orders = [list(mean_ranks(log["returns"], {kind}).values()) for kind in kinds]
     return statistics.fmean(spearman(one, other) for number, one in enumerate(orders) for other in orders[number + 1 :])
 
 

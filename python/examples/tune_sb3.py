@@ -6,7 +6,6 @@ from stable_baselines3 import DQN
 
 import calib_rl
 
-
 GRID = {"learning_rate": [1e-4, 1e-3], "target_update_interval": [200, 10_000]}
 
 
