@@ -90,29 +90,39 @@ fn age(written: SystemTime, now: SystemTime) -> Duration {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
+    use std::path::PathBuf;
+
     use super::*;
 
     /// Writes a file, and returns its path.
-    fn half_written(folder: &Path, name: &str) -> std::path::PathBuf {
+    fn half_written(folder: &Path, name: &str) -> PathBuf {
         let path = folder.join(name);
         fs::write(&path, b"half").expect("written");
         path
     }
 
+    pub(crate) fn half_written_by_this_process(folder: &Path) -> PathBuf {
+        half_written(folder, &format!("{}x{SUFFIX}", prefix()))
+    }
+
+    /// None if the system does not tell which processes live.
+    pub(crate) fn half_written_by_a_dead_process(folder: &Path) -> Option<PathBuf> {
+        // No process has the largest possible number.
+        let name = format!("{PREFIX}{}-{}-x{SUFFIX}", machine()?, u32::MAX);
+        Some(half_written(folder, &name))
+    }
+
     #[test]
     fn files_of_others_are_theirs_until_they_are_old() {
         let directory = tempfile::tempdir().expect("a directory");
-        let own = half_written(directory.path(), &format!("{}x{SUFFIX}", prefix()));
+        let own = half_written_by_this_process(directory.path());
         assert!(is_temporary(&own));
         assert!(
             machine().is_none() || !is_abandoned(&own).expect("readable"),
             "this process lives"
         );
-        if let Some(machine) = machine() {
-            // No process has the largest possible number.
-            let name = format!("{PREFIX}{machine}-{}-x{SUFFIX}", u32::MAX);
-            let dead = half_written(directory.path(), &name);
+        if let Some(dead) = half_written_by_a_dead_process(directory.path()) {
             assert!(is_abandoned(&dead).expect("readable"));
         }
         for name in ["0123456789ab-7-x", "AbCdEf"] {

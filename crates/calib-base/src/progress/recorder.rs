@@ -12,7 +12,7 @@ use std::{
 };
 
 use calib_core::Monitor;
-use calib_files::{remove_note, write_note};
+use calib_files::{remove_half_written_notes, remove_note, write_note};
 use calib_study::Job;
 
 use super::note::{CommandState, FOLDER, Note, Task, notes};
@@ -118,6 +118,7 @@ impl Recorder {
 
     /// Writes a note soon, then every second, until the command is over.
     fn tick(&self) {
+        remove_half_written_notes(&self.results.join(FOLDER));
         for (path, note) in notes(&self.results) {
             if note.standing() == CommandState::Killed {
                 remove_note(&path, &self.results);
