@@ -1,17 +1,28 @@
 //! Exchanges arrays through NumPy's [array interface](https://numpy.org/doc/stable/reference/arrays.interface.html), which the stable ABI
 //! of every Python version has. Arrays from Python are copied once, with a conversion. The memory of returned arrays belongs to the
 //! array, or to the owner of the viewed values.
+//!
+//! Arrays of a step are short, and NumPy takes longer to ask for their memory than to copy it. So up to [`SHORT`] bytes go through
+//! Python's own bytes.
 
 use std::{any::Any, sync::Arc};
 
+use bytemuck::{CheckedBitPattern, NoUninit};
 use pyo3::{
     exceptions::{PyTypeError, PyValueError},
+    intern,
     prelude::*,
-    types::{PyDict, PyTuple},
+    sync::PyOnceLock,
+    types::{PyByteArray, PyBytes, PyDict, PyTuple},
 };
 
+/// The most bytes of an array that are copied through Python's own bytes.
+const SHORT: usize = 1 << 16;
+
 /// A type of numbers of NumPy.
-pub(crate) trait Number: Copy + Default + Send + Sync + 'static {
+pub(crate) trait Number:
+    Copy + Default + Send + Sync + NoUninit + CheckedBitPattern + 'static
+{
     /// Its `typestr` in the array interface.
     const TYPE: &'static str;
     /// Its name in messages.
@@ -64,8 +75,13 @@ impl Memory {
     }
 }
 
+fn numpy(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
+    static NUMPY: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
+    Ok(NUMPY.get_or_try_init(py, || py.import("numpy").map(Bound::unbind))?.bind(py))
+}
+
 fn shown(py: Python<'_>, memory: Memory) -> PyResult<Bound<'_, PyAny>> {
-    py.import("numpy")?.call_method1("asarray", (Bound::new(py, memory)?,))
+    numpy(py)?.call_method1(intern!(py, "asarray"), (Bound::new(py, memory)?,))
 }
 
 /// Returns an array that owns these values.
@@ -75,6 +91,11 @@ pub(crate) fn owned<'py, T: Number>(
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyAny>> {
     debug_assert_eq!(values.len(), shape.iter().product::<usize>());
+    let bytes: &[u8] = bytemuck::cast_slice(&values);
+    if bytes.len() <= SHORT {
+        let memory = (PyTuple::new(py, shape)?, T::TYPE, PyByteArray::new(py, bytes));
+        return numpy(py)?.call_method1(intern!(py, "ndarray"), memory);
+    }
     // calib does not read the values again, so the array may be written to.
     let address = values.as_ptr() as usize;
     let shape = shape.to_vec();
@@ -113,10 +134,10 @@ pub(crate) fn copied<T: Number>(
     dimensions: &[usize],
 ) -> PyResult<(Vec<T>, Vec<usize>)> {
     let py = array.py();
-    let numpy = py.import("numpy")?;
-    let array = numpy.call_method1("asarray", (array,))?;
-    let dtype = array.getattr("dtype")?;
-    let kind: String = dtype.getattr("kind")?.extract()?;
+    let numpy = numpy(py)?;
+    let array = numpy.call_method1(intern!(py, "asarray"), (array,))?;
+    let dtype = array.getattr(intern!(py, "dtype"))?;
+    let kind: String = dtype.getattr(intern!(py, "kind"))?.extract()?;
     if !matches!(kind.as_str(), "f" | "i" | "u" | "b") {
         return Err(PyTypeError::new_err(format!(
             "{name} has dtype {}; expected real numbers, such as {}",
@@ -124,7 +145,7 @@ pub(crate) fn copied<T: Number>(
             T::NAME
         )));
     }
-    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    let shape: Vec<usize> = array.getattr(intern!(py, "shape"))?.extract()?;
     if !dimensions.contains(&shape.len()) {
         let expected: Vec<String> = dimensions.iter().map(ToString::to_string).collect();
         return Err(PyValueError::new_err(format!(
@@ -135,6 +156,14 @@ pub(crate) fn copied<T: Number>(
     }
     let count = shape.iter().try_fold(1_usize, |count, side| count.checked_mul(*side));
     let count = count.ok_or_else(|| PyValueError::new_err(format!("{name} is too large")))?;
+    let is_short = count.checked_mul(size_of::<T>()).is_some_and(|bytes| bytes <= SHORT);
+    if is_short && dtype.getattr(intern!(py, "str"))?.eq(T::TYPE)? {
+        let bytes = array.call_method0(intern!(py, "tobytes"))?.cast_into::<PyBytes>()?;
+        let values = bytes.as_bytes().chunks_exact(size_of::<T>());
+        let values =
+            values.map(bytemuck::checked::try_pod_read_unaligned).collect::<Result<_, _>>();
+        return Ok((values.map_err(crate::errors::unusable)?, shape));
+    }
     let mut values: Vec<T> = Vec::new();
     values.try_reserve_exact(count).map_err(|_| no_memory(count * size_of::<T>()))?;
     values.resize(count, T::default());
