@@ -24,17 +24,19 @@ pub fn bytes(bytes: u64) -> String {
 
 /// Formats a span of time in the largest two units.
 pub fn duration(span: Duration) -> String {
-    let secs = span.as_secs_f64();
-    if secs < 10.0 {
-        format!("{secs:.1} s")
+    let exact = span.as_secs_f64();
+    // Rounded before they are divided: 2 h 59.7 min are 3 h 0 min, and not 2 h 60 min.
+    let (secs, mins) = (exact.round(), (exact / 60.0).round());
+    if exact < 9.95 {
+        format!("{exact:.1} s")
     } else if secs < 60.0 {
-        format!("{secs:.0} s")
+        format!("{secs} s")
     } else if secs < 3600.0 {
-        format!("{:.0} min {:.0} s", (secs / 60.0).floor(), secs % 60.0)
-    } else if secs < 86_400.0 {
-        format!("{:.0} h {:.0} min", (secs / 3600.0).floor(), (secs % 3600.0) / 60.0)
+        format!("{} min {} s", (secs / 60.0).floor(), secs % 60.0)
+    } else if mins < 1440.0 {
+        format!("{} h {} min", (mins / 60.0).floor(), mins % 60.0)
     } else {
-        format!("{:.1} days", secs / 86_400.0)
+        format!("{:.1} days", exact / 86_400.0)
     }
 }
 
@@ -116,7 +118,23 @@ mod tests {
         assert_eq!(count(12), "12");
         assert_eq!(bytes(1536), "1.5 KiB");
         assert_eq!([1, 2].map(|number| counted(number, "plant")), ["1 plant", "2 plants"]);
-        assert_eq!(duration(Duration::from_secs(3725)), "1 h 2 min");
+        let durations =
+            [0.04, 9.94, 9.96, 59.6, 119.7, 3_599.7, 3_725.0, 10_790.0, 86_390.0, 200_000.0];
+        assert_eq!(
+            durations.map(duration_of_secs),
+            [
+                "0.0 s",
+                "9.9 s",
+                "10 s",
+                "1 min 0 s",
+                "2 min 0 s",
+                "1 h 0 min",
+                "1 h 2 min",
+                "3 h 0 min",
+                "1.0 days",
+                "2.3 days"
+            ]
+        );
         let spans = [0.0, 0.5, 1.25, 59.9, 60.0, 90.0, 3_599.7, 468_012.0, 86_400.0].map(span);
         assert_eq!(
             spans,
