@@ -82,14 +82,32 @@ class _Actions:
         if self.kind == "discrete":
             return _wholes(actions)
         if self.kind == "multi_discrete":
-            levels: NDArray[np.int64] = self.table[tuple(_wholes(actions).T)]
+            places = self._rows(_wholes(actions))
+            outside = (places < 0) | (places >= self.table.shape)
+            if outside.any():
+                row = places[outside.any(axis=1).argmax()]
+                raise ValueError(f"an action is {row.tolist()}, expected numbers from 0 to {[size - 1 for size in self.table.shape]}")
+            levels: NDArray[np.int64] = self.table[tuple(places.T)]
             return levels
-        values = np.asarray(actions, np.float64)
-        if self.live:
-            return values
+        try:
+            values = np.asarray(actions, np.float64)
+        except (TypeError, ValueError):
+            values = np.full((1, len(self.low)), np.nan)
         if not np.isfinite(values).all():
             raise ValueError(f"an action is {actions}, which is no number: the agent has diverged")
-        return self._nearest(values)
+        values = self._rows(values)
+        return values if self.live else self._nearest(values)
+
+    def _rows(self, actions: NDArray[Any]) -> NDArray[Any]:
+        """Returns these actions, one in each row.
+
+        Raises:
+            ValueError: They have another number of columns than the model's actions.
+        """
+        columns = len(self.low)
+        if actions.ndim != 2 or actions.shape[1] != columns:
+            raise ValueError(f"an action has the shape {actions.shape[1:]}, expected ({columns},), a number for each column of actions")
+        return actions
 
     def _nearest(self, values: NDArray[np.float64]) -> NDArray[np.int64]:
         shares = values[:, None, :] / self.range
@@ -211,12 +229,13 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
         if self._over:
             raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
         actions, walkers = self._settings.actions, self._settings.walkers
-        if actions.kind == "discrete":
-            seen, reward, terminated, truncated, *info = walkers.step_one(action if type(action) is int else _wholes(action).item())
-        else:
+        if actions.live:
             all_seen, rewards, ends, cuts, rows, times, distances, covered, displaced = walkers.step(actions.of(np.asarray(action)[None]))
             seen, reward, terminated, truncated = all_seen[0], float(rewards[0]), bool(ends[0]), bool(cuts[0])
             info = [int(rows[0]), int(times[0]), float(distances[0]), bool(covered[0]), displaced[0]]
+        else:
+            level = action if type(action) is int and actions.kind == "discrete" else np.asarray(actions.of(np.asarray(action)[None])).item()
+            seen, reward, terminated, truncated, *info = walkers.step_one(level)
         self._over = terminated or truncated
         return seen, reward, terminated, truncated, _info(*info)
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import re
 import shutil
 import subprocess
 import sys
@@ -319,6 +320,29 @@ def test_only_whole_numbers_are_actions_by_number(acting: calib_rl.ActionModel, 
     both.reset(seed=1)
     with pytest.raises(ValueError, match="an action is 1.5, expected a whole number"):
         both.step([0, 1.5])
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_an_action_has_a_number_for_each_column(continuous: calib_rl.ActionModel, live: bool) -> None:
+    columns = len(continuous.action_columns)
+    box = calib_rl.gym.make(continuous, action_space="box", live=live)
+    for action, shape in ((np.zeros(columns + 1), f"({columns + 1},)"), (0.0, "()"), (np.zeros((1, columns)), f"(1, {columns})")):
+        box.reset(seed=1)
+        with pytest.raises(ValueError, match=re.escape(f"an action has the shape {shape}, expected ({columns},)")):
+            box.step(action)
+    many = calib_rl.gym.make_vec(continuous, 3, action_space="box", live=live)
+    many.reset(seed=1)
+    with pytest.raises(ValueError, match=re.escape(f"expected ({columns},)")):
+        many.step(np.zeros((3, columns + 1)))
+
+
+@pytest.mark.parametrize("place", [-1, 1_000])
+def test_a_place_in_multi_discrete_is_one_of_its_levels(continuous: calib_rl.ActionModel, place: int) -> None:
+    both = calib_rl.gym.make(continuous, action_space="multi_discrete")
+    both.reset(seed=1)
+    action = [0] * (len(continuous.action_columns) - 1) + [place]
+    with pytest.raises(ValueError, match=re.escape(f"an action is {action}, expected numbers from 0 to [")):
+        both.step(action)
 
 
 def test_one_name_observes_one_column(acting: calib_rl.ActionModel) -> None:
