@@ -60,12 +60,7 @@ impl ColumnFindings {
     /// # Panics
     /// If there is not one list per column, or not one value per row.
     pub fn new(config: &ControlConfig, recorded: &[Vec<f64>], segments: &Segments) -> Self {
-        let terminal = config.terminal.as_ref().map(|terminal| {
-            let names = config.columns();
-            let place = names.iter().position(|name| name == terminal);
-            let place = place.unwrap_or_else(|| unreachable!("the terminal is one of the columns"));
-            &recorded[place][..]
-        });
+        let terminal = config.terminal_of(recorded);
         let endings = Ending::of_rows(terminal, segments.rows());
         let mut found = Self {
             terminal: terminal.map(TerminalCells::of_column).unwrap_or_default(),

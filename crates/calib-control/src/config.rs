@@ -241,6 +241,16 @@ impl ControlConfig {
         columns
     }
 
+    /// Returns the column of terminals, if the study names one, of the columns [`columns`](Self::columns) as `recorded`.
+    ///
+    /// # Panics
+    /// If there is not one list per column.
+    pub(crate) fn terminal_of<'a>(&self, recorded: &'a [Vec<f64>]) -> Option<&'a [f64]> {
+        let terminal = self.terminal.as_ref()?;
+        let place = self.columns().iter().position(|column| column == terminal)?;
+        Some(&recorded[place])
+    }
+
     /// Returns the key of `[control]` that names one of these columns, such as `reward[2].set_point`.
     pub fn key_of(&self, column: &str) -> String {
         if self.actions.iter().any(|action| action == column) {

@@ -125,10 +125,9 @@ impl DecisionRows {
         segments: &Segments,
     ) -> Result<Self, ControlError> {
         let names = config.columns();
-        let terminal = place_of(config.terminal.as_ref(), &names);
-        let endings = Ending::of_rows(terminal.map(|place| &recorded[place][..]), segments.rows());
+        let endings = Ending::of_rows(config.terminal_of(&recorded), segments.rows());
         let actions = config.actions.len();
-        let probability = place_of(config.probability.as_ref(), &names);
+        let probability = names.iter().position(|name| Some(name) == config.probability.as_ref());
         for column in (0..actions).chain(probability) {
             recorded[column] = decided(&recorded[column], segments, &endings, config.lag);
         }
@@ -250,10 +249,6 @@ impl DecisionRows {
         let columns = Columns { actions: &actions, rewards: &self.rewards, endings: &self.endings };
         Decisions::new(self.states(states)?, &self.segments, columns, 1)
     }
-}
-
-fn place_of(name: Option<&String>, names: &[String]) -> Option<usize> {
-    names.iter().position(|other| Some(other) == name)
 }
 
 /// Returns the decision of each row, if the log shows it `lag` rows later.

@@ -40,10 +40,7 @@ impl StepRows {
         recorded: &[Vec<f64>],
         segments: &Segments,
     ) -> Result<Self, ControlError> {
-        let names = config.columns();
-        let terminal = config.terminal.as_ref();
-        let place = terminal.and_then(|name| names.iter().position(|other| other == name));
-        let endings = Ending::of_rows(place.map(|place| &recorded[place][..]), segments.rows());
+        let endings = Ending::of_rows(config.terminal_of(recorded), segments.rows());
         let mut rows = Vec::with_capacity(segments.rows());
         let mut lengths = Vec::with_capacity(segments.len());
         for segment in segments.iter() {
@@ -59,6 +56,7 @@ impl StepRows {
             }
             lengths.push(rows.len() - before);
         }
+        let names = config.columns();
         let columns = names.iter().zip(recorded);
         Ok(Self {
             recorded: columns.map(|(name, column)| shown(config, name, column, &rows)).collect(),
