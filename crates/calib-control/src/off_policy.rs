@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Agent, AgentConfig, ControlError, Decisions, Importance, Outcome,
-    agent::policy,
     evaluation::FittedQ,
     importance::{episodes, estimate, log_ratios},
 };
@@ -146,14 +145,14 @@ fn candidate_values(
     let agent = &mut trained_on_log(log, config, updates);
     let gamma = config.gamma;
     let transitions = (0..log.len()).map(TransitionIndex::new);
-    let after = policies(agent, &config, transitions.clone().map(|at| log.ends(at)[1]));
+    let after = policies(agent, transitions.clone().map(|at| log.ends(at)[1]));
     let mut fitted = FittedQ::fit(log, &after, gamma, timeout, monitor)?;
     // `after` has a number per transition and action, and so has `here`.
     drop(after);
-    let first = policies(agent, &config, (0..starts.rows()).map(|row| starts.row(row)));
+    let first = policies(agent, (0..starts.rows()).map(|row| starts.row(row)));
     let value = fitted.mean_over(starts, &first);
     let sampled = log.probabilities().map(|logged| {
-        let here = policies(agent, &config, transitions.map(|at| log.ends(at)[0]));
+        let here = policies(agent, transitions.map(|at| log.ends(at)[0]));
         let ratios = log_ratios(log, logged, &here);
         let importance = estimate(&episodes(log, &ratios, &[]), gamma, timeout);
         let doubly_robust = if value.is_finite() {
@@ -190,18 +189,12 @@ fn trained_on_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent
 }
 
 /// Returns π(· | state) of each of `states`, one after the other.
-fn policies<'a>(
-    agent: &mut Agent,
-    config: &AgentConfig,
-    states: impl Iterator<Item = &'a [f32]>,
-) -> Vec<f64> {
+fn policies<'a>(agent: &mut Agent, states: impl Iterator<Item = &'a [f32]>) -> Vec<f64> {
     // A growing vector would take up to three times as much memory for a moment.
     let mut all = Vec::with_capacity(states.size_hint().0 * agent.actions());
-    let mut probabilities = vec![0.0; agent.actions()];
     for state in states {
         agent.go_on(state);
-        policy(config, agent.values(), &mut probabilities);
-        all.extend_from_slice(&probabilities);
+        all.extend_from_slice(agent.policy());
     }
     all
 }

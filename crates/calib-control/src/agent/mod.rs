@@ -15,7 +15,7 @@ use calib_core::{Rng, Seed};
 pub use config::{AgentConfig, Algorithm};
 use linear::Linear;
 use network::Network;
-pub(crate) use policies::policy;
+use policies::policy;
 pub(crate) use tiles::Tiles;
 
 use crate::Outcome;

@@ -1,7 +1,7 @@
 use super::{AgentConfig, Algorithm};
 
 /// Computes the probability of each action from the values of all actions.
-pub(crate) fn policy(config: &AgentConfig, values: &[f64], probabilities: &mut [f64]) {
+pub(super) fn policy(config: &AgentConfig, values: &[f64], probabilities: &mut [f64]) {
     let best = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     match config.algorithm {
         Algorithm::ExpectedSarsa => {
