@@ -33,38 +33,36 @@ impl ActionModel {
         rules: Rules,
         rng: &mut Rng,
     ) -> Step {
-        match (target, at) {
-            (Target::Level(action), At::Start(start)) => {
-                let (near, far) = self.start_tables[member].list(start as usize, action);
-                self.drawn(&self.draw(near, far, rules), rng)
+        let mut found;
+        let (neighbors, distances) = match target {
+            Target::Level(action) => {
+                let (tables, row) = match at {
+                    At::Start(start) => (&self.start_tables, start),
+                    At::After(transition) => (&self.tables, transition),
+                };
+                tables[member].list(row as usize, action)
             }
-            (Target::Level(action), At::After(transition)) => {
-                let (near, far) = self.tables[member].list(transition as usize, action);
-                self.drawn(&self.draw(near, far, rules), rng)
-            }
-            (Target::Set(set), at) => {
-                let mut found = Nearest::new(self.k().min(MOST_LIVE));
+            Target::Set(set) => {
+                found = Nearest::new(self.k().min(MOST_LIVE));
                 self.search(member, at, set, &mut found);
-                let (near, far) = found.lists();
-                self.drawn(&self.draw(near, far, rules), rng)
+                found.lists()
             }
-        }
-    }
-
-    fn draw<'a>(&self, neighbors: &'a [u32], distances: &'a [f32], rules: Rules) -> Draw<'a> {
-        Draw { neighbors, distances, radius: self.radius, rules }
+        };
+        self.drawn(&Draw { neighbors, distances, radius: self.radius, rules }, rng)
     }
 
     pub(super) fn drawn(&self, draw: &Draw<'_>, rng: &mut Rng) -> Step {
         let Draw { neighbors, distances, radius, rules } = *draw;
         let nearest = distances.first().copied().unwrap_or(f32::INFINITY);
-        let covered = match () {
-            () if neighbors.is_empty() => Covered::Missing,
-            () if nearest > radius => Covered::Far,
-            () => Covered::Near,
+        let covered = if neighbors.is_empty() {
+            Covered::Missing
+        } else if nearest > radius {
+            Covered::Far
+        } else {
+            Covered::Near
         };
-        let is_far = covered == Covered::Far && rules.pessimism == Pessimism::MinimumReturn;
-        if neighbors.is_empty() || is_far {
+        let ends_far = covered == Covered::Far && rules.pessimism == Pessimism::MinimumReturn;
+        if covered == Covered::Missing || ends_far {
             let reward = rules.worst_return;
             let ending = Ending::Terminal;
             return Step { drawn: None, reward, ending, covered, distance: nearest };
@@ -121,7 +119,8 @@ impl ActionModel {
     }
 }
 
-fn squared(one: &[f32], other: &[f32]) -> f32 {
+/// Returns the squared distance between two points.
+pub(super) fn squared(one: &[f32], other: &[f32]) -> f32 {
     one.iter().zip(other).map(|(one, other)| (one - other) * (one - other)).sum()
 }
 

@@ -4,7 +4,7 @@
 use calib_core::{Monitor, Rng, States, TransitionIndex};
 use calib_knn::{Blocks, Sources};
 
-use super::draw::{Draw, MOST_LIVE, Nearest};
+use super::draw::{Draw, MOST_LIVE, Nearest, squared};
 use super::{
     ActionModel, ActionModelKind, Coverage, Ensemble, ModelEnvironment, Rules, Step, Target,
     radius::Outside,
@@ -66,11 +66,7 @@ impl ActionSources {
             let points = self.points[range.start * self.columns..range.end * self.columns]
                 .chunks_exact(self.columns);
             for (point, &transition) in points.zip(&self.transitions[range]) {
-                let mut squared = 0.0;
-                for (one, other) in point.iter().zip(here) {
-                    squared += (one - other) * (one - other);
-                }
-                found.offer(transition, squared);
+                found.offer(transition, squared(point, here));
             }
         }
     }
