@@ -17,7 +17,7 @@ use crate::{ControlError, Decisions, Ending, Environment, Outcome};
 pub use config::NetworkConfig;
 use files::NetworkFile;
 pub use files::NetworkFiles;
-use train::{Scales, train};
+use train::{Scale, Scales, train};
 
 /// Networks that predict (s, a) → (s', r, whether s' is terminal).
 ///
@@ -153,7 +153,8 @@ impl NetworkModel {
         let output = network.forward(&place.input, &mut place.workspace);
         let (changes, rest) = output.split_at(state.len());
         for ((value, change), column) in state.iter_mut().zip(changes).zip(&scales.columns) {
-            *value = (*value + change * column.change).clamp(column.lowest, column.highest);
+            let Scale { lowest, highest, .. } = column.values;
+            *value = (*value + change * column.change).clamp(lowest, highest);
         }
         let reward = &scales.reward;
         let got = (reward.mean + rest[0] * reward.std).clamp(reward.lowest, reward.highest);

@@ -9,39 +9,38 @@ use crate::{ControlError, Decisions, Ending};
 #[derive(Clone, Debug)]
 pub(super) struct Scales {
     pub(super) columns: Vec<Column>,
-    pub(super) reward: Reward,
+    pub(super) reward: Scale,
     pub(super) actions: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Column {
-    mean: f32,
-    std: f32,
+    pub(super) values: Scale,
     /// Root mean square of the changes.
     pub(super) change: f32,
-    pub(super) lowest: f32,
-    pub(super) highest: f32,
 }
 
+/// Mean, standard deviation and range of some values. A standard deviation of 0 becomes 1, so that constant values are scaled to 0.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reward {
+pub(super) struct Scale {
     pub(super) mean: f32,
     pub(super) std: f32,
     pub(super) lowest: f32,
     pub(super) highest: f32,
 }
 
-/// Returns mean, standard deviation and range. A standard deviation of 0 becomes 1, so that constant values are scaled to 0.
-fn spread(values: impl Iterator<Item = f32> + Clone) -> Reward {
-    let wide = values.clone().map(f64::from);
-    let count = wide.clone().count() as f64;
-    let mean = wide.clone().sum::<f64>() / count;
-    let variance = wide.map(|value| (value - mean).powi(2)).sum::<f64>() / count;
-    Reward {
-        mean: mean as f32,
-        std: unless_zero(variance.sqrt() as f32),
-        lowest: values.clone().fold(f32::INFINITY, f32::min),
-        highest: values.fold(f32::NEG_INFINITY, f32::max),
+impl Scale {
+    fn of_values(values: impl Iterator<Item = f32> + Clone) -> Self {
+        let wide = values.clone().map(f64::from);
+        let count = wide.clone().count() as f64;
+        let mean = wide.clone().sum::<f64>() / count;
+        let variance = wide.map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+        Self {
+            mean: mean as f32,
+            std: unless_zero(variance.sqrt() as f32),
+            lowest: values.clone().fold(f32::INFINITY, f32::min),
+            highest: values.fold(f32::NEG_INFINITY, f32::max),
+        }
     }
 }
 
@@ -57,17 +56,16 @@ impl Scales {
                 .map(|column: usize| {
                     let values =
                         all.clone().flat_map(move |at| log.ends(at).map(|state| state[column]));
-                    let Reward { mean, std, lowest, highest } = spread(values);
                     let squares = all.clone().map(|at| {
                         let [from, to] = log.ends(at);
                         f64::from(to[column] - from[column]).powi(2)
                     });
                     let change =
                         unless_zero((squares.sum::<f64>() / log.len() as f64).sqrt() as f32);
-                    Column { mean, std, change, lowest, highest }
+                    Column { values: Scale::of_values(values), change }
                 })
                 .collect(),
-            reward: spread(log.rewards().iter().copied()),
+            reward: Scale::of_values(log.rewards().iter().copied()),
             actions: log.levels(),
         }
     }
@@ -76,7 +74,7 @@ impl Scales {
     pub(super) fn put_input(&self, state: &[f32], action: usize, input: &mut [f32]) {
         let (scaled, actions) = input.split_at_mut(self.columns.len());
         for ((scaled, value), column) in scaled.iter_mut().zip(state).zip(&self.columns) {
-            *scaled = (value - column.mean) / column.std;
+            *scaled = (value - column.values.mean) / column.values.std;
         }
         actions.fill(0.0);
         actions[action] = 1.0;
