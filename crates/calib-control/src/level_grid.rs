@@ -13,15 +13,22 @@ const MOST_DIGITS: i32 = 12;
 /// If all values lie in at most `levels` narrow clusters, such as those of a valve that is read back with noise, each cluster has one
 /// level. Otherwise the levels are an even grid from the least to the largest value, without levels that are nearest to no value.
 pub(crate) fn of_column(column: &[f64], levels: usize) -> Vec<f64> {
-    let mut sorted: Vec<f64> =
-        column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
-    sorted.sort_by(f64::total_cmp);
+    let sorted = sorted_values(column);
     let mut own = sorted.clone();
     own.dedup();
     if own.len() <= levels {
         return own;
     }
     clustered(&sorted, levels).unwrap_or_else(|| even(&own, levels))
+}
+
+/// Returns the values of a column, ascending, without missing ones, which are NaN.
+pub(crate) fn sorted_values(column: &[f64]) -> Vec<f64> {
+    // Adding 0 turns −0 into 0.
+    let values = column.iter().map(|value| value + 0.0);
+    let mut sorted: Vec<f64> = values.filter(|value| !value.is_nan()).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted
 }
 
 /// Returns one value per cluster of ascending values, or `None` if they do not lie in 2 to `most` narrow clusters.

@@ -1,5 +1,7 @@
 use std::ops::Range;
 
+use crate::level_grid::sorted_values;
+
 /// One row in this many may have an outlying value. Our choice.
 const ROWS_TO_ONE: usize = 100;
 
@@ -37,9 +39,7 @@ impl OutlyingActions {
     /// hundred has them, and each group is farther from the rest than the values of the rest are from each other. Among several such
     /// choices, the one with the most rows counts.
     pub fn of_column(column: &[f64], levels: usize) -> Option<Self> {
-        let mut values: Vec<f64> =
-            column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
-        values.sort_by(f64::total_cmp);
+        let values = sorted_values(column);
         let counted: Vec<CountedValue> = values
             .chunk_by(|a, b| a.total_cmp(b).is_eq())
             .map(|alike| CountedValue { value: alike[0], rows: alike.len() })
