@@ -189,7 +189,8 @@ impl Term {
         std::iter::once(&self.column).chain(self.set_point_column())
     }
 
-    fn set_point_column(&self) -> Option<&String> {
+    /// Returns the column that holds the set-point, if there is one.
+    pub fn set_point_column(&self) -> Option<&String> {
         match &self.set_point {
             Some(SetPoint::Column(column)) => Some(column),
             Some(SetPoint::Number(_)) | None => None,

@@ -8,7 +8,7 @@ use calib_base::{
 };
 use calib_control::{
     ActionModel, ColumnFindings, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
-    Ending, Levels, OutlyingActions, RewardRow, SetPoint, Settings, StartRows, Starts,
+    Ending, Levels, OutlyingActions, RewardRow, Settings, StartRows, Starts, Term,
 };
 use calib_core::{Bounds, Column, ColumnKind, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
@@ -293,11 +293,9 @@ fn set_points(
     recorded: &[Vec<f64>],
 ) -> BTreeMap<String, Vec<f64>> {
     let terms = config.reward.terms();
-    let set_points = terms.iter().filter_map(|term| match &term.set_point {
-        Some(SetPoint::Column(column)) => Some(column),
-        Some(SetPoint::Number(_)) | None => None,
-    });
-    set_points
+    terms
+        .iter()
+        .filter_map(Term::set_point_column)
         .filter(|column| !config.actions.contains(column))
         .filter_map(|column| {
             let place = names.iter().position(|name| name == column)?;
