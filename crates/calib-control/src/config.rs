@@ -5,7 +5,7 @@ use calib_stats::RankRule;
 
 use crate::{
     ActionModelConfig, ActionModelKind, AgentConfig, ControlError, Grid, LEAST_LEVELS, Reward,
-    Support, error::check_fields,
+    RunLength, Support, error::check_fields,
 };
 
 /// `[control]`: an agent that acts, tuned on a log with actions.
@@ -221,6 +221,16 @@ impl ControlConfig {
     /// Returns the number of runs of each setting, over all ensemble members.
     pub fn runs_of_a_setting(&self) -> usize {
         self.all_members() * self.runs
+    }
+
+    /// Returns the length of each training run.
+    pub fn run_length(&self) -> RunLength {
+        RunLength { steps: self.steps, timeout: self.timeout }
+    }
+
+    /// Returns the most steps of an episode. An agent with fewer steps than the timeout has no longer episodes.
+    pub fn longest_episode(&self) -> usize {
+        self.timeout.min(self.steps)
     }
 
     /// Returns the columns that are not part of the state: actions, the reward if a column holds it, the terminal and the probability.

@@ -52,7 +52,7 @@ pub(super) fn beyond_returns(
     candidates: &[AgentConfig],
     log: &Decisions,
 ) -> Vec<String> {
-    let timeout = config.timeout.min(config.steps);
+    let timeout = config.longest_episode();
     let mut spreads: Vec<(f64, Option<f64>)> = Vec::new();
     for agent in candidates {
         if !spreads.iter().any(|(gamma, _)| *gamma == agent.gamma) {

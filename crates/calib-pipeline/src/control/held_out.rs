@@ -204,7 +204,7 @@ pub(super) fn judged(
             log: fingerprint.clone(),
             decisions: recorded.len(),
             uncovered: model.uncovered_share(&metric, &printer.progress())?,
-            behaviour: recorded.recorded_return(config.timeout.min(config.steps))?,
+            behaviour: recorded.recorded_return(config.longest_episode())?,
             mean_reward: recorded.mean_reward(),
         };
         if let Some(warning) = period.warning() {

@@ -42,7 +42,7 @@ struct RewardSummary {
 
 impl RewardSummary {
     fn of_log(log: &Decisions, config: &ControlConfig) -> Result<Self, StepError> {
-        let recorded = log.recorded_return(config.timeout.min(config.steps))?;
+        let recorded = log.recorded_return(config.longest_episode())?;
         let [mut least, mut largest] = [f64::INFINITY, f64::NEG_INFINITY];
         for &reward in log.rewards() {
             least = least.min(f64::from(reward));

@@ -234,8 +234,7 @@ fn metric(
 
 /// Returns the study's rule for steps that the log does not cover.
 pub(super) fn rules(config: &ControlConfig, log: &ActionLog) -> Result<Rules, StepError> {
-    // An agent with fewer steps than the timeout has no longer episodes.
-    let recorded = log.decisions.recorded_return(config.timeout.min(config.steps))?;
+    let recorded = log.decisions.recorded_return(config.longest_episode())?;
     let worst_return = config.worst_return.or(recorded.worst).unwrap_or(recorded.mean);
     Ok(Rules { pessimism: config.model.pessimism, worst_return })
 }

@@ -7,7 +7,7 @@ use calib_base::{
 };
 use calib_control::{
     ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, FixedWalks, NetworkConfig,
-    NetworkModel, RunLength, off_policy_bytes,
+    NetworkModel, off_policy_bytes,
 };
 use calib_model_steps::represent::{RepresentationCost, decisions};
 use calib_study::Job;
@@ -187,8 +187,7 @@ impl ControlTime {
             });
             runs_secs += side_by_side(&runs.collect::<Vec<_>>(), threads);
             if work.extent == Extent::All {
-                let span = RunLength { steps: config.steps, timeout: config.timeout };
-                let walks = FixedWalks::new(config.runs, span, log.levels());
+                let walks = FixedWalks::new(config.runs, config.run_length(), log.levels());
                 let count = left.members.len().saturating_mul(walks.in_member(log.levels()));
                 let secs = steps * kind.step;
                 other_secs += side_by_side(&[Pieces { count, secs }], threads);

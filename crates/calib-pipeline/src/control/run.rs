@@ -11,7 +11,7 @@ use calib_base::{
 use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
     ControlConfig, ControlError, Distance, Doubt, Ensemble, Extent, IncrementModel, Increments,
-    NetworkFiles, NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId, RunLength,
+    NetworkFiles, NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId,
     constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
@@ -280,8 +280,7 @@ fn judged(
     let default = agents.default(config);
     let question = Question {
         log: decisions,
-        // An agent with fewer steps than the timeout has no longer episodes.
-        timeout: config.timeout.min(config.steps),
+        timeout: config.longest_episode(),
         candidates: agents.count(),
         default: default.filter(|&default| !acting.has_failed(default)),
         rule: config.rule,
@@ -295,9 +294,9 @@ fn judged(
     }
     let failures = program.as_ref().map_or_else(Vec::new, ProgramAgents::failures);
     let described = described(&model, config.model.distance, &names)?;
-    let span = RunLength { steps: config.steps, timeout: config.timeout };
     // The last quarter of a run, in which the agent has learned what it will.
     let kept = config.steps.div_ceil(4).min(MOST_TOLD_STEPS);
+    let span = config.run_length();
     let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
     let rows = recorded_rows(&last, &model, config.start);
     let conduct = (!last.run.diverged).then(|| conduct(&last, &rows, &names, &described, config));
@@ -375,8 +374,7 @@ fn swept(
     printer: &Printer,
 ) -> Result<SweptSettings, StepError> {
     let progress = printer.progress();
-    let span = RunLength { steps: config.steps, timeout: config.timeout };
-    let extent = Extent { runs: config.runs, span };
+    let extent = Extent { runs: config.runs, span: config.run_length() };
     let question = SweepInputs {
         actions: model.log().levels(),
         agents,
