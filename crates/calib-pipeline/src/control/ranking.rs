@@ -101,9 +101,7 @@ pub(crate) fn ranking(
     if !members.is_empty() {
         let selection = select_by(config.rule, &members, Direction::HigherIsBetter)?;
         let fields = agents.fields(config);
-        let mut order: Vec<usize> = (0..agents.count()).collect();
-        order.sort_by(|&a, &b| selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]));
-        settings = order
+        settings = show::by_rank(&selection, config.rule)
             .into_iter()
             .map(|candidate| {
                 let setting = setting_name(&fields[candidate]);

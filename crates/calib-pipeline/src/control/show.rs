@@ -5,7 +5,7 @@ use calib_base::{
 };
 use calib_control::{FittedQValue, Importance};
 use calib_report::{Cell, Table};
-use calib_stats::RankRule;
+use calib_stats::{RankRule, Selection};
 use calib_study::{Job, StepKind};
 
 use super::{
@@ -161,20 +161,27 @@ pub(super) fn states(log: &ActionLogSummary) -> String {
     table(&header, &rows)
 }
 
-/// Returns the best settings in the order of the rule, and the default.
-pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
-    let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
-    let mut order: Vec<usize> = (0..evaluation.candidates.len()).collect();
+/// Returns all settings in the order of the rule, with the choice first among equal ones.
+pub(super) fn by_rank(selection: &Selection, rule: RankRule) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..selection.mean_ranks.len()).collect();
     order.sort_by(|&a, &b| {
         let by_mean = selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]);
-        let by_rule = match verdict.rule {
+        let by_rule = match rule {
             RankRule::MeanRank => by_mean,
             RankRule::WorstRank => {
                 selection.worst_ranks[a].cmp(&selection.worst_ranks[b]).then(by_mean)
             }
         };
-        by_rule.then((a != verdict.chosen).cmp(&(b != verdict.chosen))).then(a.cmp(&b))
+        let is_other = |setting: usize| setting != selection.chosen;
+        by_rule.then(is_other(a).cmp(&is_other(b))).then(a.cmp(&b))
     });
+    order
+}
+
+/// Returns the best settings in the order of the rule, and the default.
+pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
+    let verdict = &evaluation.verdict;
+    let mut order = by_rank(&verdict.selection, verdict.rule);
     order.truncate(count);
     order.extend(verdict.default.filter(|default| !order.contains(default)));
     order
@@ -292,6 +299,20 @@ fn doubly_robust(value: Option<f64>, fitted: &FittedQValue) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn settings_are_in_the_order_of_the_rule() {
+        let selection = Selection {
+            chosen: 2,
+            tie_set: vec![1, 2],
+            worst_ranks: vec![3, 2, 2],
+            mean_ranks: vec![1.5, 2.0, 2.0],
+            mean_errors: vec![0.0; 3],
+            ranks: Vec::new(),
+        };
+        assert_eq!(by_rank(&selection, RankRule::MeanRank), [0, 2, 1]);
+        assert_eq!(by_rank(&selection, RankRule::WorstRank), [2, 1, 0]);
+    }
 
     #[test]
     fn values_that_did_not_converge_have_a_mark_with_a_note() {
