@@ -17,7 +17,7 @@ def write_whole(path: Path, content: bytes) -> None:
     try:
         unfinished.write_bytes(content)
         os.replace(unfinished, path)
-    except OSError:
+    except BaseException:  # Ctrl-C may leave nothing either
         with contextlib.suppress(OSError):
             unfinished.unlink()
         raise

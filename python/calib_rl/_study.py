@@ -442,15 +442,16 @@ def write_study(path: Path, text: str) -> None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    unfinished.write_text(text, encoding="utf-8")
     try:
-        # A hard link never replaces a file, not even one that another process has just written.
-        os.link(unfinished, path)
-    except FileExistsError:
-        _holds(path, text)
-    except OSError:
-        # Some file systems have no hard links.
-        os.replace(unfinished, path)
+        unfinished.write_bytes(text.encode())
+        try:
+            # A hard link never replaces a file, not even one that another process has just written.
+            os.link(unfinished, path)
+        except FileExistsError:
+            _holds(path, text)
+        except OSError:
+            # Some file systems have no hard links.
+            os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
 

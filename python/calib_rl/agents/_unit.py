@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 import pickle
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import _calib
+from .._files import write_whole
 from .._study import Study
 from ._protocol import Factory, made
 from ._streams import Streams, predicted
@@ -40,11 +41,10 @@ def run_unit(streams: Streams, factory: Factory, unit: Unit, store: Path) -> Non
     (store / f"{unit.key}.updates").write_text(str(updates))
     if unit.keep_states:
         (store / f"{unit.key}.state.pickle").write_bytes(pickle.dumps(dict(agent.state_dict())))
-    unfinished = store / f".{unit.key}.{os.getpid()}.tmp"
-    with open(unfinished, "wb") as file:
-        np.save(file, predictions)
+    array = io.BytesIO()
+    np.save(array, predictions)
     # The array is written last, so a run with an array is complete.
-    os.replace(unfinished, store / unit.key)
+    write_whole(store / unit.key, array.getvalue())
 
 
 _STREAMS: list[Streams] = []
