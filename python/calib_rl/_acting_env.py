@@ -17,12 +17,11 @@ from ._acting import ActionModel
 from ._checks import LARGEST_SEED, position, whole
 from ._errors import CalibWarning
 from ._kinds import ModelKind
-from ._model import Units, physical_values
+from ._model import Units, check_units, physical_values
 from ._walks import (
     AUTORESET,
     Column,
     WalkSettings,
-    check_units,
     dealt_members,
     observation_space,
     observed_columns,

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 Units = Literal["normalised", "physical"]
 
 
+def check_units(units: Units) -> None:
+    """Refuses unknown units."""
+    if units not in ("normalised", "physical"):
+        raise ValueError(f"units are {units!r}, expected 'normalised' or 'physical'")
+
+
 def physical_values(columns: Sequence[tuple[str, float, float]], states: ArrayLike) -> NDArray[np.float64]:
     """Converts normalised states, ``[..., d]``, to the units of columns with these names, offsets and scales."""
     _, offset, scale = zip(*columns)
@@ -383,7 +389,7 @@ class Model:
 
         Raises:
             CalibError: A value is NaN or infinite, or the number of columns is wrong.
-            ValueError: ``k`` is less than 1, or more than the number of the member's transitions.
+            ValueError: ``k`` is less than 1, or more than the number of the member's transitions. The units are unknown.
             TypeError: The values are not real numbers.
             IndexError: The member does not exist.
             MemoryError: There is not enough memory.
@@ -397,6 +403,7 @@ class Model:
             >>> rows.shape, bool((np.diff(distances) >= 0).all())
             ((1, 4), True)
         """
+        check_units(units)
         if units == "physical":
             states = self.normalised(states)
         neighbors = self.k if k is None else whole(k, "k", 1)

@@ -70,12 +70,6 @@ def observed_columns(names: list[str], observe: Sequence[Column] | None) -> list
     return columns
 
 
-def check_units(units: Units) -> None:
-    """Refuse unknown units."""
-    if units not in ("normalised", "physical"):
-        raise ValueError(f"units are {units!r}, expected 'normalised' or 'physical'")
-
-
 def observation_space(model: Seen, columns: list[int], units: Units) -> gymnasium.Space[NDArray[np.float32]]:
     """Returns the space of these columns, from the smallest to the largest recorded value."""
     low, high = model._native.extremes()

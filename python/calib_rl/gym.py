@@ -29,12 +29,11 @@ from ._acting import ActionModel
 from ._acting_env import ActingEnv, ActingVectorEnv, ActionKind, Pessimism
 from ._checks import LARGEST_SEED, position, whole
 from ._kinds import ModelKind
-from ._model import Model, Units
+from ._model import Model, Units, check_units
 from ._walks import (
     AUTORESET,
     Column,
     WalkSettings,
-    check_units,
     column_position,
     dealt_members,
     observation_space,
@@ -98,7 +97,7 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
         *,
         observe: Sequence[Column] | None = None,
         reward: Column = 0,
-        max_steps: int | None = 1000,
+        max_steps: int | None = _MAX_STEPS,
         units: Units = "normalised",
         action_space: gymnasium.Space[Any] | None = None,
     ) -> None:
@@ -180,7 +179,7 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         *,
         observe: Sequence[Column] | None = None,
         reward: Column = 0,
-        max_steps: int | None = 1000,
+        max_steps: int | None = _MAX_STEPS,
         units: Units = "normalised",
         action_space: gymnasium.Space[Any] | None = None,
     ) -> None:

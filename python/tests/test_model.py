@@ -211,7 +211,9 @@ def test_models_are_pickled_by_their_path(model: calib_rl.Model) -> None:
 def test_numbers_are_refused_in_plain_words(model: calib_rl.Model) -> None:
     states = model.states[:2]
     half: Any = 0.5
+    unknown: Any = "bar"
     cases: list[tuple[Callable[[], object], type[Exception], str]] = [
+        (lambda: model.nearest(states, units=unknown), ValueError, "units are 'bar', expected 'normalised' or 'physical'"),
         (lambda: model.nearest(states, -1), ValueError, "k is -1, expected a whole number of at least 1"),
         (lambda: model.nearest(states, 0), ValueError, "k is 0, expected"),
         (lambda: model.nearest(states, half), TypeError, "k is 0.5, expected a whole number, such as 1"),
