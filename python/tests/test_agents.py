@@ -122,6 +122,8 @@ def test_processes_make_no_difference(study: calib_rl.Study, runs: agents.AgentR
     other = agents.Sweep(study, tmp_path, progress=False)
     there = other.run(Td, {"learning_rate": [1e-3, 1e-2, 1e-1, 1e3]}, default={"learning_rate": 1e-2}, processes=2)
     assert (there.path / "runs.parquet").read_bytes() == (runs.path / "runs.parquet").read_bytes()
+    assert there.states() == []
+    assert len(other.run(Td, {"learning_rate": [1e-3]}, keep_states=True).states()) == 9, "made again, with states"
 
 
 def test_an_agents_mistake_is_told(sweep: agents.Sweep) -> None:

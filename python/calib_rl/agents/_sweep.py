@@ -20,7 +20,7 @@ from .._study import Study
 from ._protocol import Factory, Task, Values
 from ._runs import AgentRuns
 from ._streams import Streams
-from ._unit import Unit, open_streams, plain, run_there, run_unit
+from ._unit import Unit, is_stored, open_streams, plain, run_there, run_unit
 
 
 def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
@@ -110,7 +110,7 @@ class Sweep:
             default: The setting that you would use without calib. The first, unless given. It is added if ``values`` lacks it.
             processes: Processes to run in. Their results are the same.
             version: Change it when the agent's code changes.
-            keep_states: Whether to pickle what each agent has learned beside the runs.
+            keep_states: Whether to pickle what each agent has learned beside the runs. Finished runs without it are made again.
 
         Returns:
             The runs.
@@ -134,7 +134,7 @@ class Sweep:
         units = list(self._units(factory, candidates, version, keep_states))
         store = self.folder / "units"
         store.mkdir(parents=True, exist_ok=True)
-        left = [unit for unit in units if not (store / unit.key).exists()]
+        left = [unit for unit in units if not is_stored(unit, store)]
         self._observer.told("talk", f"agents: {len(units)} runs, {len(units) - len(left)} of them there already")
         if processes > 1 and left:
             self._in_processes(factory, left, processes)

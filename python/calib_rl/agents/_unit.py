@@ -32,6 +32,15 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
+def _state_file(unit: Unit, store: Path) -> Path:
+    return store / f"{unit.key}.state.pickle"
+
+
+def is_stored(unit: Unit, store: Path) -> bool:
+    """Whether the store has the run, with what its agent learned if that is kept."""
+    return (store / unit.key).exists() and (not unit.keep_states or _state_file(unit, store).exists())
+
+
 def run_unit(streams: Streams, factory: Factory, unit: Unit, store: Path) -> None:
     """Make a run, and put its predictions and updates into the store."""
     states, pieces = streams.all[unit.stream].states()
@@ -40,7 +49,7 @@ def run_unit(streams: Streams, factory: Factory, unit: Unit, store: Path) -> Non
     predictions, updates = predicted(agent, states, pieces, task.column, streams.all[unit.stream].steps)
     (store / f"{unit.key}.updates").write_text(str(updates))
     if unit.keep_states:
-        (store / f"{unit.key}.state.pickle").write_bytes(pickle.dumps(dict(agent.state_dict())))
+        write_whole(_state_file(unit, store), pickle.dumps(dict(agent.state_dict())))
     array = io.BytesIO()
     np.save(array, predictions)
     # The array is written last, so a run with an array is complete.
