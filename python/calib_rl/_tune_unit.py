@@ -11,6 +11,7 @@ import random
 import sys
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -24,14 +25,18 @@ from .gym import make
 _BEYOND = 100_000
 
 
+@dataclass
 class Unit:
     """One setting in one run of one ensemble member. ``is_recorded`` is whether the agent's last steps are kept."""
 
-    def __init__(
-        self, setting: dict[str, Any], candidate: int, kind: str, member: int, run: int, seed: int, steps: int, is_recorded: bool = False
-    ) -> None:
-        self.setting, self.candidate, self.kind, self.member = setting, candidate, kind, member
-        self.run, self.seed, self.steps, self.is_recorded = run, seed, steps, is_recorded
+    setting: dict[str, Any]
+    candidate: int
+    kind: str
+    member: int
+    run: int
+    seed: int
+    steps: int
+    is_recorded: bool
 
 
 class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
