@@ -147,11 +147,7 @@ impl TunedPage {
             });
             series.push(Series::numbered(kind, name, points.collect()));
         }
-        let ends = series.iter().flat_map(|series| &series.points).flat_map(|point| {
-            let (low, high) = point.interval.unwrap_or((point.y, point.y));
-            [point.y, low, high]
-        });
-        let scale = Scale::linear_around(&ends.filter(|end| end.is_finite()).collect::<Vec<_>>());
+        let scale = Scale::linear_around_series(&series);
         let marks = [("chosen", Dash::Solid), ("default", Dash::Dashed)];
         let rules = marks.into_iter().filter_map(|(role, dash)| {
             let place = drawn.iter().position(|setting| setting.role == role)?;

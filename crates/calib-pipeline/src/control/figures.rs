@@ -116,11 +116,7 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
             Series::numbered(number, label, points.collect())
         })
         .collect();
-    let ends = drawn.iter().flat_map(|series| &series.points).flat_map(|point| {
-        let (low, high) = point.interval.unwrap_or((point.y, point.y));
-        [point.y, low, high]
-    });
-    let scale = Scale::linear_around(&ends.filter(|end| end.is_finite()).collect::<Vec<_>>());
+    let scale = Scale::linear_around_series(&drawn);
     let name = &evaluation.fields[0][field].0;
     let title = format!("Return in the model against {name}");
     let chosen = swept[evaluation.verdict.chosen];
