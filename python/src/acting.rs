@@ -54,14 +54,6 @@ impl PyActionModel {
         &self.shared.opened.model
     }
 
-    /// Returns name, offset and scale of every column.
-    pub(crate) fn described_columns(&self) -> Vec<(String, f64, f64)> {
-        let columns = self.shared.opened.names.columns.iter();
-        columns
-            .map(|column| (column.name.clone(), column.bounds.offset, column.bounds.scale))
-            .collect()
-    }
-
     /// Returns the name of each action, and the values that it sets.
     pub(crate) fn described_actions(&self) -> Vec<(String, Vec<f64>)> {
         let names = &self.shared.opened.names;
@@ -170,8 +162,11 @@ impl PyActionModel {
 
     /// Returns name, offset and scale of every column: physical = normalised × scale + offset.
     #[getter]
-    fn columns(&self) -> Vec<(String, f64, f64)> {
-        self.described_columns()
+    pub(crate) fn columns(&self) -> Vec<(String, f64, f64)> {
+        let columns = self.shared.opened.names.columns.iter();
+        columns
+            .map(|column| (column.name.clone(), column.bounds.offset, column.bounds.scale))
+            .collect()
     }
 
     /// Returns name, least and largest recorded value of every column of the actions.

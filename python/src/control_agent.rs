@@ -102,7 +102,7 @@ impl ControlAgent {
     /// Returns how the columns of a model are rescaled for the agent. Empty if both have the same ranges.
     fn rescaled(&self, model: &PyActionModel) -> PyResult<Vec<RescaledColumn>> {
         let Described { columns, actions, .. } = &self.described;
-        let of_model = model.described_columns();
+        let of_model = model.columns();
         let same_names = of_model.len() == columns.len()
             && of_model.iter().zip(columns).all(|(model, own)| model.0 == own.0);
         if !same_names {
@@ -190,7 +190,7 @@ impl ControlAgent {
         let settings: AgentConfig =
             serde_json::from_str(settings).map_err(|error| errors::value(setting_error(&error)))?;
         settings.check().map_err(errors::unusable)?;
-        let columns = model.described_columns();
+        let columns = model.columns();
         let actions = model.described_actions();
         settings.bytes(columns.len(), actions.len()).map_err(errors::unusable)?;
         Ok(Self::new_of(Described { format: FORMAT, settings, columns, actions, seed }))

@@ -1,26 +1,33 @@
-//! Converts dictionaries of Python to values of TOML and JSON.
+//! Converts dictionaries of Python to values of TOML.
 
 use pyo3::{
     exceptions::PyTypeError,
     prelude::*,
     types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple},
 };
+use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
-/// Converts a dictionary to a table of TOML. A key with the value `None` is left out.
+/// Converts keywords to options.
 ///
 /// # Errors
-/// `TypeError` with the key, for a value that TOML cannot represent.
-pub(crate) fn table(object: &Bound<'_, PyAny>, above: &str) -> PyResult<Table> {
-    table_within(object, above, DEEPEST)
+/// `TypeError` for an unknown keyword or a value that TOML cannot represent, `ValueError` for a wrong value.
+pub(crate) fn options<T: DeserializeOwned>(keywords: &Bound<'_, PyDict>) -> PyResult<T> {
+    table(keywords.as_any(), "", DEEPEST)?
+        .try_into()
+        .map_err(|error| crate::errors::of_options(&error))
 }
 
 /// The deepest nesting of dictionaries and lists. Deeper nesting is not a study, and a structure that contains itself has no
 /// end.
 const DEEPEST: usize = 32;
 
-/// Converts as [`table`] does, with `left` more levels of nesting allowed.
-fn table_within(object: &Bound<'_, PyAny>, above: &str, left: usize) -> PyResult<Table> {
+/// Converts a dictionary to a table of TOML, with `left` more levels of nesting allowed. `above` is its key, or empty. A key with the value
+/// `None` is left out.
+///
+/// # Errors
+/// `TypeError` with the key, for a value that TOML cannot represent.
+fn table(object: &Bound<'_, PyAny>, above: &str, left: usize) -> PyResult<Table> {
     let left = deeper(above, left)?;
     let mut table = Table::new();
     let items = object.call_method0("items").map_err(|_| not_toml(object, above))?;
@@ -59,7 +66,7 @@ fn value(object: &Bound<'_, PyAny>, path: &str, left: usize) -> PyResult<Value> 
         return Ok(Value::String(object.extract()?));
     }
     if object.is_instance_of::<PyDict>() {
-        return Ok(Value::Table(table_within(object, path, left)?));
+        return Ok(Value::Table(table(object, path, left)?));
     }
     if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
         let left = deeper(path, left)?;
@@ -103,5 +110,5 @@ pub(crate) fn to_toml_value(object: &Bound<'_, PyAny>, key: &str) -> PyResult<St
 /// Formats a dictionary as the text of a study file.
 #[pyfunction]
 pub(crate) fn to_toml(object: &Bound<'_, PyAny>) -> PyResult<String> {
-    toml::to_string(&table(object, "")?).map_err(crate::errors::unusable)
+    toml::to_string(&table(object, "", DEEPEST)?).map_err(crate::errors::unusable)
 }

@@ -75,9 +75,7 @@ impl Model {
         options: &Bound<'_, PyDict>,
         observer: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let config: ModelConfig = convert::table(options.as_any(), "")?
-            .try_into()
-            .map_err(|error| errors::of_options(&error))?;
+        let config: ModelConfig = convert::options(options)?;
         let weights = config.weights().map_err(|error| errors::of_any(py, &error))?;
         let (values, shape) = copied::<f32>(states, "states", &[2])?;
         let rows = shape[0];

@@ -18,9 +18,7 @@ pub(crate) fn simulate(
     force: bool,
     observer: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let config: SimulateConfig = convert::table(options.as_any(), "")?
-        .try_into()
-        .map_err(|error| errors::of_options(&error))?;
+    let config: SimulateConfig = convert::options(options)?;
     let plant = config.plant().map_err(|error| errors::of_study(py, &error))?;
     let simulated = run_step(py, observer, |printer| {
         calib_pipeline::simulate_plant(&directory, plant, force, printer)
