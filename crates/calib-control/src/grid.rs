@@ -43,6 +43,16 @@ pub struct Grid {
     pub target_steps: Option<Vec<usize>>,
 }
 
+/// Calls a macro with the fields of the grid, in the order in which they are combined: the last one changes fastest.
+macro_rules! with_fields {
+    ($visit:ident) => {
+        $visit! {
+            algorithm step_size beta1 temperature epsilon initial_weight lambda tilings tiles pairs
+            gamma hidden_width hidden_layers batch replay target_steps
+        }
+    };
+}
+
 /// Replaces every setting that uses `field` by one setting per value.
 fn each<T: Copy + PartialEq + Debug>(
     candidates: &mut Vec<AgentConfig>,
@@ -99,26 +109,15 @@ impl Grid {
     /// If a list is empty or has a value twice, no algorithm uses a field, or a value is not valid for its field.
     pub fn candidates(&self, agent: AgentConfig) -> Result<Vec<AgentConfig>, ControlError> {
         let mut all = vec![agent];
-        each(&mut all, "algorithm", self.algorithm.as_ref(), |agent, value| {
-            agent.algorithm = value;
-        })?;
-        each(&mut all, "step_size", self.step_size.as_ref(), |agent, value| {
-            agent.step_size = value;
-        })?;
-        each(&mut all, "beta1", self.beta1.as_ref(), |agent, value| agent.beta1 = value)?;
-        each(&mut all, "temperature", self.temperature.as_ref(), |agent, value| {
-            agent.temperature = value;
-        })?;
-        each(&mut all, "epsilon", self.epsilon.as_ref(), |agent, value| agent.epsilon = value)?;
-        each(&mut all, "initial_weight", self.initial_weight.as_ref(), |agent, value| {
-            agent.initial_weight = value;
-        })?;
-        each(&mut all, "lambda", self.lambda.as_ref(), |agent, value| agent.lambda = value)?;
-        each(&mut all, "tilings", self.tilings.as_ref(), |agent, value| agent.tilings = value)?;
-        each(&mut all, "tiles", self.tiles.as_ref(), |agent, value| agent.tiles = value)?;
-        each(&mut all, "pairs", self.pairs.as_ref(), |agent, value| agent.pairs = value)?;
-        each(&mut all, "gamma", self.gamma.as_ref(), |agent, value| agent.gamma = value)?;
-        self.networks(&mut all)?;
+        macro_rules! combine {
+            ($($field:ident)*) => {
+                $(
+                    let (field, values) = (stringify!($field), self.$field.as_ref());
+                    each(&mut all, field, values, |agent, value| agent.$field = value)?;
+                )*
+            };
+        }
+        with_fields!(combine);
         let checked = all.iter().try_for_each(AgentConfig::check);
         checked.map_err(|error| self.with_key(error, &agent))?;
         Ok(all)
@@ -131,46 +130,20 @@ impl Grid {
         error.in_section(if is_swept { "grid" } else { "agent" })
     }
 
-    /// Combines the fields of networks.
-    fn networks(&self, all: &mut Vec<AgentConfig>) -> Result<(), ControlError> {
-        each(all, "hidden_width", self.hidden_width.as_ref(), |agent, value| {
-            agent.hidden_width = value;
-        })?;
-        each(all, "hidden_layers", self.hidden_layers.as_ref(), |agent, value| {
-            agent.hidden_layers = value;
-        })?;
-        each(all, "batch", self.batch.as_ref(), |agent, value| agent.batch = value)?;
-        each(all, "replay", self.replay.as_ref(), |agent, value| agent.replay = value)?;
-        each(all, "target_steps", self.target_steps.as_ref(), |agent, value| {
-            agent.target_steps = value;
-        })
-    }
-
     /// Returns the names of the swept fields, with the values that `agent` has in them.
     pub fn told(&self, agent: &AgentConfig) -> Vec<(&'static str, String)> {
-        let algorithm = agent.algorithm;
-        let all = [
-            ("algorithm", self.algorithm.is_some(), algorithm.name().to_owned()),
-            ("step_size", self.step_size.is_some(), agent.step_size.to_string()),
-            ("beta1", self.beta1.is_some(), agent.beta1.to_string()),
-            ("temperature", self.temperature.is_some(), agent.temperature.to_string()),
-            ("epsilon", self.epsilon.is_some(), agent.epsilon.to_string()),
-            ("initial_weight", self.initial_weight.is_some(), agent.initial_weight.to_string()),
-            ("lambda", self.lambda.is_some(), agent.lambda.to_string()),
-            ("tilings", self.tilings.is_some(), agent.tilings.to_string()),
-            ("tiles", self.tiles.is_some(), agent.tiles.to_string()),
-            ("pairs", self.pairs.is_some(), agent.pairs.to_string()),
-            ("gamma", self.gamma.is_some(), agent.gamma.to_string()),
-            ("hidden_width", self.hidden_width.is_some(), agent.hidden_width.to_string()),
-            ("hidden_layers", self.hidden_layers.is_some(), agent.hidden_layers.to_string()),
-            ("batch", self.batch.is_some(), agent.batch.to_string()),
-            ("replay", self.replay.is_some(), agent.replay.to_string()),
-            ("target_steps", self.target_steps.is_some(), agent.target_steps.to_string()),
-        ];
-        all.into_iter()
-            .filter(|(_, is_swept, _)| *is_swept)
-            .map(|(name, _, value)| (name, value))
-            .collect()
+        let mut swept = Vec::new();
+        macro_rules! add {
+            ($($field:ident)*) => {
+                $(
+                    if self.$field.is_some() {
+                        swept.push((stringify!($field), agent.$field.to_string()));
+                    }
+                )*
+            };
+        }
+        with_fields!(add);
+        swept
     }
 }
 
