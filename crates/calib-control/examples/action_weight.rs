@@ -135,14 +135,14 @@ fn log_of(
         let mut world = Simulated::new(Pendulum::default(), Begin::AsTheTask);
         let agent = Agent::new(candidates[best], 3, 5);
         let span = RunLength { steps: 200_000, ..SPAN };
-        let learnt = Behaviour::learnt(
+        let learned = Behaviour::learned(
             agent,
             &mut world,
             KIND.near_optimal(),
             span,
             seed.child("behaviour"),
         );
-        behaviour = learnt.perturbed(quality.random_share());
+        behaviour = learned.perturbed(quality.random_share());
     }
     let mut plant = Simulated::new(Pendulum::continuous(), Begin::AsTheTask);
     let recorded = record(&mut behaviour, &mut plant, length, SPAN.timeout, seed.child("log"));

@@ -63,7 +63,7 @@ pub enum Behaviour {
     /// Every action with the same probability.
     Random,
     /// The policy of an agent that stopped learning, with a share of random actions.
-    Learnt {
+    Learned {
         /// The agent.
         agent: Box<Agent>,
         /// The share of random actions.
@@ -88,7 +88,7 @@ const JUDGED_EPISODES: usize = 10;
 impl Behaviour {
     /// Lets `agent` learn in `environment` until the mean return of ten successive episodes is at least `wanted`. Returns its policy then,
     /// or after `span` if it never gets there.
-    pub fn learnt(
+    pub fn learned(
         mut agent: Agent,
         environment: &mut dyn Environment,
         wanted: f64,
@@ -105,7 +105,7 @@ impl Behaviour {
                 }
             }
         }
-        Self::Learnt { agent: Box::new(agent), random: 0.0 }
+        Self::Learned { agent: Box::new(agent), random: 0.0 }
     }
 
     /// Returns the rule of the operators of `T`, if there is such a rule.
@@ -119,7 +119,7 @@ impl Behaviour {
     pub fn perturbed(self, share: f64) -> Self {
         match self {
             Self::Random => Self::Random,
-            Self::Learnt { agent, .. } => Self::Learnt { agent, random: share },
+            Self::Learned { agent, .. } => Self::Learned { agent, random: share },
             Self::Fixed { rule, ranges, says, .. } => {
                 Self::Fixed { rule, ranges, random: share, says }
             }
@@ -129,13 +129,13 @@ impl Behaviour {
     fn act(&mut self, actions: usize, rng: &mut Rng) -> usize {
         match self {
             Self::Random => rng.below(actions),
-            Self::Learnt { random, .. } | Self::Fixed { random, .. }
+            Self::Learned { random, .. } | Self::Fixed { random, .. }
                 if *random > 0.0 && rng.unit() < *random =>
             {
                 rng.below(actions)
             }
             Self::Fixed { says, .. } => *says,
-            Self::Learnt { agent, .. } => agent.act(rng).unwrap_or_else(|| rng.below(actions)),
+            Self::Learned { agent, .. } => agent.act(rng).unwrap_or_else(|| rng.below(actions)),
         }
     }
 
@@ -145,7 +145,7 @@ impl Behaviour {
         let (own, random) = match self {
             Self::Random => return alike,
             Self::Fixed { says, random, .. } => (f64::from(u8::from(*says == action)), *random),
-            Self::Learnt { agent, random } => {
+            Self::Learned { agent, random } => {
                 let own = agent.policy()[action];
                 // An agent that diverged acts at random.
                 (if own.is_nan() { alike } else { own }, *random)
@@ -167,8 +167,8 @@ impl Behaviour {
                     .collect();
                 *says = rule(&observed);
             }
-            Self::Learnt { agent, .. } if first => agent.look(state),
-            Self::Learnt { agent, .. } => agent.go_on(state),
+            Self::Learned { agent, .. } if first => agent.look(state),
+            Self::Learned { agent, .. } => agent.go_on(state),
         }
     }
 
@@ -321,8 +321,8 @@ mod tests {
         let mut world = cart_pole();
         let agent = Agent::new(AgentConfig { temperature: 1.0, ..AgentConfig::default() }, 4, 2);
         let span = RunLength { steps: 2000, timeout: 200 };
-        let learnt = Behaviour::learnt(agent, &mut world, 1e9, span, Seed::new(2));
-        for recorded in [recording(learnt), recording(Behaviour::Random)] {
+        let learned = Behaviour::learned(agent, &mut world, 1e9, span, Seed::new(2));
+        for recorded in [recording(learned), recording(Behaviour::Random)] {
             let taken = recorded.actions.iter().zip(&recorded.probabilities);
             let mut expected = 0.0;
             let mut ones = 0.0;
@@ -346,16 +346,16 @@ mod tests {
     }
 
     #[test]
-    fn what_was_learnt_is_better_than_chance() {
+    fn what_was_learned_is_better_than_chance() {
         let mut world = cart_pole();
         let span = RunLength { steps: 20_000, timeout: 200 };
         let agent = Agent::new(AgentConfig::default(), 4, 2);
-        let mut learnt = Behaviour::learnt(agent, &mut world, 80.0, span, Seed::new(2));
-        let mut half = learnt.clone().perturbed(Quality::Medium.random_share());
-        let learnt = mean_return(&mut learnt);
+        let mut learned = Behaviour::learned(agent, &mut world, 80.0, span, Seed::new(2));
+        let mut half = learned.clone().perturbed(Quality::Medium.random_share());
+        let learned = mean_return(&mut learned);
         let random = mean_return(&mut Behaviour::Random);
-        assert!(learnt > 50.0 && random < 30.0, "{learnt} {random}");
+        assert!(learned > 50.0 && random < 30.0, "{learned} {random}");
         let half = mean_return(&mut half);
-        assert!(half < learnt && half > random, "{random} {half} {learnt}");
+        assert!(half < learned && half > random, "{random} {half} {learned}");
     }
 }

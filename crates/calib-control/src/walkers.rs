@@ -385,7 +385,7 @@ mod tests {
         let config = NetworkConfig { members: 3, updates: 200, ..NetworkConfig::default() };
         let starts = model.starts().clone();
         let networks = NetworkModel::train(model.log(), starts, &config, Seed::new(4), &Silent)
-            .expect("learnt");
+            .expect("learned");
         let networks = Arc::new(networks);
         let step_model = StepModel::by_network(Arc::clone(&networks));
         let mut walkers = Walkers::new(&model, &[1, 2]).with_step_model(step_model);

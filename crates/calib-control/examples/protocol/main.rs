@@ -352,7 +352,7 @@ fn behaviour(
     }
     let agent = Agent::new(agent, world.columns(), world.actions());
     let span = RunLength { steps: LEARNING, timeout };
-    Behaviour::learnt(agent, world, wanted, span, seed.child("behaviour"))
+    Behaviour::learned(agent, world, wanted, span, seed.child("behaviour"))
         .perturbed(quality.random_share())
 }
 

@@ -43,7 +43,7 @@ fn the_first_value_holds_the_initial_weight_of_every_active_feature() {
     }
 }
 
-fn learnt(config: AgentConfig) -> Agent {
+fn learned(config: AgentConfig) -> Agent {
     let mut row = Row(0);
     let mut agent = Agent::new(config, 1, 2);
     let mut rng = Seed::new(5).rng();
@@ -75,7 +75,7 @@ fn both_algorithms_find_the_values_of_a_row() {
         ..AgentConfig::default()
     };
     for algorithm in [Algorithm::ExpectedSarsa, Algorithm::QLearning] {
-        let mut agent = learnt(AgentConfig { algorithm, ..shared });
+        let mut agent = learned(AgentConfig { algorithm, ..shared });
         for place in 2..5 {
             agent.look(&[place as f32 / 4.0]);
             let expected = 0.9_f64.powi(4 - place);
@@ -101,14 +101,14 @@ fn a_network_finds_them_too_and_the_same_on_every_machine() {
         target_steps: 50,
         ..AgentConfig::default()
     };
-    let mut agent = learnt(config);
+    let mut agent = learned(config);
     for place in 2..5 {
         agent.look(&[place as f32 / 4.0]);
         let expected = 0.9_f64.powi(4 - place);
         let got = agent.values()[1];
         assert!((got - expected).abs() < 0.1, "{place}: {got}, not {expected}");
     }
-    let twice = [0, 1].map(|_| learnt(config).values().to_vec());
+    let twice = [0, 1].map(|_| learned(config).values().to_vec());
     assert_eq!(twice[0], twice[1]);
     let too_few = AgentConfig { replay: 8, ..config };
     assert!(too_few.check().expect_err("fewer than a batch").to_string().contains("replay"));

@@ -154,8 +154,8 @@ fn behaviour<T: Task>(
     let agent = Agent::new(kind.good_agent(), world.columns(), world.actions());
     let span = RunLength { steps: LEARNING, timeout: kind.timeout() };
     let wants = kind.near_optimal();
-    let learnt = Behaviour::learnt(agent, world, wants, span, seed.child("behaviour"));
-    Ok(learnt.perturbed(policy.random_share()))
+    let learned = Behaviour::learned(agent, world, wants, span, seed.child("behaviour"));
+    Ok(learned.perturbed(policy.random_share()))
 }
 
 /// Writes one row per step in the task's own units, with a gap between episodes.

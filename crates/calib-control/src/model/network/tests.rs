@@ -49,7 +49,7 @@ fn follows(place: f32, action: usize) -> f32 {
 
 fn model(config: NetworkConfig) -> NetworkModel {
     let starts = States::new(vec![0.1, 0.3], 2, 1).expect("valid");
-    NetworkModel::train(&log(), starts, &config, Seed::new(2), &Silent).expect("learnt")
+    NetworkModel::train(&log(), starts, &config, Seed::new(2), &Silent).expect("learned")
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn some_members_have_the_networks_that_they_have_among_all() {
         let seed = Seed::new(2);
         let some =
             NetworkModel::train_members(&log(), starts, &config, members, seed, None, &Silent);
-        let some = some.expect("learnt");
+        let some = some.expect("learned");
         assert_eq!(some.members(), 4, "runs have the numbers that they have among all");
         for (member, network) in some.networks.iter().enumerate() {
             let expected = if members.contains(&member) { all[member].as_ref() } else { None };
@@ -144,7 +144,7 @@ fn stored(folder: &Path, key: &str, members: &[usize], seed: u64) -> (Vec<Option
     let seed = Seed::new(seed);
     let trained =
         NetworkModel::train_members(&log(), starts, &config, members, seed, Some(files), &updates);
-    (trained.expect("learnt").networks, updates.0.into_inner())
+    (trained.expect("learned").networks, updates.0.into_inner())
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn trained_in(folder: &Path, config: &NetworkConfig, members: &[usize]) -> Netwo
     let files = NetworkFiles::new(folder, "log");
     let seed = Seed::new(2);
     NetworkModel::train_members(&log(), one_start(), config, members, seed, Some(&files), &Silent)
-        .expect("learnt")
+        .expect("learned")
 }
 
 #[test]
