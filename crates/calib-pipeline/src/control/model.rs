@@ -285,8 +285,8 @@ pub(super) fn open_kept(
     kept(&job.layout().control_model(), &key, rules(config, log)?, log)
 }
 
-/// Builds the model again if it exists and is damaged. Damaged networks are removed, and trained again at their next
-/// use.
+/// Makes the representation and the model again if they exist and are damaged. Damaged networks are removed, and trained
+/// again at their next use.
 ///
 /// # Errors
 /// Returns an error if a file cannot be read, for example without permission. Such a file may be intact, so it is kept.
@@ -296,6 +296,9 @@ pub(super) fn mend(
     log: &ActionLog,
     printer: &Printer,
 ) -> Result<(), StepError> {
+    if config.model.distance == Distance::Laplacian {
+        decisions::mend(job, log.material(), printer)?;
+    }
     let directory = &job.layout().control_model();
     let manifest: Option<ControlModelManifest> = artefact::read(directory);
     let command = job.command(StepKind::Control);

@@ -10,13 +10,12 @@ use calib_base::{
 };
 use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
-    ControlConfig, ControlError, Distance, Doubt, Ensemble, Extent, IncrementModel, Increments,
-    NetworkFiles, NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId,
-    constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
+    ControlConfig, ControlError, Doubt, Ensemble, Extent, IncrementModel, Increments, NetworkFiles,
+    NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId, constant_returns, judge,
+    off_policy_values, runs_here, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
-use calib_model_steps::represent::decisions;
 use calib_report::listed;
 use calib_study::{Job, Share, StepKind};
 
@@ -67,7 +66,7 @@ pub(crate) fn run(
             let plan = ControlPlan::of_nothing(config, agents.count(), &units)?;
             return Ok(StepResult::Planned(plan));
         }
-        mend(job, config, &log, &kept.evaluation, printer)?;
+        model::mend(job, config, &log, printer)?;
         if job.policy().share.is_some() {
             printer.say(&up_to_date(&directory));
             return Ok(StepResult::Nothing(Outcome::Done));
@@ -120,20 +119,6 @@ pub(crate) fn run(
 
 fn up_to_date(directory: &Path) -> String {
     format!("{} is up to date", directory.display())
-}
-
-/// Makes damaged files of the model of a finished verdict again.
-fn mend(
-    job: &Job,
-    config: &ControlConfig,
-    log: &ActionLog,
-    evaluation: &ControlEvaluation,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    if evaluation.log.distance == Distance::Laplacian {
-        decisions::mend(job, log.material(), printer)?;
-    }
-    model::mend(job, config, log, printer)
 }
 
 /// Makes the runs of a share, which a later command without a share judges. That command tries failed settings again,
