@@ -1,7 +1,7 @@
 //! Describes which actions a log took, and in which states.
 
 use calib_core::TransitionIndex;
-use calib_stats::quantile;
+use calib_stats::SortedValues;
 
 use crate::{ActionModel, ControlError, Decisions, FEW_STEPS};
 
@@ -42,9 +42,9 @@ impl Decisions {
         }
         (0..self.states().columns())
             .map(|column: usize| -> Result<Spread, ControlError> {
-                let values: Vec<f64> =
-                    rows.iter().map(|&row| f64::from(self.states().row(row)[column])).collect();
-                Ok([quantile(&values, 0.05)?, quantile(&values, 0.5)?, quantile(&values, 0.95)?])
+                let values = rows.iter().map(|&row| f64::from(self.states().row(row)[column]));
+                let values = SortedValues::new(values.collect())?;
+                Ok([values.quantile(0.05)?, values.quantile(0.5)?, values.quantile(0.95)?])
             })
             .collect()
     }
@@ -79,8 +79,9 @@ impl ActionModel {
                 f64::from(log.states().row(next.get())[column])
             })
             .collect();
+        let sorted = SortedValues::new(values.clone())?;
         let mut upper = (1..=parts)
-            .map(|part| quantile(&values, part as f64 / parts as f64))
+            .map(|part| sorted.quantile(part as f64 / parts as f64))
             .collect::<Result<Vec<f64>, _>>()?;
         upper.dedup();
         let mut states = vec![0; upper.len()];

@@ -23,7 +23,7 @@
 //! - [`pooled_spearman`]: rank correlation within groups.
 //! - [`smallest_difference`], [`observations_needed`]: the statistical power of a number of observations.
 //! - [`StepErrors`]: one-step prediction errors, beside those of persistence.
-//! - [`quantile`], [`median`]: order statistics.
+//! - [`quantile`], [`median`], [`SortedValues`]: order statistics.
 //! - [`wasserstein`], [`autocorrelation_distance`], [`spectral_distance`]: distances of trajectories other than time
 //!   warping; [`collapse_step`]: the step at which a trajectory becomes constant.
 //!
@@ -92,7 +92,7 @@ pub use nested::{Drawn, Nested};
 pub use one_step::StepErrors;
 pub use pooled::pooled_spearman;
 pub use power::{observations_needed, smallest_difference};
-pub use quantile::{median, quantile};
+pub use quantile::{SortedValues, median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
 pub use ratio::ratio_of_sums;
 pub use selection::{RankRule, Selection, select, select_by};

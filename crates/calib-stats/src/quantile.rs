@@ -12,26 +12,50 @@ use crate::error::check;
 ///
 /// `values` is empty or holds NaN, `p` is outside [0, 1], or the quantile lies between opposed infinities.
 pub fn quantile(values: &[f64], p: f64) -> Result<f64, StatsError> {
-    check("values", values)?;
-    if !(0.0..=1.0).contains(&p) {
-        return Err(StatsError::Probability { got: p });
+    SortedValues::new(values.to_vec())?.quantile(p)
+}
+
+/// Values in ascending order, for several quantiles of the same values.
+#[derive(Debug, Clone)]
+pub struct SortedValues(Vec<f64>);
+
+impl SortedValues {
+    /// Sorts `values` `[n]`.
+    ///
+    /// # Errors
+    ///
+    /// `values` is empty or holds NaN.
+    pub fn new(mut values: Vec<f64>) -> Result<Self, StatsError> {
+        check("values", &values)?;
+        values.sort_by(f64::total_cmp);
+        Ok(Self(values))
     }
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let h = (sorted.len() - 1) as f64 * p;
-    let below = h.floor() as usize;
-    let share = h.fract();
-    let low = sorted[below];
-    let high = sorted[(below + 1).min(sorted.len() - 1)];
-    if share == 0.0 || low == high {
-        return Ok(low);
+
+    /// Returns the `p`-quantile by the formula of [`quantile`].
+    ///
+    /// # Errors
+    ///
+    /// `p` is outside [0, 1], or the quantile lies between opposed infinities.
+    pub fn quantile(&self, p: f64) -> Result<f64, StatsError> {
+        if !(0.0..=1.0).contains(&p) {
+            return Err(StatsError::Probability { got: p });
+        }
+        let Self(sorted) = self;
+        let h = (sorted.len() - 1) as f64 * p;
+        let below = h.floor() as usize;
+        let share = h.fract();
+        let low = sorted[below];
+        let high = sorted[(below + 1).min(sorted.len() - 1)];
+        if share == 0.0 || low == high {
+            return Ok(low);
+        }
+        let between = low + share * (high - low);
+        if low.is_infinite() && high.is_infinite() {
+            return Err(StatsError::OpposedInfinities { what: "values" });
+        }
+        // −∞ + share · ∞ is NaN. Any share of an infinite distance above −∞ is still −∞.
+        Ok(if between.is_nan() { low } else { between })
     }
-    let between = low + share * (high - low);
-    if low.is_infinite() && high.is_infinite() {
-        return Err(StatsError::OpposedInfinities { what: "values" });
-    }
-    // −∞ + share · ∞ is NaN. Any share of an infinite distance above −∞ is still −∞.
-    Ok(if between.is_nan() { low } else { between })
 }
 
 /// Returns the median of `values` `[n]`: the 0.5-quantile.

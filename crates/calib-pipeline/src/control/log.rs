@@ -14,7 +14,7 @@ use calib_core::{Bounds, Column, ColumnKind, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_model_steps::represent::Material;
-use calib_stats::quantile;
+use calib_stats::SortedValues;
 use calib_study::Job;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -401,9 +401,10 @@ fn settings_told(
         .map(|(column, values)| {
             let own: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
             ensure!(!own.is_empty(), "the log has no value of {column}");
+            let sorted = SortedValues::new(own)?;
             let mut quantiles = [0.0; 5];
             for (value, share) in quantiles.iter_mut().zip([0.0, 0.05, 0.5, 0.95, 1.0]) {
-                *value = quantile(&own, share)?;
+                *value = sorted.quantile(share)?;
             }
             Ok(SettingTold { column: column.clone(), quantiles })
         })
