@@ -4,7 +4,7 @@
 //! - [`Task`], [`Acrobot`], [`CartPole`], [`Membrane`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
 //! - [`ActionModel`]: a model with actions, in memory or mapped from a folder; [`Walkers`]: many rollouts through
 //!   it.
-//! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding.
+//! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding, and Q-learning with a network.
 
 mod agent;
 mod agent_run;

@@ -87,7 +87,7 @@ fn both_algorithms_find_the_values_of_a_row() {
 }
 
 #[test]
-fn a_network_finds_them_too_and_the_same_on_every_machine() {
+fn a_network_finds_them_too_and_the_same_each_time() {
     let config = AgentConfig {
         algorithm: Algorithm::DeepQLearning,
         step_size: 0.003,
