@@ -147,15 +147,17 @@ mod tests {
     use calib_core::Silent;
 
     use super::*;
-    use crate::{ActionModel, ActionModelConfig, Starts, evaluation::tests::corridor};
+    use crate::{ActionModel, ActionModelConfig, evaluation::tests::corridor, model::tests::built};
+
+    /// Returns a model of two ensemble members, in which episodes begin in the first recorded state.
+    fn corridor_model() -> ActionModel {
+        let config = ActionModelConfig { members: 2, ..ActionModelConfig::default() };
+        built(corridor(), 1, &config, 0.0)
+    }
 
     #[test]
     fn only_the_action_that_leads_to_the_end_gets_there() {
-        let log = corridor();
-        let metric = log.states().clone();
-        let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
-        let config = ActionModelConfig { members: 2, ..ActionModelConfig::default() };
-        let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+        let model = corridor_model();
         let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 20 } };
         let found = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
         assert_eq!((found.kind, found.members.len()), (ActionModelKind::Neighbors, 2));
@@ -203,11 +205,7 @@ mod tests {
 
     #[test]
     fn noise_of_walks_is_small_beside_that_of_one() {
-        let log = corridor();
-        let metric = log.states().clone();
-        let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
-        let config = ActionModelConfig { members: 2, ..ActionModelConfig::default() };
-        let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+        let model = corridor_model();
         // Each rollout has about one episode.
         let extent = Extent { runs: 1, span: RunLength { steps: 60, timeout: 60 } };
         let (mut of_all, mut of_one) = (Vec::new(), Vec::new());

@@ -103,10 +103,10 @@ impl ActionModel {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{Seed, Segments, Silent, States};
+    use calib_core::{Seed, Segments, States};
 
     use super::*;
-    use crate::{ActionModelConfig, Columns, Ending, Starts};
+    use crate::{ActionModelConfig, Columns, Ending, model::tests::built};
 
     /// Returns a log in which action 1 occurs only in the upper half of a column from 0 to 1.
     fn log() -> Decisions {
@@ -145,11 +145,7 @@ mod tests {
 
     #[test]
     fn the_map_shows_where_an_action_is_not_known() {
-        let log = log();
-        let metric = log.states().clone();
-        let starts = Starts { observed: metric.slice(0..5), metric: metric.slice(0..5) };
-        let config = ActionModelConfig::default();
-        let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+        let model = built(log(), 5, &ActionModelConfig::default(), 0.0);
         let map = model.coverage_map(0, 5).expect("numbers");
         assert_eq!(map.states.len(), 5);
         assert_eq!(map.covered[2], [0.0; 5]);

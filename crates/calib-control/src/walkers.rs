@@ -267,8 +267,8 @@ mod tests {
     use super::*;
     use crate::{
         ActionModelConfig, Columns, Decisions, Ensemble as _, Environment as _, IncrementModel,
-        Levels, ModelEnvironment as _, NetworkConfig, Pessimism, Starts, open_action_model,
-        write_action_model,
+        Levels, ModelEnvironment as _, NetworkConfig, Pessimism, model::tests::built,
+        open_action_model, write_action_model,
     };
 
     const CONFIG: ActionModelConfig = ActionModelConfig {
@@ -309,9 +309,7 @@ mod tests {
         if let Some(settings) = settings {
             log = log.with_settings(settings).expect("as many");
         }
-        let metric = log.states().clone();
-        let starts = Starts { observed: metric.slice(0..9), metric: metric.slice(0..9) };
-        ActionModel::build(log, &metric, starts, &CONFIG, -7.0, &Silent).expect("built")
+        built(log, 9, &CONFIG, -7.0)
     }
 
     #[test]

@@ -149,4 +149,4 @@ impl ActionModel {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

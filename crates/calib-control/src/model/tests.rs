@@ -17,19 +17,36 @@ fn log(rows: usize, seed: u64, actions: usize) -> Decisions {
     Decisions::new(states, &segments, columns, 3).expect("valid")
 }
 
-fn model(log: Decisions, config: ActionModelConfig) -> ActionModel {
+/// Builds the model of a log with distances between its states. Episodes begin in its first `starts` rows.
+pub(crate) fn built(
+    log: Decisions,
+    starts: usize,
+    config: &ActionModelConfig,
+    worst_return: f64,
+) -> ActionModel {
+    try_to_build(log, starts, config, worst_return).expect("built")
+}
+
+/// Builds a model as [`built`] does, and returns the error if that fails.
+fn try_to_build(
+    log: Decisions,
+    starts: usize,
+    config: &ActionModelConfig,
+    worst_return: f64,
+) -> Result<ActionModel, ControlError> {
     let metric = log.states().clone();
-    let starts = Starts { observed: metric.slice(0..5), metric: metric.slice(0..5) };
-    ActionModel::build(log, &metric, starts, &config, -99.0, &Silent).expect("built")
+    let starts = Starts { observed: metric.slice(0..starts), metric: metric.slice(0..starts) };
+    ActionModel::build(log, &metric, starts, config, worst_return, &Silent)
+}
+
+fn model(log: Decisions, config: ActionModelConfig) -> ActionModel {
+    built(log, 5, &config, -99.0)
 }
 
 #[test]
 fn a_log_of_fewer_transitions_than_members_names_the_key() {
-    let log = log(6, 1, 2);
-    let metric = log.states().clone();
-    let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
     let config = ActionModelConfig { members: 50, ..ActionModelConfig::default() };
-    let few = ActionModel::build(log, &metric, starts, &config, -99.0, &Silent).expect_err("few");
+    let few = try_to_build(log(6, 1, 2), 1, &config, -99.0).expect_err("few");
     let told = few.to_string();
     assert!(told.contains("cannot be split into 50 blocks"), "{told}");
     assert!(told.ends_with("lower control.model.members"), "{told}");
@@ -279,20 +296,15 @@ fn half_of_the_recorded_states_lie_within_the_median_radius() {
     assert!((0.5..0.65).contains(&share), "{share}: values are on a grid, so many are alike");
 }
 
-/// Builds a model with this many start states, and returns the error if that fails.
-fn try_to_build(config: &ActionModelConfig, starts: usize) -> Result<(), ControlError> {
-    let log = log(60, 1, 3);
-    let metric = log.states().clone();
-    let starts = Starts { observed: metric.slice(0..starts), metric: metric.slice(0..starts) };
-    ActionModel::build(log, &metric, starts, config, 0.0, &Silent).map(|_| ())
-}
-
 #[test]
 fn impossible_models_are_refused() {
-    assert!(try_to_build(&ActionModelConfig::default(), 1).is_ok());
-    assert!(matches!(try_to_build(&ActionModelConfig::default(), 0), Err(ControlError::NoStarts)));
+    let tried = |starts: usize, config: ActionModelConfig| {
+        try_to_build(log(60, 1, 3), starts, &config, 0.0)
+    };
+    assert!(tried(1, ActionModelConfig::default()).is_ok());
+    assert!(matches!(tried(0, ActionModelConfig::default()), Err(ControlError::NoStarts)));
     let none = ActionModelConfig { neighbors: 0, ..Default::default() };
-    assert!(try_to_build(&none, 1).expect_err("none").to_string().contains("neighbors"));
+    assert!(tried(1, none).expect_err("none").to_string().contains("neighbors"));
 }
 
 fn with_neighbors(neighbors: usize) -> ActionModelConfig {
@@ -304,10 +316,7 @@ fn more_neighbours_than_there_are_take_no_more_memory() {
     let log = log(60, 1, 3);
     let all = ActionModel::build_bytes(&log, 1, &with_neighbors(log.len()));
     assert_eq!(ActionModel::build_bytes(&log, 1, &with_neighbors(usize::MAX)), all);
-    let metric = log.states().clone();
-    let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
-    ActionModel::build(log, &metric, starts, &with_neighbors(usize::MAX), 0.0, &Silent)
-        .expect("built");
+    built(log, 1, &with_neighbors(usize::MAX), 0.0);
 }
 
 /// Calls `op` on a pool of this many threads.

@@ -2,18 +2,16 @@ use calib_core::Silent;
 
 use super::*;
 use crate::{
-    ActionModel, ActionModelConfig, Begin, Behaviour, CartPole, Grid, Simulated, Starts, record,
-    trajectory,
+    ActionModel, ActionModelConfig, Begin, Behaviour, CartPole, Grid, Simulated,
+    model::tests::built, record, trajectory,
 };
 
 pub(crate) fn small_model() -> ActionModel {
     let mut world = Simulated::new(CartPole::default(), Begin::AsTheTask);
     let recorded = record(&mut Behaviour::Random, &mut world, 600, 50, Seed::new(1));
     let log = recorded.decisions(2).expect("a log");
-    let metric = log.states().clone();
-    let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
     let config = ActionModelConfig { members: 3, ..ActionModelConfig::default() };
-    ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built")
+    built(log, 1, &config, 0.0)
 }
 
 #[test]

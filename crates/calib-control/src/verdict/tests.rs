@@ -314,11 +314,11 @@ fn a_walk_that_jumps_move_on_and_on_is_doubted() {
 /// covered.
 #[test]
 fn a_wall_of_the_log_is_told_by_displacement() {
-    use calib_core::{Segments, Silent, States};
+    use calib_core::{Segments, States};
 
     use crate::{
-        ActionModel, ActionModelConfig, Columns, Ensemble as _, Environment as _,
-        ModelEnvironment as _, Starts,
+        ActionModelConfig, Columns, Ensemble as _, Environment as _, ModelEnvironment as _,
+        model::tests::built,
     };
 
     let mut rng = Seed::new(4).rng();
@@ -342,10 +342,7 @@ fn a_wall_of_the_log_is_told_by_displacement() {
     let states = States::new(values, rows, 4).expect("valid");
     let segments = Segments::from_lengths([rows]).expect("valid");
     let log = Decisions::new(states, &segments, columns, 3).expect("a log");
-    let metric = log.states().clone();
-    let starts = Starts { observed: metric.slice(0..20), metric: metric.slice(0..20) };
-    let config = ActionModelConfig::default();
-    let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+    let model = built(log, 20, &ActionModelConfig::default(), 0.0);
     let actions: [fn(usize) -> usize; 2] = [|_| 2, |step| 2 * (step % 2)];
     let [up, up_and_down] = actions.map(|action| {
         let mut walk = model.walk(0);

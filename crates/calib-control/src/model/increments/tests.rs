@@ -1,7 +1,7 @@
 use calib_core::{Seed, Segments, Silent};
 
 use super::*;
-use crate::{ActionModelConfig, Columns, Ending, Levels, Pessimism, Starts};
+use crate::{ActionModelConfig, Columns, Ending, Levels, Pessimism, model::tests::built};
 
 /// Returns a log of a place that moves by −0.02 or +0.03, beside a column of noise, in
 /// episodes of forty rows.
@@ -46,11 +46,8 @@ fn follows(action: f64) -> f32 {
 }
 
 fn model(levels: Option<usize>, pessimism: Pessimism) -> ActionModel {
-    let log = decisions(levels);
-    let metric = log.states().clone();
-    let starts = Starts { observed: metric.slice(0..9), metric: metric.slice(0..9) };
     let config = ActionModelConfig { pessimism, members: 3, ..ActionModelConfig::DEFAULT };
-    ActionModel::build(log, &metric, starts, &config, -7.0, &Silent).expect("built")
+    built(decisions(levels), 9, &config, -7.0)
 }
 
 fn increments(model: &ActionModel) -> Increments {
