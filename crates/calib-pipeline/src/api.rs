@@ -241,11 +241,11 @@ pub fn propose_control(
     told(propose::run_control(options, columns, printer)?, &(), printer)
 }
 
-/// Compares a folder of results with its recorded fingerprints.
+/// Compares the results of a study file, or a folder of results, with their recorded fingerprints.
 ///
 /// # Errors
-/// Returns an error if the folder is missing or holds no results, or the observer asks to stop. Damage is reported and
-/// is not an error.
+/// Returns an error if the path is missing, the study is wrong, there are no results, or the observer asks to stop.
+/// Damage is reported and is not an error.
 pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<CheckedResults, StepError> {
     check::run(results, logs, printer)
 }

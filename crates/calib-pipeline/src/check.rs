@@ -16,15 +16,20 @@ use calib_control::NetworkFiles;
 use calib_core::Monitor as _;
 use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
 use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
-use calib_study::{StepKind, with_variables};
+use calib_study::{Request, StepKind, with_variables};
 use calib_sweep_steps::sweep::SweepManifest;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::status::study_unless_folder;
+
 /// Result of checking a folder of results.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub struct CheckedResults {
+    /// The folder that was checked.
+    #[serde(skip)]
+    pub root: PathBuf,
     /// Number of files that were compared with their fingerprints.
     pub files: usize,
     /// Folders without a manifest: the command that writes them was interrupted or is still running.
@@ -46,18 +51,28 @@ pub struct Damage {
     pub made_by: String,
 }
 
-/// Reads everything below a folder of results, and lists damaged files.
-pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> Result<CheckedResults, StepError> {
-    ensure!(root.is_dir(), "{} is no folder; give a folder of results", root.display());
-    let mut check = Check { checked: CheckedResults::default(), printer };
-    check.folder(root)?;
+/// Reads all results of a study, or everything below a folder of results, and lists damaged files.
+pub(crate) fn run(path: &Path, logs: Logs, printer: &Printer) -> Result<CheckedResults, StepError> {
+    let root = match study_unless_folder(Request::new(path))? {
+        Some(job) => job.layout().root().to_owned(),
+        None => path.to_owned(),
+    };
+    ensure!(
+        root.is_dir(),
+        "{} has no results in {}; run it first, or give the folder of its results if it was run with --output",
+        path.display(),
+        root.display()
+    );
+    let checked = CheckedResults { root: root.clone(), ..CheckedResults::default() };
+    let mut check = Check { checked, printer };
+    check.folder(&root)?;
     ensure!(
         check.checked.files + check.checked.damages.len() > 0,
         "{} holds no results of calib; give the folder that a study writes to, such as study-results",
         root.display()
     );
     if logs == Logs::Read {
-        check.logs(root);
+        check.logs(&root);
     }
     Ok(check.checked)
 }

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use calib_base::{StepError, bail};
+use calib_base::{StepError, bail, ensure};
 use calib_study::{Job, Request, study_files};
 
 use crate::cluster;
@@ -34,11 +34,8 @@ pub(super) enum Subject {
 /// Returns an error if the path is none of these, or the study is wrong.
 pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
     let path = &request.path;
-    if path.is_file() {
-        return Ok(Subject::Study(Box::new(job(request, path)?)));
-    }
-    if !path.is_dir() {
-        bail!("{} does not exist; give a study file, or the folder of its results", path.display());
+    if let Some(job) = study_unless_folder(study_request(request, path))? {
+        return Ok(Subject::Study(Box::new(job)));
     }
     if cluster::is_plan(path) {
         return Ok(Subject::Cluster(path.clone()));
@@ -47,14 +44,14 @@ pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
     let wanted = fs::canonicalize(path)?;
     let parent = wanted.parent().unwrap_or(&wanted);
     for study in study_files(parent).unwrap_or_default() {
-        let Ok(found) = job(request, &study) else { continue };
+        let Ok(found) = Job::resolve(study_request(request, &study)) else { continue };
         let results = fs::canonicalize(found.layout().of_study());
         if results.is_ok_and(|results| results == wanted) {
             return Ok(Subject::Study(Box::new(found)));
         }
     }
     match study_files(path).unwrap_or_default().as_slice() {
-        [study] => Ok(Subject::Study(Box::new(job(request, study)?))),
+        [study] => Ok(Subject::Study(Box::new(Job::resolve(study_request(request, study))?))),
         [] => bail!(
             "{} holds no study, and none beside it writes its results there; name the study: `calib status STUDY`, \
              with --output if it was run so",
@@ -68,12 +65,28 @@ pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
     }
 }
 
-fn job(request: &StatusRequest, study: &Path) -> Result<Job, StepError> {
-    Ok(Job::resolve(Request {
+/// Resolves a study if its path is a file. Returns `None` if the path is a folder.
+///
+/// # Errors
+/// Returns an error if the path is neither, or the study is wrong.
+pub(crate) fn study_unless_folder(request: Request) -> Result<Option<Job>, StepError> {
+    if request.study.is_file() {
+        return Ok(Some(Job::resolve(request)?));
+    }
+    ensure!(
+        request.study.is_dir(),
+        "{} does not exist; give a study file, or the folder of its results",
+        request.study.display()
+    );
+    Ok(None)
+}
+
+fn study_request(request: &StatusRequest, study: &Path) -> Request {
+    Request {
         study: study.to_owned(),
         set: request.set.clone(),
         profile: request.profile.clone(),
         output: request.output.clone(),
         ..Request::default()
-    })?)
+    }
 }

@@ -17,7 +17,7 @@ use calib_base::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep_steps::{sweep::SweepManifest, verdict::report_cache::is_judged_since};
 
-pub(crate) use self::ranking::Ranking;
+pub(crate) use self::{find::study_unless_folder, ranking::Ranking};
 use self::{
     begun::BegunSweep,
     find::Subject,
