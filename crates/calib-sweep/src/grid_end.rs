@@ -1,8 +1,5 @@
 //! The ends of a grid, beyond which better settings may lie.
 
-/// The fewest different numbers that have ends: of two, each would be at one.
-const FEWEST_NUMBERS: usize = 3;
-
 /// An end of the numbers of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GridEnd {
@@ -17,12 +14,11 @@ impl GridEnd {
     pub fn at(own: f64, mut numbers: Vec<f64>) -> Option<Self> {
         numbers.sort_by(f64::total_cmp);
         numbers.dedup();
-        if numbers.len() < FEWEST_NUMBERS {
-            return None;
-        }
-        if numbers.iter().all(|&number| number <= own) {
+        // Of two numbers, each would be at an end.
+        let [smallest, _, .., largest] = numbers[..] else { return None };
+        if own >= largest {
             Some(Self::Largest)
-        } else if own > 0.0 && numbers.iter().all(|&number| number >= own) {
+        } else if own > 0.0 && own <= smallest {
             Some(Self::Smallest)
         } else {
             None
