@@ -191,6 +191,9 @@ fn stages_of_a_race_follow_from_one_another() {
     place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"halving\"");
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-3, 1e-2, 1e38]");
     let alone = alone(&place);
+    place
+        .calib(&["cluster", "plan", "study.toml", "-o", "dry", "--dry-run"])
+        .succeeds_with(&[" in 3 stages, one after the other, up to ", " training runs"]);
     let count = plan(&place, "plan", "3");
     assert_eq!(count, 9, "three stages of three shards");
     run(&place, "plan", 8).fails_with(4, &["follows from shard 0, which is not done"]);

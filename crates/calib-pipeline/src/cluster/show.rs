@@ -58,11 +58,11 @@ impl Summary {
             1 => String::new(),
             stages => format!(" in {stages} stages, one after the other"),
         };
-        // In a race, the settings of later stages are not known yet.
-        let at_most = if self.stages > 1 { "at most " } else { "" };
+        // The settings that continue a race are not known yet, even if only its last stage is left.
+        let up_to = if self.has_race { "up to " } else { "" };
         vec![
             format!(
-                "{}{stages}, {at_most}{}",
+                "{}{stages}, {up_to}{}",
                 counted(self.shards, "shard"),
                 counted(self.training_runs, "training run")
             ),

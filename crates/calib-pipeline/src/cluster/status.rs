@@ -7,7 +7,7 @@ use calib_base::{
     options::{ArrayOf, ClusterStatusOptions, Leftovers},
 };
 use calib_files::{Below, host_name, remove_temporaries};
-use calib_sweep::remove_states;
+use calib_sweep::{RaceKind, remove_states};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -26,6 +26,9 @@ pub(crate) struct Summary {
     pub(crate) units: usize,
     /// Number of training runs: one for each setting of a unit. In a race it is an upper bound.
     pub(crate) training_runs: usize,
+    /// Whether a sweep is a race.
+    #[serde(skip)]
+    pub(crate) has_race: bool,
     /// Predicted seconds on one thread, for all shards; the next field is for the longest shard.
     pub(crate) secs: f64,
     pub(crate) longest_secs: f64,
@@ -38,11 +41,13 @@ pub(crate) struct Summary {
 /// Summarises the size of a plan.
 pub(crate) fn summary(plan: &PlanFile) -> Summary {
     let secs = plan.shards.iter().map(|shard| shard.secs);
+    let mut sweeps = plan.parts.iter().filter_map(|part| part.sweep.as_ref());
     Summary {
         shards: plan.shards.len(),
         stages: plan.stages(),
         units: plan.shards.iter().map(|shard| shard.units(plan)).sum(),
         training_runs: plan.shards.iter().map(Shard::training_runs).sum(),
+        has_race: sweeps.any(|sweep| sweep.study.sweep.race == RaceKind::Halving),
         secs: secs.clone().sum(),
         longest_secs: secs.fold(0.0, f64::max),
         together_secs: (0..plan.stages())
