@@ -15,7 +15,8 @@ pub fn bytes(bytes: u64) -> String {
     const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
     let mut size = bytes as f64;
     let mut unit = 0;
-    while size >= 1024.0 && unit + 1 < UNITS.len() {
+    // A size that would be shown as 1024.0 gets the next unit.
+    while size >= 1023.95 && unit + 1 < UNITS.len() {
         size /= 1024.0;
         unit += 1;
     }
@@ -116,7 +117,7 @@ mod tests {
     fn numbers_are_written_for_people() {
         assert_eq!(count(1_234_567), "1,234,567");
         assert_eq!(count(12), "12");
-        assert_eq!(bytes(1536), "1.5 KiB");
+        assert_eq!([1023, 1536, 1_048_575].map(bytes), ["1023 B", "1.5 KiB", "1.0 MiB"]);
         assert_eq!([1, 2].map(|number| counted(number, "plant")), ["1 plant", "2 plants"]);
         let durations =
             [0.04, 9.94, 9.96, 59.6, 119.7, 3_599.7, 3_725.0, 10_790.0, 86_390.0, 200_000.0];
