@@ -130,6 +130,8 @@ fn a_damaged_copy_of_the_log_is_made_again() {
         .cloned()
         .collect();
     assert_eq!(damaged.len(), 5, "{damaged:?}");
+    let checked = place.calib(&["check", "study-results/dataset", "--json"]).json(&[0]);
+    assert_eq!(checked["files"], 5, "each counts once");
     for name in damaged {
         let path = place.path().join("study-results").join(&name);
         let mut bytes = fs::read(&path).expect("there");

@@ -1,7 +1,8 @@
 //! Checks stored results for damage, without their study.
 
 use std::{
-    fs,
+    collections::HashSet,
+    fs, mem,
     path::{Path, PathBuf},
 };
 
@@ -64,10 +65,10 @@ pub(crate) fn run(path: &Path, logs: Logs, printer: &Printer) -> Result<CheckedR
         root.display()
     );
     let checked = CheckedResults { root: root.clone(), ..CheckedResults::default() };
-    let mut check = Check { checked, printer };
+    let mut check = Check { checked, counted: HashSet::new(), read: Vec::new(), printer };
     check.folder(&root)?;
     ensure!(
-        check.checked.files + check.checked.damages.len() > 0,
+        check.checked.files > 0,
         "{} holds no results of calib; give the folder that a study writes to, such as study-results",
         root.display()
     );
@@ -83,6 +84,10 @@ fn unread(folder: &Path) -> String {
 
 struct Check<'a> {
     checked: CheckedResults,
+    /// The files counted so far. A manifest may name a file that also has its own checksum.
+    counted: HashSet<PathBuf>,
+    /// The logs that manifests name, in the order of their folders.
+    read: Vec<(DataConfig, PreprocessConfig)>,
     printer: &'a Printer,
 }
 
@@ -121,6 +126,14 @@ impl Check<'_> {
             }
         };
         self.note(folder, &path, None);
+        let study = &manifest["study"];
+        let data = serde_json::from_value::<DataConfig>(study["data"].clone());
+        let preprocess = serde_json::from_value(study["preprocess"].clone());
+        if let (Ok(data), Ok(preprocess)) = (data, preprocess)
+            && !self.read.iter().any(|(known, _)| known.path == data.path)
+        {
+            self.read.push((data, preprocess));
+        }
         let agents = manifest["agents"].as_array().into_iter().flatten();
         for holder in [&manifest].into_iter().chain(agents) {
             // The files that show a verdict follow from it, and have their own list.
@@ -169,10 +182,9 @@ impl Check<'_> {
 
     /// Counts a file once, and records its damage.
     fn note(&mut self, folder: &Path, path: &Path, damage: Option<String>) {
-        self.checked.files += 1;
+        self.checked.files += usize::from(self.counted.insert(path.to_owned()));
         let Some(reason) = damage else { return };
         if self.checked.damages.iter().any(|known| known.path == path) {
-            self.checked.files -= 1;
             return;
         }
         let made_by = folder.ancestors().find_map(made_by);
@@ -182,24 +194,7 @@ impl Check<'_> {
 
     /// Reads the logs that the results were made from, which their manifests name.
     fn logs(&mut self, root: &Path) {
-        let mut found: Vec<(DataConfig, PreprocessConfig)> = Vec::new();
-        let mut pending = vec![root.to_owned()];
-        while let Some(folder) = pending.pop() {
-            if let Ok(manifest) = read_sealed_json::<Value>(&folder.join(MANIFEST)) {
-                let study = &manifest["study"];
-                let data = serde_json::from_value::<DataConfig>(study["data"].clone());
-                let preprocess = serde_json::from_value(study["preprocess"].clone());
-                if let (Ok(data), Ok(preprocess)) = (data, preprocess)
-                    && !found.iter().any(|(known, _)| known.path == data.path)
-                {
-                    found.push((data, preprocess));
-                }
-            }
-            let inside = fs::read_dir(&folder).into_iter().flatten().flatten();
-            let inside = inside.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
-            pending.extend(inside.map(|entry| entry.path()));
-        }
-        for (data, preprocess) in found {
+        for (data, preprocess) in mem::take(&mut self.read) {
             let mut data = memory::on_this_machine(data);
             let found = found_from(&mut data, root);
             let shown = data.path.0.join(", ");
