@@ -235,9 +235,11 @@ fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -
 
 /// Returns the command line.
 fn command(listing: &Listing, args: &ValidityOptions) -> String {
-    let paths = args.studies.iter().map(|path| path.display().to_string());
-    let overrides = args.set.iter().map(|text| shell_words(["--set", text]));
-    let draw = listing.protocol.as_ref().map(|protocol| format!("--draw {}", protocol.seed()));
-    let words = ["calib validity".to_owned()].into_iter().chain(paths).chain(overrides);
-    words.chain(draw).collect::<Vec<_>>().join(" ")
+    let mut words = vec!["calib".to_owned(), "validity".to_owned()];
+    words.extend(args.studies.iter().map(|path| path.display().to_string()));
+    words.extend(args.set.iter().flat_map(|text| ["--set".to_owned(), text.clone()]));
+    if let Some(protocol) = &listing.protocol {
+        words.extend(["--draw".to_owned(), protocol.seed().to_string()]);
+    }
+    shell_words(words)
 }
