@@ -4,11 +4,10 @@ use calib_base::{
     StepError, disk_room,
     log::{context::RunContext, partition},
 };
-use calib_core::Seed;
 use calib_model::ModelKind;
 use calib_model_steps::{model::build_plan, represent};
 use calib_study::{Job, Scope, StepKind};
-use calib_sweep_steps::sweep::expected;
+use calib_sweep_steps::sweep::{expected, setting::candidates_of};
 
 use crate::{plan::Plan, run_progress::passes};
 
@@ -68,8 +67,7 @@ fn sweep_bytes(model: &Job, plan: &Plan) -> Result<u64, StepError> {
             continue;
         }
         let study = part.study();
-        let seed = Seed::new(study.seed).child("sweep");
-        let settings = calib_sweep::candidates(&study.sweep, &study.agent, seed)?.len();
+        let settings = candidates_of(study)?.len();
         let units = (passes(study) as usize).saturating_mul(study.sweep.sensors.len());
         let runs = units.saturating_mul(settings);
         needed = needed.saturating_add(expected::certain_bytes(study, runs));

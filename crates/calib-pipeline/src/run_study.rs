@@ -16,7 +16,6 @@ use calib_base::{
     outcome::{NoPlan, Outcome, StepResult, Told as _},
     output::{Announced, Printer, duration},
 };
-use calib_core::Seed;
 use calib_data::DataError;
 use calib_model::ModelFamily;
 use calib_model_steps::{model::build_model, represent, rollouts::rollout};
@@ -24,7 +23,7 @@ use calib_plant::Plant;
 use calib_study::{Job, StepKind, Study};
 use calib_sweep_steps::{
     agents::pretrain,
-    sweep::{self, groups, plan::DryRunTally},
+    sweep::{self, groups, plan::DryRunTally, setting::candidates_of},
     verdict::{
         evaluation::{self, Evaluation},
         report,
@@ -321,13 +320,7 @@ fn models(job: &Job) -> Result<Vec<Model>, StepError> {
         .into_iter()
         .map(|job| {
             let name = job.model().filter(|_| several).map(str::to_owned);
-            let study = job.study();
-            ensure!(
-                !study.sweep.sensors.is_empty(),
-                "sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]"
-            );
-            let seed = Seed::new(study.seed).child("sweep");
-            calib_sweep::candidates(&study.sweep, &study.agent, seed)?;
+            candidates_of(job.study())?;
             Ok(Model { name, job, left_out: None })
         })
         .collect()

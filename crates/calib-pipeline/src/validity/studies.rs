@@ -13,12 +13,14 @@ use calib_base::{
     },
     options::ValidityOptions,
 };
-use calib_core::Seed;
 use calib_files::read_regular;
 use calib_model::ModelKind;
 use calib_study::{DrawnStudy, Job, Request, Study, StudyError};
-use calib_sweep::{Candidate, candidates};
-use calib_sweep_steps::{sweep, verdict::evaluate};
+use calib_sweep::Candidate;
+use calib_sweep_steps::{
+    sweep::{self, setting::candidates_of},
+    verdict::evaluate,
+};
 
 use super::protocol::{ProtocolFile, files};
 use crate::run_study::{self, RunUntil};
@@ -215,9 +217,7 @@ pub(super) fn check(studies: &[ListedStudy]) -> Result<(), StepError> {
              discount factor, or leave it out",
             path.display()
         );
-        let seed = Seed::new(study.seed).child("sweep");
-        let candidates = candidates(&study.sweep, &study.agent, seed)
-            .with_context(|| path.display().to_string())?;
+        let candidates = candidates_of(study).with_context(|| path.display().to_string())?;
         let values: Vec<String> = candidates.iter().map(Candidate::label).collect();
         let Some((other, theirs)) = &first else {
             first = Some((listed, values));

@@ -11,12 +11,11 @@ use calib_base::{
     },
     output::Printer,
 };
-use calib_core::Seed;
 use calib_data::Dataset;
 use calib_study::{Job, Study};
-use calib_sweep::{Candidate, PlannedSensor, Span, candidates};
+use calib_sweep::{Candidate, PlannedSensor, Span};
 
-use crate::sweep::streams::Streams;
+use crate::sweep::{setting::candidates_of, streams::Streams};
 
 /// The predicted sensors of one discount factor.
 pub struct StudyGroup {
@@ -106,6 +105,6 @@ pub fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
     // Later steps repeat these messages.
     let silent = &context.silent();
     let Parts { dataset, .. } = partition::load(job, silent)?;
-    let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
+    let candidates = candidates_of(study)?;
     StudyGroup::all(study, &dataset, &candidates, silent).map(|_| ())
 }

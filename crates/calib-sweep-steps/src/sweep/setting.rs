@@ -244,7 +244,10 @@ pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Plan<'a> {
 }
 
 /// Returns the settings that a study sweeps.
-pub(crate) fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
+///
+/// # Errors
+/// Returns an error if its agents act, it names no sensors, or its grid is invalid.
+pub fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
     ensure!(
         !study.is_of_acting_agents(),
         "the agents of this study act ([control], and no sweep.sensors); `calib control` tunes them"
