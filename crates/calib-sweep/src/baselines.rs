@@ -298,7 +298,7 @@ fn window_scores(
     monitor: &dyn Monitor,
 ) -> Result<Vec<SimpleScore>, SweepError> {
     let stream = &*window.stream;
-    let steps = span.steps.min(stream.len().saturating_sub(1));
+    let steps = span.steps_in(stream.len());
     let fitted = baselines.simple(sensors, gamma, &window.fitting_rows, monitor)?;
     let mut scores = Vec::with_capacity(fitted.len());
     for FittedSimple { sensor, column, predictor, fitted } in fitted {

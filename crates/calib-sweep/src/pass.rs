@@ -105,7 +105,7 @@ impl Pass<'_, '_> {
     pub(crate) fn agent_run<'s>(&self, stream: &'s dyn Stream) -> Run<'s> {
         Run {
             stream,
-            steps: self.options.span.steps.min(stream.len().saturating_sub(1)),
+            steps: self.options.span.steps_in(stream.len()),
             curve: CurveRule { windows: self.options.curve_points },
             seed: self.jobs[0].seed,
         }

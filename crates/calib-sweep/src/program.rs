@@ -70,7 +70,7 @@ pub(crate) fn outcomes(
     options: &PlanOptions,
     monitor: &dyn Monitor,
 ) -> Result<Vec<RunOutcome>, SweepError> {
-    let steps = options.span.steps.min(stream.len().saturating_sub(1));
+    let steps = options.span.steps_in(stream.len());
     let mut all = Vec::new();
     for job in jobs {
         let wanted = PredictionRequest {

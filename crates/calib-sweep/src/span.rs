@@ -26,6 +26,11 @@ impl Span {
     pub fn states(self) -> usize {
         self.steps + self.tail
     }
+
+    /// Returns the number of steps of an agent in a stream with this many states, which may be shorter.
+    pub fn steps_in(self, states: usize) -> usize {
+        self.steps.min(states.saturating_sub(1))
+    }
 }
 
 #[cfg(test)]

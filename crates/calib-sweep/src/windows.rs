@@ -73,7 +73,7 @@ impl Windows {
     ) -> Self {
         let all = starts.len();
         let ScoringDemand { span, gamma, part } = demand;
-        let steps = span.steps.min(states.saturating_sub(1));
+        let steps = span.steps_in(states);
         let scored: Vec<(usize, usize)> = starts
             .into_iter()
             .map(|start| {

@@ -203,7 +203,7 @@ impl SweepStreams {
 
     /// Returns the steps of the run over a stream.
     pub fn steps_of(&self, stream: usize) -> usize {
-        self.steps().min(self.runs[stream].stream.len().saturating_sub(1))
+        self.manifest.span.steps_in(self.runs[stream].stream.len())
     }
 
     /// Writes results of agents as a table that `calib_pipeline::evaluate_runs` reads. Beside it, writes their learning
