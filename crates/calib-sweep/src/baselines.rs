@@ -244,10 +244,10 @@ pub struct RecordedWindow {
 /// # Errors
 /// Returns an error if a stream cannot be made.
 pub fn recorded_windows(
-    environments: &[&dyn Environment],
+    environments: &[Box<dyn Environment + '_>],
 ) -> Result<Vec<RecordedWindow>, SweepError> {
     let mut windows: Vec<RecordedWindow> = Vec::new();
-    for &environment in environments {
+    for environment in environments {
         let id = environment.id();
         if matches!(id, EnvironmentId::Member(_)) {
             continue;

@@ -35,7 +35,6 @@ use crate::sweep::{
 pub struct SweepStreams {
     runs: Vec<StreamRun>,
     sensors: Vec<(String, usize)>,
-    scales: Vec<ErrorScale>,
     dataset: Dataset,
     /// The sensors of each discount factor.
     groups: Vec<StudyGroup>,
@@ -100,10 +99,7 @@ impl SweepStreams {
     /// # Errors
     /// Returns an error if the model was not built, or the log cannot be read.
     pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
-        Self::new(job, &RunContext::new(printer))
-    }
-
-    fn new(job: &Job, context: &RunContext) -> Result<Self, StepError> {
+        let context = &RunContext::new(printer);
         let study = job.study();
         let model = model_files::open_if_any(job)?;
         let dataset: Dataset = partition::load(job, context)?.dataset;
@@ -118,33 +114,25 @@ impl SweepStreams {
         }];
         let groups = StudyGroup::all(study, &dataset, &only, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
-        let scales = error_scales(&dataset, &sensors, &only);
         let streams = groups.iter().map(|group| &group.streams);
         let made = Environments::describe(job, model.as_ref(), &dataset, streams, context)?;
-        let sources = Sources {
-            states: model.as_ref().map(|model| &model.frames),
-            model: model.as_ref().map(|model| &*model.model),
-            train: Some(&dataset.train),
-            held_out: dataset.held_out.as_ref(),
-        };
+        let sources = Sources::of(model.as_ref(), &dataset);
         let mut runs = Vec::new();
         let mut windows = Vec::new();
         for (group, described) in groups.iter().zip(&made.described) {
             let parameters = StreamParameters::of(study, group.streams.demand.span)?;
             let environments = open_all(described, sources, parameters)?;
             runs.extend(runs_of(study, group, &sensors, &environments)?);
-            let opened: Vec<&dyn Environment> =
-                environments.iter().map(|environment| &**environment).collect();
-            windows.push(recorded_windows(&opened)?);
+            windows.push(recorded_windows(&environments)?);
         }
         let span = StudyGroup::longest(&groups);
         let content =
             model.as_ref().map(|model| model_files::content(&model.manifest)).transpose()?;
         let mut manifest = SweepFacts::of_nothing(study, &dataset, content, span, Vec::new());
-        manifest.scales.clone_from(&scales);
+        manifest.scales = error_scales(&dataset, &sensors, &only);
         let curve = CurveRule { windows: study.sweep.curve_points };
         let part = study.part();
-        Ok(Self { runs, sensors, scales, dataset, groups, windows, manifest, part, curve })
+        Ok(Self { runs, sensors, dataset, groups, windows, manifest, part, curve })
     }
 
     /// Returns all streams, by discount factor and then by environment.
@@ -169,7 +157,8 @@ impl SweepStreams {
 
     /// Returns the divisor of a sensor's errors, in normalised units.
     pub fn scale(&self, sensor: &str) -> f64 {
-        self.scales.iter().find(|scale| scale.sensor == sensor).map_or(1.0, ErrorScale::unit)
+        let mut scales = self.manifest.scales.iter();
+        scales.find(|scale| scale.sensor == sensor).map_or(1.0, ErrorScale::unit)
     }
 
     /// Returns the part of a run whose error counts.
@@ -224,11 +213,7 @@ impl SweepStreams {
             values: candidate.values.clone(),
             agent: self.manifest.study.agent.clone(),
         });
-        let sweep = SweepFacts {
-            candidates: candidates.collect(),
-            scales: self.scales.clone(),
-            ..self.manifest.clone()
-        };
+        let sweep = SweepFacts { candidates: candidates.collect(), ..self.manifest.clone() };
         let units: Vec<UnitResult> = results.iter().map(|result| self.unit(result)).collect();
         let table = external_runs(&sweep, self.part, &units)?;
         let curves = curves_table(&sweep.candidates, &units);

@@ -64,6 +64,18 @@ pub struct Sources<'a> {
     pub held_out: Option<&'a Frames>,
 }
 
+impl<'a> Sources<'a> {
+    /// Returns the data of a model, if there is one, and of the log.
+    pub(crate) fn of(model: Option<&'a OpenModel>, dataset: &'a Dataset) -> Self {
+        Self {
+            states: model.map(|model| &model.frames),
+            model: model.map(|model| &*model.model),
+            train: Some(&dataset.train),
+            held_out: dataset.held_out.as_ref(),
+        }
+    }
+}
+
 /// The options of rollouts.
 #[derive(Clone, Copy, Debug)]
 pub struct StreamParameters {

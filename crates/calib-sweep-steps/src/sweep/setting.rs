@@ -154,12 +154,7 @@ impl SweepContext {
         group: usize,
         span: Span,
     ) -> Result<OpenedEnvironments<'_>, StepError> {
-        let sources = Sources {
-            states: self.model.as_ref().map(|model| &model.frames),
-            model: self.model.as_ref().map(|model| &*model.model),
-            train: Some(&self.dataset.train),
-            held_out: self.dataset.held_out.as_ref(),
-        };
+        let sources = Sources::of(self.model.as_ref(), &self.dataset);
         let parameters = StreamParameters::of(study, span)?;
         open_all(&self.environments.described[group], sources, parameters)
     }
@@ -173,9 +168,7 @@ impl SweepContext {
     ) -> Result<SimpleErrors, StepError> {
         let mut all = SimpleErrors::default();
         for (group, environments) in self.groups.iter().zip(environments) {
-            let environments: Vec<&dyn Environment> =
-                environments.iter().map(|environment| &**environment).collect();
-            let windows = recorded_windows(&environments)?;
+            let windows = recorded_windows(environments)?;
             let sensors = group.own(&self.sensors);
             let predicted = (&sensors[..], &self.dataset.normaliser);
             let agent = &group.candidates[0].agent;
