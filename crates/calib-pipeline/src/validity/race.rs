@@ -1,7 +1,6 @@
 //! The savings and the choice of a race, computed from the results of a complete sweep.
 
 use calib_base::StepError;
-use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, raced, verdict};
 use calib_sweep_steps::verdict::judged::Judged;
 
@@ -16,15 +15,12 @@ pub(super) struct RaceOutcome {
 /// Applies a race to the sensor of `whole`, with the same part of each run and the same selection
 /// rule.
 pub(super) fn outcome(judged: &Judged, whole: &SensorVerdict) -> Result<RaceOutcome, StepError> {
-    let Judged { job, manifest, results, .. } = judged;
-    let study = job.study();
+    let Judged { manifest, results, .. } = judged;
     let own = results.iter().filter(|result| result.unit.sensor == whole.sensor).cloned();
     let own: Vec<UnitResult> = own.collect();
     let values = manifest.candidates.len();
     let left = raced(&own, values, whole.part);
-    let top_k = study.evaluate.top_k;
-    let seed = Seed::new(study.seed);
-    let judging = Judging::of_choice(whole.part, whole.rule, top_k, &manifest.scales, seed);
+    let judging = Judging::of_choice(whole.part, whole.rule, &manifest.scales);
     let chosen = verdict(&whole.sensor, &manifest.candidates, &left, &judging)?.chosen;
     let made = updates(&left);
     let all = updates(&own);

@@ -31,23 +31,17 @@ pub struct Judging<'a> {
 
 impl<'a> Judging<'a> {
     /// Creates the judging for the choice alone, without simple predictors and without resamples.
-    pub fn of_choice(
-        part: Part,
-        rule: Rule,
-        top_k: usize,
-        scales: &'a [ErrorScale],
-        seed: Seed,
-    ) -> Self {
+    pub fn of_choice(part: Part, rule: Rule, scales: &'a [ErrorScale]) -> Self {
         Self {
             part,
             rule,
-            top_k,
+            top_k: 1,
             scales,
             simple: &[],
             best: None,
             stands_still: false,
             resamples: 0,
-            seed,
+            seed: Seed::new(0),
         }
     }
 }

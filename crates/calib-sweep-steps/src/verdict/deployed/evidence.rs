@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
 use calib_base::StepError;
-use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, verdict};
 
 use crate::verdict::judged_model::JudgedModel;
@@ -16,10 +15,7 @@ pub(super) fn choice(
 ) -> Result<usize, StepError> {
     let study = parts[0].judged.study();
     let manifest = &parts[0].judged.manifest;
-    let rule = study.evaluate.rule;
-    let top_k = study.evaluate.top_k;
-    let seed = Seed::new(study.seed);
-    let judging = Judging::of_choice(study.part(), rule, top_k, &manifest.scales, seed);
+    let judging = Judging::of_choice(study.part(), study.evaluate.rule, &manifest.scales);
     let results: Vec<&[UnitResult]> = parts.iter().map(|part| &part.judged.results[..]).collect();
     let raced: BTreeSet<usize> = verdicts
         .iter()
@@ -124,7 +120,7 @@ mod tests {
                 agent: AgentConfig::default(),
             })
             .collect();
-        let judging = Judging::of_choice(Part::WholeRun, rule, 1, &[], Seed::new(0));
+        let judging = Judging::of_choice(Part::WholeRun, rule, &[]);
         verdict("A", &candidates, results, &judging).expect("judged").chosen
     }
 
