@@ -48,7 +48,8 @@ impl Stream {
         runs.map(|run| run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()).collect()
     }
 
-    fn mean(&self, candidate: usize) -> f64 {
+    /// Returns the mean error of one setting, as [`means`](Self::means) does.
+    pub(super) fn mean(&self, candidate: usize) -> f64 {
         let made = self.runs.iter().filter_map(|run| run[candidate]);
         let (sum, count) = made.fold((0.0, 0_usize), |(sum, count), x| (sum + x, count + 1));
         if count == 0 { f64::INFINITY } else { sum / count as f64 }

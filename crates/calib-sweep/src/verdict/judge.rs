@@ -4,8 +4,8 @@ use calib_stats::{
 };
 
 use super::{
-    Agreement, BaselineRegret, ChoiceBaseline, Dropped, Grade, Judging, RuleChoice, SensorVerdict,
-    Share, Truth, WindowTruth,
+    Agreement, BaselineRegret, ChoiceBaseline, Grade, Judging, RuleChoice, SensorVerdict, Share,
+    Truth, WindowTruth,
     dropped::{LOWER, dropped},
     errors::Errors,
     measured::{MeasuredErrors, NestedRuns},
@@ -58,7 +58,7 @@ impl SensorResults<'_> {
         let ranking = chooser.scores(judging.rule, evidence)?;
         let standing = ChoiceStanding::of(judging.rule, chosen, &ranking, selection.as_ref());
         let truth =
-            TruthInputs { sensor, all, candidates, judging, losses: &losses, dropped: &dropped };
+            TruthInputs { sensor, all, candidates, judging, losses: &losses, chooser: &chooser };
         let truth =
             all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
         // Dropped settings cannot be resampled. Shares among the others alone would look too firm.
@@ -163,7 +163,7 @@ struct TruthInputs<'a> {
     candidates: &'a [Candidate],
     judging: &'a Judging<'a>,
     losses: &'a Losses,
-    dropped: &'a [Dropped],
+    chooser: &'a Chooser<'a>,
 }
 
 impl TruthInputs<'_> {
@@ -175,7 +175,7 @@ impl TruthInputs<'_> {
             Some(means) => correlations(ranking, means)?,
             None => (None, None),
         };
-        let default = self.default().filter(|&default| default != chosen);
+        let default = self.chooser.default.filter(|&default| default != chosen);
         let choice = Agreement {
             chosen,
             online_error: scores.candidates[chosen].mean,
@@ -203,10 +203,6 @@ impl TruthInputs<'_> {
         })
     }
 
-    fn default(&self) -> Option<usize> {
-        self.candidates.iter().position(|candidate| candidate.is_default)
-    }
-
     /// Returns the regrets of other ways to choose.
     fn baselines(&self) -> Result<Vec<BaselineRegret>, SweepError> {
         let losses = self.losses;
@@ -218,7 +214,7 @@ impl TruthInputs<'_> {
         let random = means
             .map(|means| means.iter().map(|loss| loss.exp_m1()).sum::<f64>() / means.len() as f64);
         Ok(vec![
-            self.regret_of(ChoiceBaseline::Default, self.default()),
+            self.regret_of(ChoiceBaseline::Default, self.chooser.default),
             self.regret_of(ChoiceBaseline::LogReplay, replayed.transpose()?),
             self.regret_of(ChoiceBaseline::LatestWindow, latest),
             unbounded(ChoiceBaseline::Random, random),
@@ -236,9 +232,7 @@ impl TruthInputs<'_> {
     /// Returns the best of the settings that were not dropped. Errors of dropped settings come from other streams.
     fn best_of_kept(&self, errors: &[f64]) -> usize {
         let mut errors = errors.to_vec();
-        for dropped in self.dropped {
-            errors[dropped.candidate] = f64::INFINITY;
-        }
+        self.chooser.without_dropped(&mut errors);
         least(&errors)
     }
 }

@@ -146,7 +146,7 @@ impl Chooser<'_> {
 
     /// Sets the mean errors of dropped settings to infinity. They made few runs, so their means do not compare with the
     /// others.
-    fn without_dropped(&self, mean_errors: &mut [f64]) {
+    pub(super) fn without_dropped(&self, mean_errors: &mut [f64]) {
         for dropped in self.dropped {
             mean_errors[dropped.candidate] = f64::INFINITY;
         }

@@ -97,7 +97,7 @@ pub(super) fn compared(
     let agent: Vec<f64> = deciding
         .into_iter()
         .flat_map(|errors| &errors.streams)
-        .map(|stream| stream.means()[chosen.index] * scale)
+        .map(|stream| stream.mean(chosen.index) * scale)
         .collect();
     let mean = deciding.and_then(|errors| rmses(judging, sensor, SimplePredictor::Mean, errors));
     let mut compared = Vec::new();
