@@ -187,6 +187,7 @@ fn gammas(candidates: &[Candidate], rows: &[Row<'_>]) -> Vec<f64> {
 
 /// Returns a table with one row per point of a learning curve.
 pub(crate) fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> Table {
+    let labels: Vec<String> = candidates.iter().map(Candidate::label).collect();
     let mut points = Vec::new();
     for result in results {
         for row in &result.rows {
@@ -198,10 +199,7 @@ pub(crate) fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> 
         .with("sensor", points.iter().map(|(r, ..)| r.unit.sensor.clone()).collect())
         .with("run", points.iter().map(|(r, ..)| r.unit.run as u32).collect())
         .with("candidate", points.iter().map(|(_, candidate, _)| *candidate as u32).collect())
-        .with(
-            "label",
-            points.iter().map(|(_, candidate, _)| candidates[*candidate].label()).collect(),
-        )
+        .with("label", points.iter().map(|(_, candidate, _)| labels[*candidate].clone()).collect())
         .with("step", points.iter().map(|(.., point)| point.step as u32).collect())
         .with("rmse", points.iter().map(|(.., point)| point.rmse).collect())
 }

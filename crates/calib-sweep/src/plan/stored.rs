@@ -41,7 +41,8 @@ impl StoredUnits {
             .filter_map(|job| Some((job, look_up(&job.unit, &job.key)?)))
             .collect();
         for (job, mut runs) in read {
-            runs.runs.retain(|setting, _| job.settings.iter().any(|own| **own == **setting));
+            let own: BTreeSet<&str> = job.settings.iter().map(|setting| &**setting).collect();
+            runs.runs.retain(|setting, _| own.contains(setting.as_str()));
             self.add(job, runs);
         }
     }
