@@ -62,7 +62,9 @@ pub fn fits(needed: u64) -> bool {
 /// Returns the bytes that this process may still take: the memory that the system has available, or less where a
 /// control group (a container, a batch job) allows less. `None` where the system does not report it.
 pub fn available() -> Option<u64> {
-    let system = fs::read_to_string("/proc/meminfo").ok().and_then(|text| mem_available(&text));
+    let system = fs::read_to_string("/proc/meminfo").ok();
+    // This includes the memory that the system would free if asked.
+    let system = system.and_then(|text| kib_line(&text, "MemAvailable:"));
     let groups = read_proc_self("cgroup").unwrap_or_default();
     let allowed = limits(Path::new("/sys/fs/cgroup"), &groups);
     let addresses = read_proc_self("limits").and_then(|text| {
@@ -87,9 +89,7 @@ pub(super) fn read_proc_stat(process: u32) -> Option<String> {
 fn addresses_left(limits: &str, status: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmSize:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(limit.saturating_sub(kib * 1024))
+    Some(limit.saturating_sub(kib_line(status, "VmSize:")?))
 }
 
 /// Returns the line of a plan on memory: the upper bound `total` in bytes, its `parts` in words, and the available
@@ -164,9 +164,9 @@ pub fn check_table(path: &Path, names: Option<&[&str]>) -> Result<(), StepError>
     Ok(require(declared_bytes(path, names)?, &what, "take fewer rows of it, or fewer columns")?)
 }
 
-/// Parses `MemAvailable`, which includes the memory that the system would free if asked.
-fn mem_available(text: &str) -> Option<u64> {
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+/// Returns the bytes of a line such as `VmSize:  1000 kB`, which begins with `name`.
+fn kib_line(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)
 }
@@ -231,8 +231,8 @@ mod tests {
     #[test]
     fn the_systems_own_figure_is_read() {
         let text = "MemTotal:       16 kB\nMemAvailable:    1024 kB\n";
-        assert_eq!(mem_available(text), Some(1 << 20));
-        assert_eq!(mem_available("MemTotal: 16 kB\n"), None);
+        assert_eq!(kib_line(text, "MemAvailable:"), Some(1 << 20));
+        assert_eq!(kib_line("MemTotal: 16 kB\n", "MemAvailable:"), None);
     }
 
     #[test]

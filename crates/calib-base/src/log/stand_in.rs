@@ -110,24 +110,13 @@ impl StandInLog {
     }
 }
 
-/// The log of a plant, all days of it.
-struct SampledLog {
-    timestamps: Vec<Timestamp>,
-    channels: Vec<(String, Vec<f32>)>,
-}
-
 /// Simulates the whole log of `plant`, and writes it to a file.
 fn write(plant: Plant, path: &Path, monitor: &dyn Monitor) -> Result<(), StepError> {
-    let SampledLog { timestamps, channels } = sampled(plant, monitor)?;
-    Ok(write_log(path, &timestamps, &channels)?)
-}
-
-fn sampled(mut plant: Plant, monitor: &dyn Monitor) -> Result<SampledLog, StepError> {
     let names = plant.schema().iter().map(|channel| channel.name.clone());
     let mut channels: Vec<(String, Vec<f32>)> = names.map(|name| (name, Vec::new())).collect();
-    let mut timestamps = Vec::new();
+    let mut timestamps: Vec<Timestamp> = Vec::new();
     monitor.begin("simulating a sample", u64::from(plant.days()));
-    for day in plant.by_ref() {
+    for day in plant {
         monitor.check()?;
         timestamps.extend(day.timestamps);
         for ((_, values), column) in channels.iter_mut().zip(day.columns) {
@@ -135,7 +124,7 @@ fn sampled(mut plant: Plant, monitor: &dyn Monitor) -> Result<SampledLog, StepEr
         }
         monitor.advance(1);
     }
-    Ok(SampledLog { timestamps, channels })
+    Ok(write_log(path, &timestamps, &channels)?)
 }
 
 /// Returns a log in which each row represents `count` rows: it has as many rows as the full log, with the states of
