@@ -145,6 +145,6 @@ pub fn plant_of(job: &Job) -> Result<Option<(PathBuf, PlantOptions)>, StepError>
 /// # Errors
 /// As [`simulate`](simulate::simulate); also if the description is not valid.
 pub fn write_log(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
-    let Some((directory, plant)) = plant_of(job)? else { return Ok(None) };
-    simulate::simulate(&directory, plant, job.policy().redoes(), printer).map(Some)
+    let plant = PlantOfStudy::of(job)?;
+    plant.map(|plant| plant.make(job.policy().redoes(), printer)).transpose()
 }
