@@ -30,7 +30,7 @@ use crate::cluster::{
     maker::Maker,
     plan_file::{
         FORMAT, INPUTS, PLAN, PartStreams, PlanFile, PlannedPart, PlannedPass, PlannedStudy, Shard,
-        SweepPart, inputs_in, path_in,
+        SweepPart, inputs_in, path_in, shards_in,
     },
     results::Header,
     status::{Summary, summary},
@@ -135,7 +135,7 @@ pub(crate) fn plan(
     if job.policy().is_dry() {
         return Ok(StepResult::Planned(ClusterDryPlan(planned)));
     }
-    create_directory(&directory.join("shards"))?;
+    create_directory(&shards_in(directory))?;
     match write_new_sealed_json(&path, &plan) {
         // Reached on file systems without locks.
         Err(FileError::Occupied { .. }) => bail!(is_planned(directory)),
@@ -346,30 +346,29 @@ fn part_streams(setting: &SweepContext) -> Vec<PartStreams> {
 
 /// Returns the predicted memory of a shard on one thread, in bytes.
 fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
-    let training = passes
+    let sweep = |part: usize| parts.get(part)?.sweep.as_ref();
+    let groups: BTreeSet<(usize, usize)> =
+        passes.iter().map(|pass| (pass.part, pass.group)).collect();
+    let training = groups
         .iter()
-        .filter_map(|pass| {
-            let part = parts.get(pass.part)?.sweep.as_ref()?;
+        .filter_map(|&(part, group)| {
+            let part = sweep(part)?;
             let agents = agents_of(&part.candidates);
             let states = part.span.states();
-            let sensors = part.groups[pass.group].len();
+            let sensors = part.groups[group].len();
             Some(4 * states as u64 + training_bytes(&agents, sensors, part.width, states))
         })
         .max()
         .unwrap_or(0);
     // Files are mapped. All files of a part count, because any of them may be read.
-    let read: BTreeSet<usize> = passes.iter().map(|pass| pass.part).collect();
-    let mapped = (read.iter())
-        .filter_map(|part| Some(parts.get(*part)?.sweep.as_ref()?.mapped))
-        .max()
-        .unwrap_or(0);
+    let mapped = groups.iter().filter_map(|&(part, _)| Some(sweep(part)?.mapped)).max();
     let results: u64 = passes
         .iter()
         .filter_map(|pass| {
-            let part = parts.get(pass.part)?.sweep.as_ref()?;
+            let part = sweep(pass.part)?;
             let units = part.groups[pass.group].len() * part.candidates.len();
             Some(units as u64 * (200 + 80 * part.study.sweep.curve_points as u64))
         })
         .sum();
-    BASE_BYTES + training + 2 * results + mapped
+    BASE_BYTES + training + 2 * results + mapped.unwrap_or(0)
 }

@@ -142,7 +142,7 @@ pub(crate) struct Shard {
 impl Shard {
     /// Returns the number of units that it makes. In a race it is an upper bound.
     pub(crate) fn units(&self, plan: &PlanFile) -> usize {
-        self.passes.iter().map(|pass| plan.sensors_of(pass)).sum()
+        self.passes.iter().map(|pass| plan.sensors(pass).map_or(0, BTreeSet::len)).sum()
     }
 
     /// Returns the number of training runs that it makes: one for each setting of a unit. In a race it is an upper
@@ -176,15 +176,13 @@ impl PlanFile {
     }
 
     pub(crate) fn pass(&self, planned: &PlannedPass) -> Result<PassId, StepError> {
-        let part = self.sweep(planned.part)?;
-        let sensors =
-            part.groups.get(planned.group).context("the plan names a group that it lacks")?;
         let PlannedPass { environment, run, .. } = *planned;
-        Ok(PassId { environment, run, sensors: sensors.clone() })
+        Ok(PassId { environment, run, sensors: self.sensors(planned)?.clone() })
     }
 
-    fn sensors_of(&self, planned: &PlannedPass) -> usize {
-        self.pass(planned).map_or(0, |pass| pass.sensors.len())
+    fn sensors(&self, planned: &PlannedPass) -> Result<&BTreeSet<String>, StepError> {
+        let groups = &self.sweep(planned.part)?.groups;
+        groups.get(planned.group).context("the plan names a group that it lacks")
     }
 
     /// Returns the sweep of a part.
@@ -194,8 +192,13 @@ impl PlanFile {
     }
 }
 
+/// Returns the folder of what shards write.
+pub(crate) fn shards_in(directory: &Path) -> PathBuf {
+    directory.join("shards")
+}
+
 pub(crate) fn is_plan(directory: &Path) -> bool {
-    path_in(directory).is_file() && directory.join("shards").is_dir()
+    path_in(directory).is_file() && shards_in(directory).is_dir()
 }
 
 /// An opened plan and its folder.
@@ -241,16 +244,20 @@ impl OpenedPlan {
     }
 
     pub(crate) fn results(&self, shard: usize) -> PathBuf {
-        self.directory.join("shards").join(format!("{shard:04}.units"))
+        self.of_shard(shard, "units")
     }
 
     /// Returns the folder for the states of a shard's unfinished passes.
     pub(crate) fn states(&self, shard: usize) -> PathBuf {
-        self.directory.join("shards").join(format!("{shard:04}.state"))
+        self.of_shard(shard, "state")
     }
 
     pub(crate) fn attempts(&self, shard: usize) -> PathBuf {
-        self.directory.join("shards").join(format!("{shard:04}.attempts"))
+        self.of_shard(shard, "attempts")
+    }
+
+    fn of_shard(&self, shard: usize, ending: &str) -> PathBuf {
+        shards_in(&self.directory).join(format!("{shard:04}.{ending}"))
     }
 
     pub(crate) fn inputs(&self, part: usize) -> PathBuf {

@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::cluster::{
     attempt::{self, Attempt, AttemptEnd},
     engines::queue,
-    plan_file::{OpenedPlan, PlanFile, Shard},
+    plan_file::{OpenedPlan, PlanFile, Shard, shards_in},
     results::{self, Extent, UnitsInOrder},
 };
 
@@ -257,7 +257,7 @@ fn clean(opened: &OpenedPlan) -> Result<(), StepError> {
             remove_states(&opened.states(number))?;
         }
     }
-    let shards = opened.directory.join("shards");
+    let shards = shards_in(&opened.directory);
     if shards.is_dir() {
         remove_temporaries(&shards, Below::Ours)?;
     }
