@@ -68,7 +68,7 @@ fn sweep_bytes(model: &Job, plan: &Plan) -> Result<u64, StepError> {
         }
         let study = part.study();
         let settings = candidates_of(study)?.len();
-        let units = (passes(study) as usize).saturating_mul(study.sweep.sensors.len());
+        let units = passes(study).saturating_mul(study.sweep.sensors.len());
         let runs = units.saturating_mul(settings);
         needed = needed.saturating_add(expected::certain_bytes(study, runs));
     }

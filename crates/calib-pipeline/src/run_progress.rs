@@ -16,7 +16,7 @@ pub(crate) struct RunProgress<'a> {
     stages: usize,
     begun: Cell<usize>,
     /// Passes over streams of all sweeps that have not begun.
-    later: Cell<f64>,
+    later: Cell<usize>,
 }
 
 impl<'a> RunProgress<'a> {
@@ -27,11 +27,11 @@ impl<'a> RunProgress<'a> {
         plan: &Plan,
         models: &[&Job],
     ) -> Result<Self, StepError> {
-        let mut later = 0.0;
+        let mut later = 0;
         for model in models {
             let parts = model.parts(Scope::Deployment)?;
             let left = parts.iter().filter(|part| plan.is_to_do(StepKind::Sweep, part));
-            later += left.map(|part| passes(part.study())).sum::<f64>();
+            later += left.map(|part| passes(part.study())).sum::<usize>();
         }
         Ok(Self { talk, stages, begun: Cell::new(0), later: Cell::new(later) })
     }
@@ -50,9 +50,9 @@ impl<'a> RunProgress<'a> {
     pub(crate) fn sweep(&self, plan: &Plan, part: &Job) {
         if plan.is_to_do(StepKind::Sweep, part) {
             let own = passes(part.study());
-            let later = (self.later.get() - own).max(0.0);
+            let later = self.later.get().saturating_sub(own);
             self.later.set(later);
-            self.tell(Some(later / own.max(1.0)));
+            self.tell(Some(later as f64 / own.max(1) as f64));
         }
     }
 
@@ -62,7 +62,7 @@ impl<'a> RunProgress<'a> {
 }
 
 /// Returns the number of passes over streams in a sweep, as far as the study determines it.
-pub(crate) fn passes(study: &Study) -> f64 {
+pub(crate) fn passes(study: &Study) -> usize {
     let online = if study.data.held_out.is_some() { study.sweep.online_runs } else { 0 };
-    (study.members() * study.member_runs() + online + study.sweep.log_replay_runs) as f64
+    study.members() * study.member_runs() + online + study.sweep.log_replay_runs
 }
