@@ -18,6 +18,11 @@ pub fn require(what: &str) -> Result<(), StepError> {
     if cfg!(feature = "torch") { Ok(()) } else { Err(StepError::Unavailable(what.to_owned())) }
 }
 
+/// Whether this program cannot make a model of a kind, because it has no libtorch.
+pub fn lacks(kind: ModelKind) -> bool {
+    kind == ModelKind::Torchscript && !cfg!(feature = "torch")
+}
+
 /// Returns a trainer of a network on a device, which resumes from a checkpoint if there is one, and the name of library
 /// and device.
 ///

@@ -3,8 +3,8 @@
 use calib_base::{
     StepError, disk_room,
     log::{context::RunContext, partition},
+    torch,
 };
-use calib_model::ModelKind;
 use calib_model_steps::{model::build_plan, represent};
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep_steps::sweep::{expected, setting::candidates_of};
@@ -40,8 +40,7 @@ pub(crate) fn require_room<'a>(
 
 /// Whether a model is going to be left out, because this calib cannot train it. It takes nothing.
 fn is_left_out(model: &Job, plan: &Plan) -> bool {
-    let wants_libtorch = model.study().model.kind == ModelKind::Torchscript;
-    wants_libtorch && !cfg!(feature = "torch") && plan.has_to_do(StepKind::BuildModel, model)
+    torch::lacks(model.study().model.kind) && plan.has_to_do(StepKind::BuildModel, model)
 }
 
 /// Bytes that a model and its representation still take; nothing where both are up to date or take hardly any disk. Then the log is not read.

@@ -12,6 +12,7 @@ use calib_base::{
         simulate::PlantLogState,
     },
     options::ValidityOptions,
+    torch,
 };
 use calib_files::read_regular;
 use calib_model::ModelKind;
@@ -187,8 +188,7 @@ impl ListedStudy {
             Some(name) => layout.of_model(name),
             None => layout,
         };
-        let wants_libtorch = kind == ModelKind::Torchscript;
-        wants_libtorch && !cfg!(feature = "torch") && !paths.model().join(MANIFEST).exists()
+        torch::lacks(kind) && !paths.model().join(MANIFEST).exists()
     }
 }
 
