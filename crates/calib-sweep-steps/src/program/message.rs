@@ -72,11 +72,6 @@ impl Predictions {
             .map(|value| value as f32)
             .collect()
     }
-
-    /// Whether some prediction is not finite. Later ones do not count.
-    pub(super) fn ends_early(&self) -> bool {
-        self.finite().len() < self.predictions.len()
-    }
 }
 
 /// The answer that the program cannot continue.

@@ -78,7 +78,7 @@ impl ExternalAgents {
                 let answer: Predictions = process.ask(message, &what, monitor)?;
                 predicted.updates = answer.updates;
                 let got = answer.finite();
-                let is_diverged = got.len() < part.len() && answer.ends_early();
+                let is_diverged = got.len() < part.len().min(answer.predictions.len());
                 if answer.predictions.len() > part.len()
                     || (got.len() != part.len() && !is_diverged)
                 {

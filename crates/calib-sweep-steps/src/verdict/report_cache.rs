@@ -13,6 +13,8 @@ use calib_report::Report;
 use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
 
+use crate::verdict::report::not_written;
+
 /// `manifest.json` of the verdicts and figures of a study.
 type ReportManifest = Artefact<ReportFacts>;
 
@@ -78,12 +80,7 @@ pub(crate) fn keep(
     }
     claim.record().note(page_name.clone())?;
     claim.begin()?;
-    let written = write().with_context(|| {
-        format!(
-            "{} cannot be written; if results were edited, the steps with --force make them again",
-            page.display()
-        )
-    })?;
+    let written = write().with_context(|| not_written(&page))?;
     let names: Vec<String> = written.into_iter().chain(page_name).collect();
     claim.finish(ReportFacts { key }, names.iter().map(String::as_str)).map(drop)
 }
