@@ -178,7 +178,7 @@ impl Command {
     }
 
     /// Returns the format of the result: text for people, or JSON.
-    pub(crate) fn answer(&self) -> OutputFormat {
+    pub(crate) fn output_format(&self) -> OutputFormat {
         let json = match self {
             Self::Run(RunArgs { study: DeviceArgs { study: args, .. }, .. })
             | Self::Rollout(args)

@@ -63,7 +63,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     if !matches!(cli.command, Command::Dtw(_)) {
         watch_for_interrupts(cli.command.after_interruption());
     }
-    let printer = &printer.in_format(cli.command.answer());
+    let printer = &printer.in_format(cli.command.output_format());
     Ok(match cli.command {
         Command::Quickstart(args) => quickstart::run(&args, printer)?,
         Command::Simulate(args) => simulate::run(&args, printer)?,

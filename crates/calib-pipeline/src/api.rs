@@ -47,7 +47,7 @@ use crate::{
     control::{self, ControlEvaluation, ControlPlan, SimulateTask, SimulatedTask},
     each::{Results, each},
     propose::{self, ProposedControlStudy, ProposedStudy},
-    run_study::{self, StudyRun},
+    run_study::{self, RunUntil, StudyRun},
     status::{self, StandingOf, StatusRequest},
     validity::{self, ValidityAnswer, ValidityPlan},
 };
@@ -58,7 +58,9 @@ use crate::{
 /// # Errors
 /// Returns an error if the study or the data is wrong, the machine lacks resources, or the observer asks to stop.
 pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<StudyRun, StepError> {
-    recorded("run", job, printer, |printer| run_study::run(job, device, &RunContext::new(printer)))
+    recorded("run", job, printer, |printer| {
+        run_study::run(RunUntil::Report, job, device, &RunContext::new(printer))
+    })
 }
 
 /// Writes the simulated log of the plant that the study describes. Returns `None` for a study without a plant.

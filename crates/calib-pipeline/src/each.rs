@@ -77,12 +77,13 @@ pub(crate) fn each_part<T: Told>(
     Ok(each_of(&job.parts(step.scope())?, printer, run)?.outcome())
 }
 
-/// Runs a step of a longer chain, and reports its result.
-pub(crate) fn taken<T: Told>(
+/// Runs a step of a longer chain whose results are the same for all deployments, and reports them.
+pub(crate) fn for_all_deployments<T: Told>(
     job: &Job,
     printer: &Printer,
     run: impl FnOnce(&Job) -> Result<T, StepError>,
 ) -> Result<Outcome, StepError> {
+    let job = &job.before_deployment()?;
     Ok(told(run(job)?, job, printer)?.outcome())
 }
 

@@ -31,7 +31,7 @@ use calib_sweep_steps::{
 };
 
 use crate::{
-    each::{each_part, taken},
+    each::{each_part, for_all_deployments},
     plan::Plan,
     run_disk,
     run_progress::RunProgress,
@@ -52,17 +52,16 @@ fn is_wanted(step: StepKind, study: &Study, extent: RunUntil) -> bool {
 }
 
 /// Runs one of the steps that each model has.
-fn take(step: StepKind, job: &Job, whole: &WholeRun<'_>) -> Result<Outcome, StepError> {
+fn run_step(step: StepKind, job: &Job, whole: &WholeRun<'_>) -> Result<Outcome, StepError> {
     let &WholeRun { plan, progress, tally, device, talk } = whole;
     match step {
-        // Results before rollouts are the same for all deployments.
         StepKind::Represent => {
-            taken(&job.before_deployment()?, talk, |job| represent::run(job, device, talk))
+            for_all_deployments(job, talk, |job| represent::run(job, device, talk))
         }
         StepKind::BuildModel => {
             let device = device.filter(|_| job.study().model.kind.family() == ModelFamily::Network);
             let options = BuildOptions { device, ..BuildOptions::default() };
-            taken(&job.before_deployment()?, talk, |job| build_model::run(job, &options, talk))
+            for_all_deployments(job, talk, |job| build_model::run(job, &options, talk))
         }
         StepKind::Rollout => each_part(step, job, talk, |job| rollout::run(job, talk)),
         StepKind::Sweep => each_part(step, job, talk, |job| {
@@ -125,17 +124,8 @@ impl StudyRun {
     }
 }
 
-/// Runs every step that a study needs and that is not done.
-pub(crate) fn run(
-    job: &Job,
-    device: Option<Device>,
-    context: &RunContext,
-) -> Result<StudyRun, StepError> {
-    run_to(RunUntil::Report, job, device, context)
-}
-
 /// Runs every step that a study needs to reach `extent` and that is not done.
-pub(crate) fn run_to(
+pub(crate) fn run(
     extent: RunUntil,
     job: &Job,
     device: Option<Device>,
@@ -182,11 +172,11 @@ pub(crate) fn run_to(
     let mut outcomes = Vec::new();
     if is_pretrained(&models) {
         let talk = &whole.begin(StepKind::Pretrain, StepKind::Pretrain.label(), job);
-        outcomes.push(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
+        outcomes.push(for_all_deployments(job, talk, |job| pretrain::run(job, talk))?);
     }
     for step in StepKind::OF_MODELS {
         for model in &mut models {
-            outcomes.push(model.take(step, extent, &whole)?);
+            outcomes.push(model.run(step, extent, &whole)?);
         }
     }
     plan.expect(&tally.expected());
@@ -413,7 +403,7 @@ fn remaining(models: &[Model]) -> Vec<&'static str> {
 
 impl Model {
     /// Runs one step. If this build lacks libtorch for it, the model is dropped and the others continue.
-    fn take(
+    fn run(
         &mut self,
         step: StepKind,
         extent: RunUntil,
@@ -431,7 +421,7 @@ impl Model {
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
         let title = format!("{}{of_model}", step.label());
         let talk = &whole.begin(step, &title, &self.job);
-        match take(step, &self.job, &WholeRun { talk, ..*whole }) {
+        match run_step(step, &self.job, &WholeRun { talk, ..*whole }) {
             Err(reason)
                 if matches!(reason.root(), StepError::Unavailable(_)) && self.name.is_some() =>
             {

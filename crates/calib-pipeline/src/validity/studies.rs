@@ -170,7 +170,7 @@ impl ListedStudy {
         {
             plant.make(true, &talk).context("[simulate]")?;
         }
-        match run_study::run_to(extent, &self.job, None, &talk) {
+        match run_study::run(extent, &self.job, None, &talk) {
             Err(reason) if matches!(reason.root(), StepError::Unscorable(_)) => {
                 Ok(Some(reason.to_string()))
             }

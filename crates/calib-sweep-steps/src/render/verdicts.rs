@@ -35,7 +35,7 @@ impl Told for Evaluation {
 
 impl Told for Judgement {
     fn outcome(&self) -> Outcome {
-        evaluate::told(&self.summary)
+        evaluate::outcome_of(&self.summary)
     }
 
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {

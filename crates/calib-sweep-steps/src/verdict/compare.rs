@@ -25,7 +25,7 @@ use crate::verdict::{
     compare_pairs::{self, Comparisons},
     compare_tables,
     deployed::{self, Deployed},
-    evaluate::{self, told},
+    evaluate::{self, outcome_of},
     judged::Summary,
     judged_model::{JudgedModel, by_deployment},
     learning_together, recorded_together, report, report_cache, report_data,
@@ -151,7 +151,7 @@ pub(crate) fn run(
         let JudgedModel { judged, report, .. } = part;
         let written = report::write(&judged.job, report, &judged.summary, &*monitor);
         artefact::or_read_only(written, &judged.paths().report(), context)?;
-        match told(&judged.summary) {
+        match outcome_of(&judged.summary) {
             Outcome::Done => {}
             other => outcome = other,
         }

@@ -76,7 +76,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Judgement>, Ste
 }
 
 /// Returns the outcome: done if the evidence prefers some setting for every sensor.
-pub(crate) fn told(summary: &Summary) -> Outcome {
+pub(crate) fn outcome_of(summary: &Summary) -> Outcome {
     if summary.verdicts.iter().all(SensorVerdict::tells_apart) {
         Outcome::Done
     } else {
