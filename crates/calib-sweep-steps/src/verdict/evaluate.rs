@@ -294,10 +294,9 @@ fn stale_rollouts(job: &Job, model: Option<&str>) -> Result<Vec<String>, StepErr
 
 /// Returns the manifest of a sweep that was made with the current study and model.
 fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, StepError> {
-    let paths = job.layout();
+    let directory = &job.layout().sweep();
     let again = job.command(StepKind::Sweep);
-    let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
-    let directory = &paths.sweep();
+    let mut manifest: SweepManifest = artefact::require(directory, &again)?;
     StoredArtefact { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
     check_log(job, &manifest, context)?;
     let model = model_files::content_of(job)?;
@@ -305,9 +304,9 @@ fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, Step
         let reason = format!("the model was built again after the sweep; run `{again}` again");
         return Err(StepError::Stale(reason));
     }
-    artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
+    artefact::check_files(directory, &manifest.files, &again)?;
     if manifest.left_out.is_none() {
-        manifest.simple = SimpleErrors::read(&paths.sweep())?;
+        manifest.simple = SimpleErrors::read(directory)?;
     }
     Ok(manifest)
 }
