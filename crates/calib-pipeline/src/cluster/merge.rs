@@ -95,7 +95,7 @@ fn collect(opened: &OpenedPlan, printer: &Printer) -> Result<SharedRuns, StepErr
         let place = opened.directory.display();
         return Err(StepError::Incomplete(format!(
             "{} of {} are not whole ({}); nothing was written; run them (again), \
-             or `calib cluster submit {place} --missing-only`",
+             or `calib cluster submit {place} --engine ENGINE --missing-only`",
             count(faulty.len()),
             counted(opened.plan.shards.len(), "shard"),
             ranges(&faulty),
