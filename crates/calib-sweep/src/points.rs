@@ -10,7 +10,7 @@ pub(crate) enum Points {
     /// A list of values, each equally likely.
     Discrete(Vec<Value>),
     /// Every number of a range.
-    Continuous(Span),
+    Continuous(Interval),
 }
 
 impl Points {
@@ -21,9 +21,9 @@ impl Points {
                 let place = ((unit * values.len() as f64) as usize).min(values.len() - 1);
                 (place as f64, values[place].clone())
             }
-            Self::Continuous(span) => {
-                let value = span.draw(unit);
-                (value, span.value(value))
+            Self::Continuous(interval) => {
+                let value = interval.draw(unit);
+                (value, interval.value(value))
             }
         }
     }
@@ -41,14 +41,14 @@ pub enum Scale {
 
 /// Every number between two ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Span {
+pub(crate) struct Interval {
     pub(crate) from: f64,
     pub(crate) to: f64,
     pub(crate) scale: Scale,
     pub(crate) whole: bool,
 }
 
-impl Span {
+impl Interval {
     pub(crate) fn check(&self) -> Result<(), String> {
         let Self { from, to, scale, whole } = *self;
         if !(from.is_finite() && to.is_finite() && from < to) {

@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::points::{Points, Scale, Span, decimals};
+use crate::points::{Interval, Points, Scale, decimals};
 
 /// A range of numbers, ends included.
 ///
@@ -45,22 +45,22 @@ impl Range {
     pub(crate) fn points(&self, whole: bool) -> Result<Points, String> {
         let Self { from, to, .. } = *self;
         let whole = whole || self.whole;
-        let span = Span { from, to, scale: self.scale()?, whole };
-        span.check()?;
+        let interval = Interval { from, to, scale: self.scale()?, whole };
+        interval.check()?;
         let values: Vec<f64> = match (self.per_decade, self.count, self.step) {
-            (None, None, None) => return Ok(Points::Continuous(span)),
+            (None, None, None) => return Ok(Points::Continuous(interval)),
             (Some(0), ..) => return Err("per_decade must be at least 1".to_owned()),
             (Some(per_decade), None, None) => {
                 let per_decade = per_decade as f64;
                 let steps = ((to / from).log10() * per_decade + SLACK).floor();
                 let steps = checked_count(steps + 1.0)? - 1;
                 (0..=steps)
-                    .map(|i: usize| span.rounded(from * 10_f64.powf(i as f64 / per_decade)))
+                    .map(|i: usize| interval.rounded(from * 10_f64.powf(i as f64 / per_decade)))
                     .collect()
             }
             (None, Some(count), None) => {
                 let last = (checked_count(count as f64)? - 1) as f64;
-                (0..count).map(|i| span.rounded(span.at(i as f64 / last))).collect()
+                (0..count).map(|i| interval.rounded(interval.at(i as f64 / last))).collect()
             }
             (None, None, Some(step)) => {
                 if step.is_nan() || step <= 0.0 || (whole && step.fract() != 0.0) {
@@ -74,7 +74,7 @@ impl Range {
             }
             _ => return Err("give one of per_decade, count and step".to_owned()),
         };
-        Ok(Points::Discrete(values.into_iter().map(|value| span.value(value)).collect()))
+        Ok(Points::Discrete(values.into_iter().map(|value| interval.value(value)).collect()))
     }
 
     fn scale(&self) -> Result<Scale, String> {
@@ -113,7 +113,7 @@ mod tests {
                 assert!(values.iter().all(|value| value.is_u64() == whole));
                 values.iter().map(|value| value.as_f64().expect("a number")).collect()
             }
-            Points::Continuous(span) => panic!("{span:?}"),
+            Points::Continuous(interval) => panic!("{interval:?}"),
         }
     }
 
@@ -182,10 +182,10 @@ mod tests {
             (r#"{"from": 3, "to": 600, "scale": "log"}"#, true),
         ] {
             let range = range(text);
-            let Points::Continuous(span) = range.points(whole).expect("valid") else {
+            let Points::Continuous(interval) = range.points(whole).expect("valid") else {
                 panic!("{text}")
             };
-            let draws: Vec<f64> = (0..1000).map(|i| span.draw(f64::from(i) / 1000.0)).collect();
+            let draws: Vec<f64> = (0..1000).map(|i| interval.draw(f64::from(i) / 1000.0)).collect();
             assert!(draws.iter().all(|draw| (range.from..=range.to).contains(draw)), "{text}");
             assert!(draws.is_sorted(), "{text}");
             assert_eq!(draws[0], range.from);
