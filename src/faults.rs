@@ -1,11 +1,12 @@
 //! Injected failures for tests: `CALIB_FAULT=fail:17` makes the 17th disk operation fail.
-//!  Every build contains this code, so that the tested program is the shipped one. It adds no risk: the user who
+//!
+//! Every build contains this code, so that the tested program is the shipped one. It adds no risk: the user who
 //! sets calib's environment could do the same harm in other ways.
 
-use calib_pipeline::{Context as _, StepError, bail};
 use std::{env, fs::File};
 
 use calib_files::faults::{self, Fault};
+use calib_pipeline::{Context as _, StepError, bail};
 
 /// Variable that names the failing operation and the kind of failure.
 const VARIABLE: &str = "CALIB_FAULT";

@@ -1,5 +1,6 @@
 //! calib chooses the hyperparameters to deploy, from a plant's logs alone.
-//!  This crate is the command line: its grammar (`cli`), its commands (`commands`) and its output (`output`). The
+//!
+//! This crate is the command line: its grammar (`cli`), its commands (`commands`) and its output (`output`). The
 //! computations and their order are in `calib-pipeline`.
 
 mod cli;

@@ -1,5 +1,4 @@
-//! The log of a study: simulated, prepared once, and
-//! divided.
+//! The log of a study: simulated, prepared once, and divided.
 
 pub(crate) mod changes;
 pub mod context;

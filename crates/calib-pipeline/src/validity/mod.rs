@@ -111,7 +111,7 @@ fn all(
         let left = args.extent != ValidityExtent::Judge
             && study.out_of_reach()?.is_none()
             && study.left(context)? > 0;
-        match take(study, listing, args, &mut all.lacking, context)? {
+        match completed(study, listing, args, &mut all.lacking, context)? {
             Ok(gathered) => all.gathered.push((study.plant.clone(), gathered)),
             Err(ReasonLeftOut(reason)) => {
                 context.warn(&format!("{} is left out: {reason}", study.plant));
@@ -135,7 +135,7 @@ fn all(
 
 /// Makes the missing results of one study, and collects them. Returns the reason if the study is
 /// left out.
-fn take(
+fn completed(
     study: &ListedStudy,
     listing: &Listing,
     args: &ValidityOptions,
