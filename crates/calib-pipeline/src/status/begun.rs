@@ -2,32 +2,37 @@
 
 use calib_base::{StepError, artefact, output::count, stale::StoredArtefact};
 use calib_study::{Difference, Job, Scope, StepKind};
-use calib_sweep_steps::sweep::{
-    SweepManifest,
-    planned::{PlannedSweep, StoredRun},
-};
+use calib_sweep_steps::sweep::{SweepManifest, planned::PlannedSweep};
 
-use super::{show::in_brackets, standing::StepStanding};
+use super::{
+    ranking::{Ranking, rankings},
+    show::in_brackets,
+    standing::StepStanding,
+};
 
 /// The sweep of one model and deployment, finished or not.
 pub(super) struct BegunSweep {
     part: Job,
-    pub(super) planned: PlannedSweep,
+    planned: PlannedSweep,
+    /// The settings for each sensor, ranked by the stored runs.
+    pub(super) rankings: Vec<Ranking>,
 }
 
 impl BegunSweep {
     /// Returns the sweeps of a study, in order.
     ///
     /// # Errors
-    /// Returns an error if the study cannot be divided into its models and deployments.
+    /// Returns an error if the study cannot be divided into its models and deployments, or settings cannot be ranked.
     pub(super) fn all_of(job: &Job) -> Result<Vec<Self>, StepError> {
-        let parts = job.parts(Scope::Deployment)?.into_iter();
-        Ok(parts
-            .filter_map(|part| {
-                let planned = PlannedSweep::read(&part.layout().sweep())?;
-                Some(Self { part, planned })
-            })
-            .collect())
+        let mut begun = Vec::new();
+        for part in job.parts(Scope::Deployment)? {
+            let directory = part.layout().sweep();
+            let Some(planned) = PlannedSweep::read(&directory) else { continue };
+            let names = (part.model(), part.deployment());
+            let rankings = rankings(&planned, &planned.stored_in(&directory), names)?;
+            begun.push(Self { part, planned, rankings });
+        }
+        Ok(begun)
     }
 
     /// Whether `step` makes this sweep.
@@ -37,12 +42,8 @@ impl BegunSweep {
     }
 
     /// Returns the model and the deployment.
-    pub(super) fn names(&self) -> (Option<&str>, Option<&str>) {
+    fn names(&self) -> (Option<&str>, Option<&str>) {
         (self.part.model(), self.part.deployment())
-    }
-
-    pub(super) fn stored(&self) -> Vec<StoredRun<'_>> {
-        self.planned.stored_in(&self.part.layout().sweep())
     }
 
     /// Returns a message on the keys that changed since, and on what to run.
@@ -60,9 +61,8 @@ impl BegunSweep {
 
     /// Returns a message on how many runs exist, if some are missing.
     fn unfinished(&self) -> Option<String> {
-        let made = self.stored().len();
-        let sensors = self.planned.sensors().into_iter();
-        let all: usize = sensors.map(|sensor| self.planned.runs_of(sensor)).sum();
+        let [made, all]: [usize; 2] =
+            [0, 1].map(|which| self.rankings.iter().map(|ranking| ranking.runs[which]).sum());
         (made < all).then(|| {
             let (model, deployment) = self.names();
             let part = in_brackets(model, deployment);

@@ -6,7 +6,7 @@ mod ranking;
 mod show;
 mod standing;
 
-use std::path::PathBuf;
+use std::{mem, path::PathBuf};
 
 use calib_base::{
     StepError, artefact,
@@ -77,7 +77,7 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
     } else {
         Overall::Killed
     };
-    let rankings = of_sweeps(&sweeps, &steps)?;
+    let rankings = of_sweeps(sweeps, &steps);
     let control = control::ranking(job, &verdict)?;
     let are_made = control.as_ref().is_some_and(|ranking| ranking.runs[0] == ranking.runs[1]);
     let is_next = are_made && state == Overall::Waiting;
@@ -185,12 +185,12 @@ fn is_at(note: &Note, step: &PlannedStep) -> bool {
 }
 
 /// Ranks the settings in all sweeps of a study. Runs of a changed study are left out, unless they are running.
-fn of_sweeps(sweeps: &[BegunSweep], steps: &[StepStanding]) -> Result<Vec<Ranking>, StepError> {
+fn of_sweeps(sweeps: Vec<BegunSweep>, steps: &[StepStanding]) -> Vec<Ranking> {
     let mut all = Vec::new();
-    for sweep in sweeps {
+    for mut sweep in sweeps {
         let is_running =
             steps.iter().any(|step| sweep.is_of(step) && step.state == StepState::Running);
-        let found = rankings(&sweep.planned, &sweep.stored(), sweep.names())?;
+        let found = mem::take(&mut sweep.rankings);
         let differences = sweep.differences();
         all.extend(
             found
@@ -198,7 +198,7 @@ fn of_sweeps(sweeps: &[BegunSweep], steps: &[StepStanding]) -> Result<Vec<Rankin
                 .filter(|found| is_running || sweep.has_runs_for(&found.sensor, &differences)),
         );
     }
-    Ok(all)
+    all
 }
 
 /// Returns the status of the shards of a plan, and the settings ranked by their runs.
