@@ -213,8 +213,8 @@ fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
     // A note that was half-written at a kill, on another machine two days ago.
     let half = place.path().join("study-results/.progress/.calib-0123456789ab-7-x.tmp");
     let file = fs::File::create(&half).expect("writable");
-    let days = std::time::Duration::from_hours(48);
-    file.set_modified(std::time::SystemTime::now() - days).expect("set");
+    let written = file.metadata().and_then(|found| found.modified()).expect("known");
+    file.set_modified(written - Duration::from_hours(48)).expect("set");
 
     // The next command removes the rest of the killed one, and resumes.
     let smaller = ["--set", "sweep.member_runs=1", "--set", "sweep.log_replay_runs=1"];

@@ -17,13 +17,13 @@ use calib_base::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep_steps::{sweep::SweepManifest, verdict::report_cache::is_judged_since};
 
-pub(crate) use self::{find::study_unless_folder, ranking::Ranking};
 use self::{
     begun::BegunSweep,
     find::Subject,
     ranking::rankings,
     standing::{Command, Overall, StepStanding, StepState},
 };
+pub(crate) use self::{find::study_unless_folder, ranking::Ranking};
 use crate::{
     changed_log, cluster,
     control::{self, VerdictStanding},
