@@ -41,7 +41,7 @@ pub enum RankRule {
 /// Chooses by `rule` from `scores` `[members, values]`, as [`select`] does by worst rank.
 ///
 /// Ties in the mean rank go to the value with the larger lead over its member's mean, in standard deviations of
-/// the member's scores, summed over members; then to the earlier one. A value that diverged in a member is
+/// the member's scores, summed over members; then to the better mean score, then to the earlier one. A value that diverged in a member is
 /// infinitely worse.
 ///
 /// # Errors
@@ -62,11 +62,15 @@ pub fn select_by<Row: AsRef<[f64]>>(
     selection.tie_set =
         values.filter(|&value| selection.mean_ranks[value] < smallest + 1e-9).collect();
     let leads = leads(scores, direction);
-    selection.chosen = selection
-        .tie_set
-        .iter()
-        .copied()
-        .min_by(|&a, &b| leads[b].total_cmp(&leads[a]).then(a.cmp(&b)))
+    let largest =
+        selection.tie_set.iter().map(|&value| leads[value]).fold(f64::NEG_INFINITY, f64::max);
+    // Of two values one always leads by as much as the other lags, so that leads differ in the last bit only.
+    let first = selection.tie_set.iter().copied().filter(|&value| leads[value] >= largest - 1e-9);
+    selection.chosen = first
+        .min_by(|&a, &b| {
+            let [one, other] = [a, b].map(|value| selection.mean_errors[value]);
+            direction.compare(one, other).then(a.cmp(&b))
+        })
         .unwrap_or(0);
     Ok(selection)
 }
@@ -147,6 +151,19 @@ mod tests {
 
     const INF: f64 = f64::INFINITY;
     const LOWER: Direction = Direction::LowerIsBetter;
+
+    #[test]
+    fn ties_of_two_values_go_to_the_better_mean_and_then_to_the_earlier_one() {
+        let by_mean = |scores: &[[f64; 2]]| select_by(RankRule::MeanRank, scores, LOWER).unwrap();
+        // Each is first in two of four members. The second one loses by more than it wins.
+        let members = [[0.7, 0.3], [0.1, 0.9], [0.35, 0.3], [0.11, 0.97]];
+        let selection = by_mean(&members);
+        assert_eq!((selection.chosen, selection.tie_set), (0, vec![0, 1]));
+        let turned = members.map(|[one, other]| [other, one]);
+        assert_eq!(by_mean(&turned).chosen, 1);
+        assert_eq!(by_mean(&[[1.0, 2.0], [2.0, 1.0]]).chosen, 0);
+        assert_eq!(by_mean(&[[INF, 2.0], [2.0, INF]]).chosen, 0, "both diverged in a member");
+    }
 
     #[test]
     fn the_value_that_is_never_bad_wins() {
