@@ -73,6 +73,6 @@ pub use trajectory::{Trajectory, trajectory};
 pub use usage::{CoverageMap, Spread, hardly_taken};
 pub use verdict::{
     BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, KindMean, KindReturns, OutlyingMember,
-    Question, RandomActions, Regret, ReturnVerdict, Support, judge, regret,
+    Question, RandomActions, Regret, ReturnVerdict, StepRates, Support, judge, regret,
 };
 pub use walkers::{StepModel, Walker, WalkerStep, Walkers};

@@ -6,6 +6,7 @@ mod doubt;
 mod evidence;
 mod floors;
 mod kind_returns;
+mod step_rates;
 mod support;
 
 use calib_core::Seed;
@@ -23,10 +24,11 @@ pub use ahead::FEWEST_BLOCKS;
 use ahead::{is_ahead, ranks_ahead};
 use difference::{beyond, mean};
 pub use doubt::Doubt;
-use evidence::{Evidence, median_rate};
+use evidence::Evidence;
 pub use floors::{BestConstant, KindMean, OutlyingMember, RandomActions};
 use floors::{best_constant, random_actions};
 pub use kind_returns::KindReturns;
+pub use step_rates::StepRates;
 pub use support::Support;
 
 const HIGHER: Direction = Direction::HigherIsBetter;
@@ -79,6 +81,9 @@ pub struct ReturnVerdict {
     pub coverage: Vec<Coverage>,
     /// Displacement of the chosen setting's episodes by jumps between recorded transitions, over ensemble members and runs.
     pub drift: Drift,
+    /// Terminals and rewards of the chosen setting's steps; none in verdicts of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step_rates: Option<StepRates>,
     /// Reasons why the log does not support the choice; empty if it does.
     pub doubts: Vec<Doubt>,
 }
@@ -211,11 +216,12 @@ pub fn judge(
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
     let drift = drift_of(own.iter().filter(|run| run.kind == kinds[0]));
+    let step_rates = StepRates::of(&own, &kinds, log);
     let evidence = Evidence {
         blocks: members.len(),
         selection: &selection,
         coverage: coverage[chosen],
-        terminals: median_rate(&own, &kinds),
+        step_rates,
         drift: &drift,
         is_ahead: over_default
             .filter(|_| default != Some(chosen))
@@ -244,6 +250,7 @@ pub fn judge(
         behaviour,
         coverage,
         drift,
+        step_rates: selection.mean_errors[chosen].is_finite().then_some(step_rates),
         doubts,
         selection,
         members,

@@ -2,8 +2,8 @@
 
 use calib_stats::Selection;
 
-use super::{BestConstant, Doubt, RandomActions, Support};
-use crate::{ActionModelKind, Coverage, Decisions, Drift, RecordedReturn, Run};
+use super::{BestConstant, Doubt, RandomActions, StepRates, Support};
+use crate::{Coverage, Decisions, Drift, RecordedReturn};
 
 /// The evidence for a choice.
 pub(super) struct Evidence<'a> {
@@ -12,8 +12,8 @@ pub(super) struct Evidence<'a> {
     pub(super) selection: &'a Selection,
     /// Coverage of the chosen setting's steps.
     pub(super) coverage: Coverage,
-    /// Terminals per step of the chosen setting, in the median kind of model.
-    pub(super) terminals: f64,
+    /// Terminals and rewards of the chosen setting's steps.
+    pub(super) step_rates: StepRates,
     /// Displacement of the chosen setting's episodes.
     pub(super) drift: &'a Drift,
     /// Whether the chosen setting is surely ahead of the default, by ranks or by returns; `None` if the default is the choice, is not in
@@ -91,7 +91,7 @@ impl Evidence<'_> {
         }
         doubts.extend(self.beside_a_constant(promised));
         doubts.extend(self.beside_random_actions(promised));
-        doubts.extend(self.beside_the_log(promised, log));
+        doubts.extend(self.beside_the_log(promised));
         doubts.extend(displaced(self.drift));
         doubts
     }
@@ -116,7 +116,7 @@ impl Evidence<'_> {
     }
 
     /// Returns the doubts about results in the model that differ from the record.
-    fn beside_the_log(&self, promised: f64, log: &Decisions) -> Vec<Doubt> {
+    fn beside_the_log(&self, promised: f64) -> Vec<Doubt> {
         let mut doubts = Vec::new();
         let recorded = self.behaviour.mean;
         if promised < recorded {
@@ -125,8 +125,8 @@ impl Evidence<'_> {
         if let Some(best) = self.behaviour.best.filter(|&best| promised > best) {
             doubts.push(Doubt::AboveRecorded { promised, best });
         }
-        let in_model = self.terminals;
-        let in_log = log.terminals() as f64 / log.len() as f64;
+        let StepRates { terminals_in_model: in_model, terminals_in_log: in_log, .. } =
+            self.step_rates;
         if in_model < in_log / RARER {
             doubts.push(Doubt::RareTerminals { in_model, in_log });
         }
@@ -136,17 +136,3 @@ impl Evidence<'_> {
 
 /// Terminals that are rarer than in the log by this factor raise a doubt: an order of magnitude.
 const RARER: f64 = 10.0;
-
-/// Returns the median over kinds of models of the terminals per step in these runs; the lower one of two.
-pub(super) fn median_rate(runs: &[&Run], kinds: &[ActionModelKind]) -> f64 {
-    let mut rates: Vec<f64> = kinds
-        .iter()
-        .map(|kind| {
-            let own = runs.iter().filter(|run| run.kind == *kind);
-            let steps: u64 = own.clone().map(|run| run.coverage.steps).sum();
-            own.map(|run| run.terminals).sum::<usize>() as f64 / steps.max(1) as f64
-        })
-        .collect();
-    rates.sort_by(f64::total_cmp);
-    rates.get(rates.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
-}

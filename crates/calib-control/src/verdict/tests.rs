@@ -257,6 +257,30 @@ fn a_promise_above_the_best_recorded_episode_is_doubted() {
     assert_eq!(judged_of(&cut, &returns, support).doubts, []);
 }
 
+/// Returns good runs of 100 steps each, with this many episodes that all end in a terminal, and the mean of these returns.
+fn runs_of_episodes(episodes: usize, mean_return: f64) -> Vec<Run> {
+    let all = runs(&GOOD).into_iter();
+    all.map(|run| Run { episodes, terminals: episodes, mean_return, ..run }).collect()
+}
+
+#[test]
+fn a_choice_ends_early_if_its_episodes_are_short_and_its_steps_bad() {
+    let log = plain();
+    let rates = |episodes, mean_return| {
+        let runs = runs_of_episodes(episodes, mean_return);
+        judged_of(&log, &runs, Support::default()).step_rates.expect("finite")
+    };
+    // A recorded episode has ten steps of -1. Four times as many terminals, with -8 in 2.5 steps, are -3.2 a step.
+    let tripping = rates(40, -8.0);
+    assert_eq!((tripping.terminals_in_model, tripping.reward_in_model), (0.4, -3.2));
+    assert_eq!((tripping.terminals_in_log, tripping.reward_in_log), (0.1, -1.0));
+    assert!(tripping.end_early());
+    assert!(!rates(40, -2.0).end_early(), "a goal that is reached sooner");
+    assert!(!rates(15, -8.0).end_early(), "hardly more often");
+    let diverged = judged_of(&log, &runs_of_episodes(0, f64::NEG_INFINITY), Support::default());
+    assert_eq!(diverged.step_rates, None);
+}
+
 /// Returns good runs with this many terminals each.
 fn runs_with_terminals(terminals: usize) -> Vec<Run> {
     runs(&GOOD).into_iter().map(|run| Run { terminals, ..run }).collect()

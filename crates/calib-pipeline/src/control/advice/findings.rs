@@ -1,7 +1,7 @@
 //! The evidence for the decision about a verdict.
 
-use calib_base::output::{number, percent};
-use calib_control::{Doubt, FEWEST_BLOCKS};
+use calib_base::output::{about, number, percent};
+use calib_control::{Doubt, FEWEST_BLOCKS, StepRates};
 use calib_report::listed;
 use calib_sweep::GridEnd;
 
@@ -41,6 +41,7 @@ impl Advice<'_> {
         lines.extend(verdict.constant.as_ref().map(|constant| self.beside_constant(constant)));
         lines.extend(verdict.random_actions.as_ref().map(beside_random_actions));
         lines.push(recorded_episodes(&verdict.behaviour));
+        lines.extend(self.early_ends().or_else(|| self.terminals()));
         lines.push(format!(
             "Not covered by the log: {} of its steps in the model.",
             percent(verdict.coverage[verdict.chosen].uncovered())
@@ -62,6 +63,32 @@ impl Advice<'_> {
         let around = ranks.interval.map_or_else(String::new, interval);
         let by = number(ranks.mean);
         Some(format!("Ahead of the default by {by} in mean rank, over blocks of the log{around}."))
+    }
+
+    /// Returns a warning if the choice has high returns because its episodes are short.
+    pub(super) fn early_ends(&self) -> Option<String> {
+        let rates = self.verdict.step_rates.filter(StepRates::end_early)?;
+        Some(format!(
+            "Its episodes in the models end in a terminal {} times as often as the recorded ones (in {} of the steps, recorded {}), and its steps get less reward ({}, \
+             recorded {}). If a terminal is a failure, such as a trip, do not deploy this: give terminals a penalty in the reward. If it is a goal, this speaks for it.",
+            about(rates.terminals_in_model / rates.terminals_in_log),
+            percent(rates.terminals_in_model),
+            percent(rates.terminals_in_log),
+            number(rates.reward_in_model),
+            number(rates.reward_in_log)
+        ))
+    }
+
+    /// Returns a sentence on how often episodes end in a terminal, if any do.
+    fn terminals(&self) -> Option<String> {
+        let rates = self.verdict.step_rates?;
+        (rates.terminals_in_model > 0.0 || rates.terminals_in_log > 0.0).then(|| {
+            format!(
+                "A terminal ends the episode in {} of its steps in the models, and in {} of the recorded ones.",
+                percent(rates.terminals_in_model),
+                percent(rates.terminals_in_log)
+            )
+        })
     }
 
     /// Returns a sentence on the lead of the choice over a random setting, if there are several settings.

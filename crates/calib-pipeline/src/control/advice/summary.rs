@@ -13,12 +13,15 @@ use super::{
 pub(super) const MOST_REASONS: usize = 3;
 
 impl Advice<'_> {
-    /// Returns the first screen: the decision, the return of the choice, and the strongest reasons against it.
+    /// Returns the first screen: the decision, the return of the choice, and the strongest reasons against it, or a warning about a choice
+    /// that nothing else is against.
     pub fn summary(&self) -> Vec<String> {
-        let reasons = self.reasons().into_iter().take(MOST_REASONS);
+        let reasons = self.reasons().into_iter().take(MOST_REASONS).map(|reason| reason.what);
+        let warning = self.early_ends().filter(|_| self.verdict.is_supported());
         [self.decision().headline, self.choice_return()]
             .into_iter()
-            .chain(reasons.map(|reason| reason.what))
+            .chain(reasons)
+            .chain(warning)
             .collect()
     }
 

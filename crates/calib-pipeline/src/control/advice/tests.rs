@@ -1,6 +1,6 @@
 use calib_control::{
     ActionModelKind, BestConstant, KindMean, KindReturns, OutlyingMember, RandomActions,
-    RecordedReturn,
+    RecordedReturn, StepRates,
 };
 use calib_report::{Decision, Support};
 use calib_stats::{Difference, Interval};
@@ -416,4 +416,37 @@ fn a_constant_action_is_told_with_its_kinds_and_whether_it_could_be_chance() {
     let alone = why_of_constant(None);
     assert!(alone.contains("which could be chance; try that action first"), "{alone}");
     assert!(alone.contains("The chosen setting gets 1 less than that."), "{alone}");
+}
+
+#[test]
+fn a_choice_that_ends_its_episodes_early_is_deployed_with_a_warning() {
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let rates = StepRates {
+        terminals_in_model: 0.092,
+        terminals_in_log: 0.0085,
+        reward_in_model: -0.75,
+        reward_in_log: -0.4,
+    };
+    let supported = ReturnVerdict { step_rates: Some(rates), ..verdict(&json!([])) };
+    let advice = advice_on(&supported, &settings);
+    let warning = advice.early_ends().expect("a warning");
+    assert!(
+        warning.starts_with(
+            "Its episodes in the models end in a terminal 11 times as often as the recorded ones \
+             (in 9.2 % of the steps, recorded 0.85 %), and its steps get less reward (-0.75, recorded -0.4)."
+        ),
+        "{warning}"
+    );
+    assert_eq!(advice.summary().last(), Some(&warning));
+    assert!(advice.findings().contains(&warning));
+
+    let doubt = json!([{ "reason": "not_better_than_default" }]);
+    let refused = ReturnVerdict { step_rates: Some(rates), ..verdict(&doubt) };
+    assert!(!advice_on(&refused, &settings).summary().contains(&warning), "reasons come first");
+
+    let calm = StepRates { terminals_in_model: 0.009, ..rates };
+    let calm = ReturnVerdict { step_rates: Some(calm), ..verdict(&json!([])) };
+    let found = advice_on(&calm, &settings).findings();
+    let told = "A terminal ends the episode in 0.9 % of its steps in the models, and in 0.85 % of the recorded ones.";
+    assert!(found.iter().any(|line| line == told), "{found:?}");
 }
