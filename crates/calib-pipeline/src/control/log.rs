@@ -108,6 +108,7 @@ pub(super) fn read_with_rest(
     let names = config.columns();
     let mut recorded =
         surveyed.recorded(&names, &progress).map_err(|error| named(config, error))?;
+    refuse_empty(config, &names, &recorded.values)?;
     require_memory(&surveyed)?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let frames = &dataset.train;
@@ -334,6 +335,22 @@ fn named(config: &ControlConfig, error: DataError) -> StepError {
         }
         _ => error.into(),
     }
+}
+
+/// Refuses a column of actions or of the reward without a value. A terminal may be empty: no episode ends in one.
+fn refuse_empty(
+    config: &ControlConfig,
+    names: &[String],
+    recorded: &[Vec<f64>],
+) -> Result<(), StepError> {
+    for (name, values) in names.iter().zip(recorded) {
+        let key = config.key_of(name);
+        ensure!(
+            key == "terminal" || values.iter().any(|value| !value.is_nan()),
+            "control.{key}: {name} is empty in the training range; name another column"
+        );
+    }
+    Ok(())
 }
 
 /// Refuses states that do not fit into memory.

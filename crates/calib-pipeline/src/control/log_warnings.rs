@@ -6,7 +6,7 @@ use calib_control::{
     RowsWithoutReward, TerminalCells, UnendedGaps,
 };
 use calib_core::{Frames, Period};
-use calib_data::{Profile, Resample, format_time};
+use calib_data::{ChannelProfile, DropReason, Profile, Resample, format_time};
 
 /// Up to one decision in this many may count as the action of a terminal's row without a warning. Our choice: with a
 /// lag of two rows this affects one decision per episode.
@@ -45,7 +45,7 @@ pub(super) fn left_out(
     frames: &Frames,
     gaps: &UnendedGaps,
 ) -> Vec<String> {
-    let mut told = Vec::new();
+    let mut told: Vec<String> = dropped_columns(&profile.channels).into_iter().collect();
     let repeated = profile.duplicates.identical + profile.duplicates.conflicting;
     if let Some(first) = profile.duplicates.examples.first().filter(|_| repeated > 0) {
         told.push(repeated_times(repeated as usize, &format_time(*first)));
@@ -62,6 +62,39 @@ pub(super) fn left_out(
         told.push(many_gaps(gaps, &first, profile.sampled_period_secs, resample));
     }
     told
+}
+
+/// Number of dropped columns that a warning names.
+const NAMED: usize = 3;
+
+/// Returns the warning about columns that agents cannot see although the study does not exclude them. A constant column tells an agent
+/// nothing, so it counts only if `data.include` has it.
+fn dropped_columns(channels: &[ChannelProfile]) -> Option<String> {
+    let includes =
+        channels.iter().any(|channel| matches!(channel.dropped, Some(DropReason::NotIncluded)));
+    let mut named = Vec::new();
+    for channel in channels {
+        match &channel.dropped {
+            None
+            | Some(
+                DropReason::NotIncluded | DropReason::Excluded { .. } | DropReason::OneHot { .. },
+            ) => {}
+            Some(DropReason::Constant { .. }) if !includes => {}
+            Some(reason) => named.push(format!("{} ({reason})", channel.name)),
+        }
+    }
+    if named.is_empty() {
+        return None;
+    }
+    let columns = counted(named.len(), "column");
+    let are = if named.len() == 1 { "is" } else { "are" };
+    let more = if named.len() > NAMED { ", …" } else { "" };
+    named.truncate(NAMED);
+    Some(format!(
+        "{columns} of the log {are} no part of the state, so that agents do not see them: {}{more}. Put them into data.exclude if they need not, and otherwise \
+         raise preprocess.max_missing for missing values, or name a column of text in preprocess.one_hot",
+        named.join(", ")
+    ))
 }
 
 /// Returns the message about `rows` rows with the time of another row. `first` is the first such time.
@@ -249,6 +282,35 @@ mod tests {
             held.ends_with("raise data.max_age_secs to the longest time that an action holds"),
             "{held}"
         );
+    }
+
+    #[test]
+    fn columns_that_agents_cannot_see_are_named() {
+        let channel = |name: &str, dropped: Option<DropReason>| ChannelProfile {
+            name: name.to_owned(),
+            dropped,
+            ..ChannelProfile::default()
+        };
+        let constant = DropReason::Constant { value: 1.0, word: None };
+        let seldom = DropReason::Missing { fraction: 0.54, limit: 0.1 };
+        let level = channel("level", None);
+        let still = channel("still", Some(constant));
+        let excluded = channel("valve", Some(DropReason::Excluded { pattern: "valve".to_owned() }));
+        let meant = [level.clone(), still.clone(), excluded];
+        assert_eq!(dropped_columns(&meant), None);
+        let lost =
+            [level, still, channel("temp", Some(seldom)), channel("mode", Some(DropReason::Text))];
+        let told = dropped_columns(&lost).expect("two");
+        assert!(
+            told.starts_with(
+                "2 columns of the log are no part of the state, so that agents do not see them: temp (54.0 % missing in the training range, \
+                 more than preprocess.max_missing = 0.1), mode (text, not numbers). "
+            ),
+            "{told}"
+        );
+        let included =
+            [lost.to_vec(), vec![channel("note", Some(DropReason::NotIncluded))]].concat();
+        assert!(dropped_columns(&included).expect("three").starts_with("3 columns of the log are"));
     }
 
     #[test]
