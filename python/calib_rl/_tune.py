@@ -136,11 +136,13 @@ def tune(
     )
     if folder is not None:
         work.kept = Kept(folder, make_agent, model, settings, work.labels, work.environment)
-    alive, halved = list(range(len(settings))), []
+    alive, halved, alike_so_far = list(range(len(settings))), [], True
     for part in parts:
         part_steps = max(1, steps // part)
         results = work.run_all(alive, part_steps)
         alive = [place for place in alive if place not in work.failed]
+        # Settings that are left may be alike although others were not, such as a default and a setting that spells it out.
+        alike_so_far &= not work.failed and _are_alike(_runs(settings, alive, results), len(alive))
         if part == 1 or not alive:
             break
         verdict = work.judged(alive, results, limits, part_steps)
@@ -160,9 +162,9 @@ def tune(
     compared = [settings[place] for place in alive]
     every_run = _runs(settings, alive, results)
     remarks = _cut_off(every_run)
-    if _are_alike(every_run, len(compared)):
+    if alike_so_far:
         alike = (
-            f"all {len(compared)} settings got the same returns in every training run: either no setting changes what the agent does, or agents do not begin "
+            f"all {len(settings)} settings got the same returns in every training run: either no setting changes what the agent does, or agents do not begin "
             f"to learn within total_timesteps={steps}; raise it above n_steps (2,048 in PPO) and learning_starts, or lower these"
         )
         doubts.insert(0, alike)

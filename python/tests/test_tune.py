@@ -622,3 +622,17 @@ def test_settings_that_all_get_the_same_name_a_cause(acting: calib_rl.ActionMode
     assert "total_timesteps=100; raise it above n_steps" in tuned.advice[2] and len(tuned.advice) <= 5
     assert tuned.why()[3] == tuned.advice[2], "after what the headline means"
     assert not any("got the same returns" in doubt for doubt in run(Always, {"action": [0, 2]}, acting).doubts)
+
+
+def test_a_default_and_its_twin_are_not_all_settings(acting: calib_rl.ActionModel) -> None:
+    def without_0(env: gymnasium.Env[Any, Any], **setting: Any) -> Always:
+        if setting.get("action") == 0:
+            raise ValueError("0 is too little")
+        return Always(env, **setting)
+
+    # Always's default action is 1.
+    tuned = run(without_0, {"action": [0, 1]}, acting)
+    assert len(tuned.failures) == 1
+    assert not any("got the same returns" in doubt for doubt in tuned.doubts), tuned.doubts
+    halved = run(Always, {"action": [0, 1, 2]}, acting, halving=3)
+    assert not any("got the same returns" in doubt for doubt in halved.doubts), halved.doubts
