@@ -159,8 +159,8 @@ impl Recorder {
         let secs_left = task.as_ref().and_then(|(task, elapsed)| {
             let left = task.secs_left?;
             match stage {
-                // A command of one stage is over when its work is.
-                None => Some(left),
+                // A command of one stage is over when its work is, except for the only one that has several tasks in a row.
+                None => (state.note.command != "control").then_some(left),
                 Some(stage) => Some(left + (elapsed.as_secs_f64() + left) * stage.later?),
             }
         });

@@ -1,6 +1,6 @@
 //! The model directory: the files that `build-model` writes and the later commands read.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use calib_base::{
     Context as _, StepError,
@@ -15,7 +15,7 @@ use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
 use calib_knn::{KnnModel, ModelConfig, SEARCH_VERSION, Shortcuts, WeightsKind};
 use calib_nn::Mlp;
 use calib_represent::encode;
-use calib_study::{Job, StepKind, Study};
+use calib_study::{Job, Layout, StepKind, Study};
 
 use super::kinds::{self, OpenedModel};
 use crate::represent::{self, Representation};
@@ -215,6 +215,13 @@ pub(crate) fn open_directory(directory: &Path) -> Result<OpenModel, StepError> {
         !directory.join(artefact::CONTROL_VERDICT).exists(),
         "{} has the verdict of `calib control`, which keeps no model: one with actions is made when it is asked for",
         directory.display()
+    );
+    let acting = Layout::new(PathBuf::new(), directory.to_owned()).control_model();
+    ensure!(
+        !acting.exists(),
+        "{} has the results of agents that act; name {}, which is their model",
+        directory.display(),
+        acting.display()
     );
     opened(directory, artefact::require(directory, build)?, build)
 }

@@ -241,15 +241,21 @@ pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Plan<'a> {
 /// # Errors
 /// Returns an error if its agents act, it names no sensors, or its grid is invalid.
 pub fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
-    ensure!(
-        !study.is_of_acting_agents(),
-        "the agents of this study act ([control], and no sweep.sensors); `calib control` tunes them"
-    );
+    require_predicting(study)?;
     if study.sweep.sensors.is_empty() {
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
     let seed = Seed::new(study.seed).child("sweep");
     Ok(candidates(&study.sweep, &study.agent, seed)?)
+}
+
+/// Refuses a study whose agents act, which other commands tune.
+pub(crate) fn require_predicting(study: &Study) -> Result<(), StepError> {
+    ensure!(
+        !study.is_of_acting_agents(),
+        "the agents of this study act ([control], and no sweep.sensors); `calib control` tunes them"
+    );
+    Ok(())
 }
 
 /// Reads the log, and returns the groups of sensors with their streams. Instead of the groups it returns the reason for

@@ -5,9 +5,12 @@ use calib_study::Job;
 use calib_sweep::SensorVerdict;
 use serde::{Serialize, Serializer};
 
-use crate::verdict::{
-    compare::{self, Compared},
-    evaluate::{self, Judgement},
+use crate::{
+    sweep::setting::require_predicting,
+    verdict::{
+        compare::{self, Compared},
+        evaluate::{self, Judgement},
+    },
 };
 
 /// The verdicts on a study. As JSON it is the contents of `summary.json`.
@@ -31,6 +34,7 @@ pub fn run(
     left_out: &[String],
     context: &RunContext,
 ) -> Result<StepResult<Evaluation>, StepError> {
+    require_predicting(job.study())?;
     Ok(match parts {
         [only] if only.is_same_part(job) => {
             evaluate::run(job, context)?.map(|judged| Evaluation::Judged(Box::new(judged)))
