@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from ._acting import ActionModel
-from ._checks import LARGEST_SEED, position, whole
+from ._checks import LARGEST_SEED, finite, position, whole
 from ._errors import CalibWarning
 from ._kinds import ModelKind
 from ._model import Units, check_units, physical_values
@@ -178,7 +178,7 @@ class ActingSettings(WalkSettings):
         self.columns = columns
         self.actions = _Actions(model, action_space, live, kind)
         most = model.timeout if timeout is None else whole(timeout, "timeout", 1)
-        worst = model.worst_return if worst_return is None else float(worst_return)
+        worst = model.worst_return if worst_return is None else finite(worst_return, "worst_return")
         self.observation_space = observation_space(model, columns, units)
         self.timeout = most
         super().__init__(model, (list(members), columns, units == "physical", most, pessimism == "minimum_return", worst, live, kind))

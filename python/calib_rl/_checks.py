@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import os
 from typing import TYPE_CHECKING, Any
@@ -75,4 +76,19 @@ def share(value: Any, name: str) -> float:
         raise TypeError(f"{name} is {value!r}, expected a share, such as 0.05")
     if not 0.0 <= number <= 1.0:
         raise ValueError(f"{name} is {number:g}, expected a share from 0 to 1")
+    return number
+
+
+def finite(value: Any, name: str) -> float:
+    """Returns a finite number.
+
+    Raises:
+        ValueError: It is not a finite number.
+    """
+    try:
+        number = float(value) if not isinstance(value, (str, bytes)) else math.nan
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{name} is {value!r}, expected a finite number, such as -10.0")
     return number

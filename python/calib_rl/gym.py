@@ -328,7 +328,7 @@ def make(
         timeout: With actions: steps after which an episode is truncated. Default: as in the model.
         pessimism: With actions: if the log has no transition with the action within the model's radius, continue with the ``"nearest"`` one, or end the episode with
             the ``"minimum_return"``. An action that never occurs in the member ends the episode in either case.
-        worst_return: The reward of such an end. Default: as in the model.
+        worst_return: The reward of such an end, a finite number. Default: as in the model.
         live: With ``"box"``: search with the exact values of the action, among all transitions of the member, instead of taking the nearest level. The time is proportional
             to the length of the log, and it needs a model with ``levels``.
         kind: With actions: the kind of model. ``"neighbors"`` goes to the recorded next state of a neighbour. ``"increments"`` adds the neighbour's recorded
@@ -345,6 +345,7 @@ def make(
 
     Raises:
         ValueError: A column does not exist, an argument is for models of the other kind, or the model does not have this action space.
+            ``worst_return`` is not a finite number.
         IndexError: The member does not exist.
         TypeError: ``model`` is not a model, or a number is not a whole number.
 

@@ -281,6 +281,13 @@ def test_what_an_environment_refuses(acting: calib_rl.ActionModel, continuous: c
     ]:
         with pytest.raises(ValueError, match=told):
             calib_rl.gym.make(of, **arguments)
+    worst: Any
+    for worst in (float("nan"), float("inf"), "a", "-3", [1.0]):
+        expected = r"^worst_return is .*, expected a finite number, such as -10\.0"
+        with pytest.raises(ValueError, match=expected):
+            calib_rl.gym.make(acting, pessimism="minimum_return", worst_return=worst)
+        with pytest.raises(ValueError, match=expected):
+            calib_rl.gym.make_vec(acting, 2, worst_return=worst)
     env = calib_rl.gym.make(acting)
     env.reset()
     with pytest.raises(ValueError, match="from 0 to 2"):
