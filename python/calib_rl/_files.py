@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+# What the digest of a sealed file follows, and what follows the digest.
+_OPENS, _CLOSES = b', "sha256": "', b'"}'
+# Length of all of this, with a digest of 64 hexadecimal digits.
+_SEAL = len(_OPENS) + 64 + len(_CLOSES)
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -21,3 +30,32 @@ def write_whole(path: Path, content: bytes) -> None:
         with contextlib.suppress(OSError):
             unfinished.unlink()
         raise
+
+
+def write_sealed_json(path: Path, entries: Mapping[str, Any]) -> None:
+    """Writes a JSON object whose last entry ``sha256`` is the digest of the bytes before it.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    body = json.dumps(entries).encode()[:-1]
+    write_whole(path, body + _OPENS + _digest(body) + _CLOSES)
+
+
+def read_sealed_json(path: Path) -> dict[str, Any]:
+    """Returns the entries that `write_sealed_json` wrote.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: A byte of it has changed, or it was not sealed.
+    """
+    content = path.read_bytes()
+    body, seal = content[:-_SEAL], content[-_SEAL:]
+    if seal != _OPENS + _digest(body) + _CLOSES:
+        raise ValueError(f"{path} does not end with the digest of its content")
+    entries: dict[str, Any] = json.loads(body + b"}")
+    return entries
+
+
+def _digest(body: bytes) -> bytes:
+    return hashlib.sha256(body).hexdigest().encode()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._acting import ActionModel
 from ._errors import CalibError, CalibWarning
-from ._files import write_whole
+from ._files import read_sealed_json, write_sealed_json
 from ._identity import Unstable, identity
 from ._tune_conduct import is_conduct
 from ._tune_settings import Setting
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ._tune_unit import Unit
 
 # The version of the results. It covers changes that the rest of the key does not show.
-_FORMAT = 4
+_FORMAT = 5
 
 
 class Kept:
@@ -86,12 +86,12 @@ class Kept:
         return self._folder / f"unit-{hashlib.sha256(json.dumps(key).encode()).hexdigest()[:32]}.json"
 
     def read(self, unit: Unit) -> dict[str, Any] | None:
-        """Returns the result of a unit, if it was stored. A file that is damaged or of another form is ignored, and written again."""
+        """Returns the result of a unit, if it was stored. A file that is damaged, edited or of another form is ignored, and written again."""
         path = self._path(unit)
         if path is None or not path.is_file():
             return None
         try:
-            came = json.loads(path.read_text(encoding="utf-8"))
+            came = read_sealed_json(path)
             if not _is_result(came, unit):
                 return None
         except (OSError, ValueError, RecursionError, OverflowError):
@@ -103,8 +103,7 @@ class Kept:
             return None
         # Another grid may have the setting in another position.
         came["run"]["candidate"] = unit.candidate
-        result: dict[str, Any] = came
-        return result
+        return came
 
     def write(self, unit: Unit, came: Mapping[str, Any]) -> None:
         """Store the result of a unit."""
@@ -113,7 +112,7 @@ class Kept:
             return
         path.parent.mkdir(parents=True, exist_ok=True)
         told = {"setting": {name: repr(value) for name, value in unit.setting.items()}, **came}
-        write_whole(path, json.dumps(told).encode())
+        write_sealed_json(path, told)
 
 
 def _made(folder: Path) -> Path:

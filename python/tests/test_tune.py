@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 
 import calib_rl
+from calib_rl._files import write_sealed_json
 from calib_rl._identity import Unstable, identity
 from calib_rl._tune import _Work
 from calib_rl._tune_kept import Kept
@@ -438,10 +439,28 @@ def test_every_damage_of_a_result_is_found(acting: calib_rl.ActionModel, tmp_pat
     text = kept.read_text(encoding="utf-8")
     for number, damage in enumerate(_damages()):
         told = json.loads(text)
+        del told["sha256"]
         damage(told)
-        kept.write_text(json.dumps(told), encoding="utf-8")
+        # Sealed again, so that the form alone is wrong.
+        write_sealed_json(kept, told)
         assert tuned().runs == first.runs, number
         assert kept.read_text(encoding="utf-8") == text, f"damage {number} was not written again"
+
+
+def test_an_edited_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    def tuned() -> calib_rl.Tuned:
+        return run(Always, {"limit": [10]}, acting, default=None, members=[0], folder=tmp_path)
+
+    first = tuned()
+    (kept,) = tmp_path.iterdir()
+    text = kept.read_text(encoding="utf-8")
+    mean = f'"mean_return": {first.runs[0]["mean_return"]}'
+    unsealed = text.partition(', "sha256"')[0] + "}"
+    for edited in (text.replace(mean, mean.replace(": -", ": -9")), text.replace('"sha256": "', '"sha256": "0'), unsealed, text[:-40], "", text + "\n"):
+        assert edited != text
+        kept.write_text(edited, encoding="utf-8")
+        assert tuned().runs == first.runs
+        assert kept.read_text(encoding="utf-8") == text
 
 
 def test_agents_cannot_change_settings(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
