@@ -18,6 +18,7 @@ import gymnasium
 import numpy as np
 
 from ._acting import ActionModel
+from ._orphans import end_with_parent
 from ._tune_conduct import LastSteps
 from .gym import make
 
@@ -196,8 +197,13 @@ def _tenths(returns: list[float]) -> list[float]:
     return [float(np.mean(returns[low:high])) for low, high in zip(bounds, bounds[1:])]
 
 
-def main() -> None:
-    """Runs the units that it reads from standard input, and writes the results to the original standard output."""
+def main(parent: int) -> None:
+    """Runs the units that it reads from standard input, and writes the results to the original standard output.
+
+    Args:
+        parent: The process that started this one, and stores the results.
+    """
+    end_with_parent(parent)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     # The output of agents must not be taken for an answer.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -218,7 +224,3 @@ def main() -> None:
     for line in sys.stdin:
         unit = Unit(**pickle.loads(bytes.fromhex(line.strip())))
         print(json.dumps(run_unit(make_agent, model, unit, environment)), file=answers, flush=True)
-
-
-if __name__ == "__main__":
-    main()

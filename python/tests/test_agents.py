@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -124,6 +126,37 @@ def test_processes_make_no_difference(study: calib_rl.Study, runs: agents.AgentR
     assert (there.path / "runs.parquet").read_bytes() == (runs.path / "runs.parquet").read_bytes()
     assert there.states() == []
     assert len(other.run(Td, {"learning_rate": [1e-3]}, keep_states=True).states()) == 9, "made again, with states"
+
+
+HANGS = """
+import sys, time
+import calib_rl
+from calib_rl import agents
+class Hangs:
+    def __init__(self, task, rate): pass
+    def predict(self, observation): return 0.0
+    def state_dict(self): return {}
+    def update(self, observation, reward, next_observation):
+        sys.stderr.write("learning\\n")
+        while True: time.sleep(0.1)
+if __name__ == "__main__":
+    sweep = agents.Sweep(calib_rl.Study(sys.argv[1]), sys.argv[2], progress=False)
+    sweep.run(Hangs, [{"rate": 0.1}], processes=2)
+"""
+
+
+def test_processes_end_after_a_parent_that_was_killed(study: calib_rl.Study, tmp_path: Path) -> None:
+    program = tmp_path / "hangs.py"
+    program.write_text(HANGS, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    parent = subprocess.Popen(
+        [sys.executable, str(program), str(study.path), str(tmp_path / "agents")], stderr=subprocess.PIPE, text=True, env=environment
+    )
+    assert parent.stderr is not None
+    assert [parent.stderr.readline(), parent.stderr.readline()] == ["learning\n"] * 2
+    parent.kill()
+    # The processes have the same standard error, which ends with the last of them.
+    parent.communicate(timeout=60)
 
 
 def test_an_agents_mistake_is_told(sweep: agents.Sweep) -> None:

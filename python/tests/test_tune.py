@@ -580,6 +580,29 @@ def test_processes_leave_no_open_files(acting: calib_rl.ActionModel) -> None:
     assert not [one for one in told if issubclass(one.category, ResourceWarning)]
 
 
+HANGS = """
+import sys, time
+import calib_rl
+class Hangs:
+    def __init__(self, env, **setting): pass
+    def learn(self, total_timesteps):
+        sys.stderr.write("learning\\n")
+        while True: time.sleep(0.1)
+model = calib_rl.ActionModel.open(sys.argv[1])
+calib_rl.tune(Hangs, {"limit": [1]}, model, total_timesteps=100, processes=2, kinds=["neighbors"])
+"""
+
+
+def test_processes_end_after_a_parent_that_was_killed(acting: calib_rl.ActionModel) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    parent = subprocess.Popen([sys.executable, "-c", HANGS, str(acting.path)], stderr=subprocess.PIPE, text=True, env=environment)
+    assert parent.stderr is not None
+    assert [parent.stderr.readline(), parent.stderr.readline()] == ["learning\n"] * 2
+    parent.kill()
+    # The processes have the same standard error, which ends with the last of them.
+    parent.communicate(timeout=60)
+
+
 def test_an_error_ends_the_other_processes(acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def make(env: Any, limit: int = 40) -> Always:
         if limit == 3:

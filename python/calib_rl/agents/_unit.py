@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import multiprocessing
 import pickle
+import threading
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +13,7 @@ import numpy as np
 
 from .. import _calib
 from .._files import write_whole
+from .._orphans import end_with_parent
 from .._study import Study
 from ._protocol import Factory, made
 from ._streams import Streams, predicted
@@ -47,20 +50,27 @@ def run_unit(streams: Streams, factory: Factory, unit: Unit, store: Path) -> Non
     task = streams.task(streams.all[unit.stream], unit.sensor, states.shape[1])
     agent = made(factory, task, unit.values)
     predictions, updates = predicted(agent, states, pieces, task.column, streams.all[unit.stream].steps)
-    (store / f"{unit.key}.updates").write_text(str(updates))
-    if unit.keep_states:
-        write_whole(_state_file(unit, store), pickle.dumps(dict(agent.state_dict())))
+    learned = pickle.dumps(dict(agent.state_dict())) if unit.keep_states else None
     array = io.BytesIO()
     np.save(array, predictions)
-    # The array is written last, so a run with an array is complete.
-    write_whole(store / unit.key, array.getvalue())
+    with _STORING:
+        (store / f"{unit.key}.updates").write_text(str(updates))
+        if learned is not None:
+            write_whole(_state_file(unit, store), learned)
+        # The array is written last, so a run with an array is complete.
+        write_whole(store / unit.key, array.getvalue())
 
 
+# Held while a run is stored.
+_STORING = threading.Lock()
 _STREAMS: list[Streams] = []
 
 
 def open_streams(given: dict[str, Any]) -> None:
     """Begin a process: open the streams that it will need."""
+    parent = multiprocessing.parent_process()
+    if parent is not None and parent.pid is not None:
+        end_with_parent(parent.pid, _STORING)
     _calib.set_threads(1)
     _STREAMS.append(Streams(Study(**given)))
 
