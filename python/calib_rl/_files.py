@@ -1,4 +1,4 @@
-"""Files that are written as a whole."""
+"""Files that are written as a whole, and the folders for them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,47 @@ import contextlib
 import hashlib
 import json
 import os
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from ._errors import CalibError
 
 # What the digest of a sealed file follows, and what follows the digest.
 _OPENS, _CLOSES = b', "sha256": "', b'"}'
 # Length of all of this, with a digest of 64 hexadecimal digits.
 _SEAL = len(_OPENS) + 64 + len(_CLOSES)
+
+
+def made_folder(folder: Path, content: str) -> Path:
+    """Returns the folder of an argument ``folder``, which is made if it is missing.
+
+    Args:
+        folder: The folder.
+        content: What lies in it, in the plural.
+
+    Raises:
+        CalibError: It is a file, or cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise CalibError(f"folder: {folder} is a file, and {content} are kept in a folder; name another one") from None
+    except OSError as error:
+        raise CalibError(f"folder: {folder} cannot be made ({error.strerror}); name one that can be written to") from error
+    return folder
+
+
+def why_unwritable(folder: Path) -> str | None:
+    """Returns why no file can be made in a folder, or ``None`` if one can be made. A folder that is missing would be made."""
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return None
+    except OSError as error:
+        return error.strerror or str(error)
 
 
 def write_whole(path: Path, content: bytes) -> None:

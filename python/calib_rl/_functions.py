@@ -18,7 +18,8 @@ from . import _calib
 from ._acting import ActionModel
 from ._built_study import write_built_study
 from ._checks import whole
-from ._errors import CalibWarning
+from ._errors import CalibError, CalibWarning
+from ._files import made_folder
 from ._frames import Table, arrow_stream, table_of
 from ._model import Model, of_arrays
 from ._progress import Heard, Observer, observer
@@ -140,7 +141,7 @@ def build_model(
 
     Raises:
         CalibError: A value of an array is NaN or infinite. A log is wrong, or has only one action. ``folder/log.parquet`` exists, and
-            calib did not write it.
+            calib did not write it. ``folder`` is a file, or cannot be written to.
         StudyError: A section is not valid. Nothing is written then.
         FileExistsError: ``folder`` has a model of other arguments, or a study that calib did not write there. A study of a call that failed is replaced.
         ImportError: A frame of pandas needs pyarrow or polars. Nothing is written then.
@@ -213,6 +214,7 @@ def _written(path: Path, sections: dict[str, Any], table: Table | None) -> Study
 
     Raises:
         StudyError: A section is not valid. Nothing is written in this case.
+        CalibError: The folder is a file, or cannot be written to.
         FileExistsError: The file holds another study.
         ImportError: A pandas frame cannot be read. Nothing is written in this case.
     """
@@ -224,7 +226,13 @@ def _written(path: Path, sections: dict[str, Any], table: Table | None) -> Study
     text = _calib.to_toml(sections)
     _calib.Job(os.fspath(path), text, **beside)
     stream = None if table is None else arrow_stream(table.columns)
-    write_built_study(path, text, beside["output"])
+    made_folder(path.parent, "models")
+    try:
+        write_built_study(path, text, beside["output"])
+    except FileExistsError:
+        raise
+    except OSError as error:
+        raise CalibError(f"folder: {path} cannot be written ({error.strerror}); name a folder that you may write to") from error
     if stream is not None:
         _calib.write_log(stream, os.fspath(path.parent / _LOG))
     return Study(path, **beside)

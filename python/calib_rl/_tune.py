@@ -84,8 +84,8 @@ def tune(
         `Tuned.failures`, and the others continue without them.
 
     Raises:
-        CalibError: The log of the model has only one action, so that there is nothing to choose. The folder is a file, or cannot be made.
-            Several processes need networks, and these cannot be stored.
+        CalibError: The log of the model has only one action, so that there is nothing to choose. The folder is a file, cannot be made, or cannot be
+            written to where results are missing. Several processes need networks, and these cannot be stored.
         ValueError: There is no setting, or one occurs twice. An argument is outside its range. No environment can be made with ``environment``.
         TypeError: An argument is of another type. ``make_agent`` cannot be given to other processes.
         KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call continues.
@@ -292,6 +292,8 @@ class _Work:
             units += [Unit(self.settings[place], place, kind, member, run, seed, steps, is_recorded) for place in places]
         known = {place: unit for place, unit in enumerate(map(self.kept.read, units) if self.kept else ()) if unit is not None}
         missing = [place for place in range(len(units)) if place not in known]
+        if missing and self.kept is not None:
+            self.kept.require_writable()
         if self.progress:
             print(f"{len(places)} settings x {len(self.members)} ensemble members of {', '.join(self.kinds)} x {self.runs} runs of {steps:,} steps, {len(known)} training runs are there already", file=sys.stderr)
         self._run_missing(units, missing, known)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._acting import ActionModel
 from ._errors import CalibError, CalibWarning
-from ._files import read_sealed_json, write_sealed_json
+from ._files import made_folder, read_sealed_json, why_unwritable, write_sealed_json
 from ._identity import Unstable, identity
 from ._tune_conduct import is_conduct
 from ._tune_settings import Setting
@@ -51,7 +51,7 @@ class Kept:
         labels: Sequence[str],
         environment: Mapping[str, Any],
     ) -> None:
-        self._folder = _made(Path(folder))
+        self._folder = made_folder(Path(folder), "results")
         self._settings: list[str | None] = [None] * len(settings)
         unstable = []
         try:
@@ -105,6 +105,15 @@ class Kept:
         came["run"]["candidate"] = unit.candidate
         return came
 
+    def require_writable(self) -> None:
+        """Refuses a folder in which no result can be stored, before agents learn for hours.
+
+        Raises:
+            CalibError: No file can be made in it.
+        """
+        if (reason := why_unwritable(self._folder)) is not None:
+            raise CalibError(f"folder: no file can be written in {self._folder} ({reason}); name one that you may write to, or leave folder= out")
+
     def write(self, unit: Unit, came: Mapping[str, Any]) -> None:
         """Store the result of a unit."""
         path = self._path(unit)
@@ -113,16 +122,6 @@ class Kept:
         path.parent.mkdir(parents=True, exist_ok=True)
         told = {"setting": {name: repr(value) for name, value in unit.setting.items()}, **came}
         write_sealed_json(path, told)
-
-
-def _made(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise CalibError(f"folder: {folder} is a file, and results are kept in a folder; name another one") from None
-    except OSError as error:
-        raise CalibError(f"folder: {folder} cannot be made ({error.strerror}); name one that can be written to") from error
-    return folder
 
 
 def _is_result(came: Any, unit: Unit) -> bool:

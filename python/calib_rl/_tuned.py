@@ -13,6 +13,7 @@ import numpy as np
 
 from . import _calib
 from ._errors import CalibError
+from ._files import why_unwritable
 from ._tune_settings import Failure, Names, Setting, short
 from ._verdict import frame_of
 
@@ -106,7 +107,7 @@ class Tuned:
             The path.
 
         Raises:
-            CalibError: The file cannot be written, for example because a folder has its name.
+            CalibError: The file cannot be written, for example because a folder has its name, or its folder cannot be written to.
             ValueError: Every setting failed, so that there is nothing to show.
 
         Examples:
@@ -150,7 +151,12 @@ class Tuned:
             "conduct": self._conduct(),
             "command": f"tuned.report({os.fspath(path)!r})",
         }
-        _calib.write_tuned_page(os.fspath(path), json.dumps(page))
+        try:
+            _calib.write_tuned_page(os.fspath(path), json.dumps(page))
+        except CalibError as error:
+            # The error of compiled code does not say why.
+            reason = why_unwritable(Path(path).parent)
+            raise CalibError(f"{error}{'' if reason is None else f' ({reason})'}; name a file in a folder that you may write to") from None
         return Path(path)
 
     def _conduct(self) -> dict[str, Any] | None:

@@ -248,6 +248,22 @@ def test_arguments_of_a_model_with_actions_are_named_as_in_python(tmp_path: Path
     assert not (tmp_path / "new").exists()
 
 
+def test_a_folder_that_is_a_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "log.csv").write_text("", encoding="utf-8")
+    with pytest.raises(calib_rl.CalibError, match=r"^folder: .*log\.csv is a file, and models are kept in a folder; name another one$"):
+        calib_rl.build_model(tank(), tmp_path / "log.csv", actions=["valve0"], reward="reward")
+    with pytest.raises(calib_rl.CalibError, match=r"^folder: .*log\.csv/model cannot be made \(Not a directory\); name one that can be written to$"):
+        calib_rl.build_model(tank(), tmp_path / "log.csv" / "model", actions=["valve0"], reward="reward")
+
+    def refuse(path: Path, content: bytes) -> None:
+        raise PermissionError(13, "Permission denied", f"{path}.tmp")
+
+    # The superuser may write everywhere.
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(calib_rl.CalibError, match=r"^folder: .*study\.toml cannot be written \(Permission denied\); name a folder that you may write to$"):
+        calib_rl.build_model(tank(), tmp_path, actions=["valve0"], reward="reward")
+
+
 def test_sections_are_those_of_a_study(tmp_path: Path) -> None:
     with pytest.raises(calib_rl.StudyError) as refused:
         calib_rl.Study({"nosuch": 1}, path=tmp_path / "study.toml")

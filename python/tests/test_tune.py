@@ -8,6 +8,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import warnings
@@ -601,6 +602,36 @@ def test_processes_end_after_a_parent_that_was_killed(acting: calib_rl.ActionMod
     parent.kill()
     # The processes have the same standard error, which ends with the last of them.
     parent.communicate(timeout=60)
+
+
+def test_a_folder_that_cannot_be_written_to_is_refused_at_once(
+    acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Any] = []
+
+    def make(env: Any, **setting: Any) -> Always:
+        made.append(setting)
+        return Always(env, **setting)
+
+    def tuned(limit: int) -> calib_rl.Tuned:
+        return run(make, {"limit": [limit]}, acting, default=None, members=[0], folder=tmp_path)
+
+    first = tuned(10)
+
+    def refuse(**arguments: Any) -> None:
+        raise PermissionError(13, "Permission denied", "/units/tmp0")
+
+    # The superuser may write everywhere.
+    monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
+    made.clear()
+    assert tuned(10).runs == first.runs, "what is there can be read"
+    expected = rf"^folder: no file can be written in {tmp_path} \(Permission denied\); name one that you may write to, or leave folder= out$"
+    with pytest.raises(calib_rl.CalibError, match=expected):
+        tuned(11)
+    assert not made
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(calib_rl.CalibError, match=r"/file \(Permission denied\); name a file in a folder that you may write to"):
+        first.report(tmp_path / "file" / "page.html")
 
 
 def test_an_error_ends_the_other_processes(acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
