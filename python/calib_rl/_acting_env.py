@@ -209,7 +209,7 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
         self._settings = ActingSettings(model, [member], observe, timeout, units, pessimism, worst_return, action_space, live, kind)
         self.model, self.member, self.timeout, self.units = model, member, self._settings.timeout, units
         self.observation_space, self.action_space = self._settings.observation_space, self._settings.actions.space
-        self._over = True
+        self._has_begun, self._over = False, True
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -220,13 +220,17 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
         if seed is not None:
             walkers.seed([whole(seed, "seed", most=LARGEST_SEED)])
         seen, _, _, _, rows, times, distances, covered, displaced = walkers.reset()
-        self._over = False
+        self._has_begun, self._over = True, False
         return seen[0], _info(int(rows[0]), int(times[0]), float(distances[0]), bool(covered[0]), displaced[0])
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Take an action."""
         if self._over:
-            raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
+            raise gymnasium.error.ResetNeeded(
+                "the episode is over: call reset() before step(), and see that a vector environment does not use one env twice"
+                if self._has_begun
+                else "no episode has begun: call reset() first"
+            )
         actions, walkers = self._settings.actions, self._settings.walkers
         if actions.live:
             all_seen, rewards, ends, cuts, rows, times, distances, covered, displaced = walkers.step(actions.of(np.asarray(action)[None]))

@@ -103,8 +103,19 @@ def test_a_step_goes_where_a_recorded_transition_went(acting: calib_rl.ActionMod
         assert abs(info["displacement"][0] - moved) < 1e-4 and info["covered"] in (True, False) and not terminated
         total = truncated
     assert total, "it is cut after the timeout of the model"
-    with pytest.raises(gymnasium.error.ResetNeeded):
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"^the episode is over: call reset\(\) before step"):
         env.step(0)
+
+
+def test_a_step_without_an_episode_says_why(acting: calib_rl.ActionModel) -> None:
+    env = calib_rl.gym.make(acting, timeout=5)
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"^no episode has begun: call reset\(\) first$"):
+        env.step(0)
+    twice = gymnasium.vector.SyncVectorEnv([lambda: env] * 2)
+    twice.reset(seed=0)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="a vector environment does not use one env twice"):
+        for _ in range(5):
+            twice.step(np.zeros(2, np.int64))
 
 
 @pytest.mark.parametrize("kind", ["discrete", "multi_discrete", "box", "live"])
