@@ -303,7 +303,8 @@ class _Work:
             if came is None:
                 continue
             if "error" in came:
-                failure = Failure(unit.setting, unit.member, unit.run, came["place"], came["error"], came["trace"], self.labels[unit.candidate])
+                what = came["place"], came["error"], came["trace"]
+                failure = Failure(unit.setting, unit.member, unit.run, *what, self.labels[unit.candidate], came.get("remedy", ""))
                 self.failed.setdefault(unit.candidate, failure)
             else:
                 results[unit.candidate].append(came)

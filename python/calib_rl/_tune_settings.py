@@ -42,9 +42,11 @@ class Failure:
     """Where, as Python tells it."""
     name: str = ""
     """What the setting is called among the others."""
+    remedy: str = ""
+    """What to do about it, if calib knows more than what usually helps in this place."""
 
     def __str__(self) -> str:
-        remedy = {
+        remedy = self.remedy or {
             "make_agent": "see that make_agent(env, **setting) can be called with it",
             "learn": "see to the agent, or leave the setting out",
             "process": "give it less memory or fewer processes=, or leave the setting out",

@@ -117,7 +117,7 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
 
     A recorded unit also has the agent's last steps as ``conduct``.
     """
-    place = "make_agent"
+    place, env = "make_agent", None
     try:
         kind: Any = unit.kind
         made = make(model, member=unit.member, kind=kind, **environment)
@@ -144,7 +144,10 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
             raise FloatingPointError(f"the mean return is {mean}")
         conduct = {} if env.last is None else {"conduct": env.last.conduct()}
     except (Exception, SystemExit) as error:  # whatever an agent raises is told, and the others go on
-        return {"error": _told(error), "place": place, "trace": traceback.format_exc(limit=-8)}
+        failure = {"error": _told(error), "place": place, "trace": traceback.format_exc(limit=-8)}
+        if place == "make_agent" and env is not None and isinstance(error, Exception):
+            failure["remedy"] = _other_space(make_agent, model, unit, environment)
+        return failure
     returns = env.returns
     run = {
         "kind": unit.kind,
@@ -158,6 +161,32 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
         **json.loads(env.coverage or made.lived()),
     }
     return {"run": run, "returns": returns, "cut_off": env.cut_off, **conduct}
+
+
+def _other_space(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> str:
+    """Returns the remedy for an agent that needs another action space, or an empty text.
+
+    Libraries say in many ways that they refuse a space, and agents of one's own fail anywhere. So the agent is made with the others.
+    """
+
+    def is_made(given: Mapping[str, Any]) -> bool:
+        kind: Any = unit.kind
+        try:
+            made = make(model, member=unit.member, kind=kind, **given)
+            env = Recorder(made, unit.steps, made.timeout)
+            _seed_all(unit.seed)
+            make_agent(env, **_arguments(make_agent, unit))
+        except (Exception, SystemExit):
+            return False
+        return True
+
+    # An error that does not come again has another cause.
+    if is_made(environment):
+        return ""
+    for space in ("box", "discrete"):
+        if is_made({**environment, "action_space": space}):
+            return f'take environment={{"action_space": "{space}"}}, with which it can be made'
+    return ""
 
 
 def _arguments(make_agent: Callable[..., Any], unit: Unit) -> dict[str, Any]:

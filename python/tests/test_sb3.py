@@ -94,6 +94,15 @@ def test_settings_learn_in_the_tank_itself(monkeypatch: pytest.MonkeyPatch, caps
     assert setting == "{'learning_rate': 0.001}" and len(means.split(",")) == 2 and -60 * 0.6 < float(mean) < 0.0
 
 
+def test_an_agent_that_refuses_the_action_space_names_the_one_to_take(cart: calib_rl.ActionModel) -> None:
+    def make_agent(env: Any, **setting: Any) -> Any:
+        return stable_baselines3.SAC("MlpPolicy", env, buffer_size=100, **setting)
+
+    tuned = calib_rl.tune(make_agent, {"gamma": [0.9]}, cart, total_timesteps=100, members=[0], processes=1, kinds=["neighbors"])
+    assert tuned.chosen is None
+    assert {failure.remedy for failure in tuned.failures} == {'take environment={"action_space": "box"}, with which it can be made'}
+
+
 def returns(make_agent: Any, grid: dict[str, list[Any]], model: calib_rl.ActionModel, **given: Any) -> list[Any]:
     """Tunes an agent in one member of each kind of model, and returns the returns of the episodes for each setting and kind."""
     tuned = calib_rl.tune(make_agent, grid, model, members=[0], processes=1, default=None, **given)

@@ -565,6 +565,27 @@ def test_an_agent_that_exits_fails_alone(acting: calib_rl.ActionModel, processes
             run(stop, {"limit": [3]}, acting)
 
 
+@pytest.mark.parametrize("processes", [1, 2])
+def test_an_agent_that_needs_another_action_space_is_told_so(acting: calib_rl.ActionModel, processes: int) -> None:
+    def sets(env: Any, limit: int = 40) -> Always:
+        if limit < 0:
+            raise ValueError("limit")
+        return Always(env, env.action_space.low, limit)
+
+    def chooses(env: Any, limit: int = 40) -> Always:
+        assert hasattr(env.action_space, "n"), "this agent only supports Discrete"
+        return Always(env, env.action_space.n - 1, limit)
+
+    spaces: list[tuple[Any, dict[str, Any], str]] = [(sets, {}, "box"), (chooses, {"action_space": "box"}, "discrete")]
+    for make, environment, space in spaces:
+        told = run(make, {"limit": [10]}, acting, processes=processes, environment=environment).failures
+        assert len(told) == 2
+        assert all(str(failure).endswith(f'; take environment={{"action_space": "{space}"}}, with which it can be made') for failure in told)
+    for make, limit, environment in [(sets, -1, {"action_space": "box"}), (lambda env, limit=40: 3, 10, {})]:
+        (failure, *_) = run(make, {"limit": [limit]}, acting, processes=processes, environment=environment).failures
+        assert failure.remedy == "" and str(failure).endswith("; see that make_agent(env, **setting) can be called with it")
+
+
 def test_processes_leave_no_open_files(acting: calib_rl.ActionModel) -> None:
     import gc
 
