@@ -22,7 +22,7 @@ from ._checks import LARGEST_SEED, position, share, whole
 from ._errors import CalibError, CalibWarning
 from ._kinds import ModelKind
 from ._tune_kept import Kept
-from ._tune_settings import Failure, Grid, Names, Setting, settings_of
+from ._tune_settings import Failure, Grid, Names, Setting, counted, settings_of
 from ._tune_workers import Worker, message_for
 from ._tuned import Tuned, uncovered
 
@@ -110,7 +110,7 @@ def tune(
         ({}, {})
     """
     if not callable(make_agent):
-        raise TypeError(f"make_agent is a {type(make_agent).__name__}, expected what make_agent(env, **setting) calls; the order is tune(make_agent, grid, model)")
+        raise TypeError(_uncallable(make_agent))
     settings, standard = settings_of(grid, default)
     model = acting_model(model)
     if (told := model._native.only_action) is not None:
@@ -173,6 +173,16 @@ def tune(
         verdict["why"].insert(3, alike)
     verdict["why"] += remarks
     return Tuned(compared, compared[verdict["chosen"]], shown, [*advice, *remarks], doubts, failures, halved, verdict, every_run)
+
+
+def _uncallable(make_agent: object) -> str:
+    """Returns the error about a ``make_agent`` that cannot be called."""
+    kind = type(make_agent).__name__
+    article = "an" if kind[0].lower() in "aeiou" else "a"
+    return (
+        f"make_agent is {article} {kind}, expected a function or a class that tune can call as make_agent(env, **setting); the order is "
+        "tune(make_agent, grid, model)"
+    )
 
 
 def _runs(settings: list[Setting], places: list[int], results: dict[int, list[dict[str, Any]]]) -> list[dict[str, Any]]:
@@ -295,7 +305,10 @@ class _Work:
         if missing and self.kept is not None:
             self.kept.require_writable()
         if self.progress:
-            print(f"{len(places)} settings x {len(self.members)} ensemble members of {', '.join(self.kinds)} x {self.runs} runs of {steps:,} steps, {len(known)} training runs are there already", file=sys.stderr)
+            members = f"{counted(len(self.members), 'ensemble member')} of {', '.join(self.kinds)}"
+            runs = f"{counted(self.runs, 'run')} of {counted(steps, 'step')}"
+            there = f"{counted(len(known), 'training run')} {'is' if len(known) == 1 else 'are'} there already"
+            print(f"{counted(len(places), 'setting')} x {members} x {runs}, {there}", file=sys.stderr)
         self._run_missing(units, missing, known)
         results: dict[int, list[dict[str, Any]]] = {place: [] for place in places}
         for place, unit in enumerate(units):

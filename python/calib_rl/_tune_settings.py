@@ -178,6 +178,11 @@ def _is_same(one: Any, other: Any) -> bool:
             return False
 
 
+def counted(number: int, noun: str) -> str:
+    """Returns a number with its noun, such as ``1 run`` and ``2,000 runs``."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
 def label(setting: Mapping[str, Any]) -> str:
     """Returns a setting as one line."""
     return _line({name: short(value) for name, value in setting.items()})

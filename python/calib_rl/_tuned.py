@@ -14,7 +14,7 @@ import numpy as np
 from . import _calib
 from ._errors import CalibError
 from ._files import why_unwritable
-from ._tune_settings import Failure, Names, Setting, short
+from ._tune_settings import Failure, Names, Setting, counted, short
 from ._verdict import frame_of
 
 
@@ -142,7 +142,8 @@ class Tuned:
         runs = len(self.runs) // max(1, len(self.settings) * len(kinds) * len(members))
         page = {
             "title": "Agents that act",
-            "subtitle": f"{len(settings)} settings in {len(members)} ensemble members of {len(kinds)} kinds of models, {runs} {'run' if runs == 1 else 'runs'} each",
+            "subtitle": f"{counted(len(settings), 'setting')} in {counted(len(members), 'ensemble member')} of {counted(len(kinds), 'kind')} of models, "
+            f"{counted(runs, 'run')} each",
             "decision": self.verdict["decision"],
             "findings": self.verdict["findings"],
             "warnings": [*self.doubts, *map(str, self.failures)],

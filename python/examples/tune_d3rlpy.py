@@ -8,6 +8,8 @@ import polars as pl
 
 import calib_rl
 
+if len(sys.argv) < 3:
+    sys.exit("usage: python tune_d3rlpy.py LOG FOLDER [STEPS]")
 log, folder, *steps = sys.argv[1:]
 steps = int(steps[0]) if steps else 5_000
 

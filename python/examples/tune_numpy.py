@@ -36,6 +36,8 @@ class Agent:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit("usage: python tune_numpy.py LOG FOLDER [STEPS]")
     log, folder, *steps = sys.argv[1:]
     model = calib_rl.build_model(
         log, folder, actions=["action"], reward="reward", terminal="terminal", control={"probability": "probability"}

@@ -14,6 +14,8 @@ def make_agent(env, **setting):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit("usage: python tune_sb3.py LOG FOLDER [STEPS]")
     log, folder, *steps = sys.argv[1:]
     model = calib_rl.build_model(log, folder, actions=["valve"], reward="reward", timeout=60)
     steps = int(steps[0]) if steps else 5_000

@@ -23,6 +23,11 @@ def run(name: str, *arguments: object) -> str:
     return done.stdout
 
 
+def test_an_example_without_arguments_tells_its_usage() -> None:
+    done = subprocess.run([sys.executable, EXAMPLES / "tune_numpy.py"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "usage: python tune_numpy.py LOG FOLDER [STEPS]\n")
+
+
 def test_ten_lines_end_with_a_verdict(tmp_path: Path) -> None:
     assert "PIT300" in run("first_verdict.py", tmp_path)
     assert (tmp_path / "study-results" / "report.html").is_file()

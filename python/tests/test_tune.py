@@ -464,6 +464,19 @@ def test_an_edited_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: 
         assert kept.read_text(encoding="utf-8") == text
 
 
+def test_one_is_singular(acting: calib_rl.ActionModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def tuned(**arguments: Any) -> tuple[str, str]:
+        page = run(Always, {"limit": [10]}, acting, progress=True, folder=tmp_path / "units", **arguments).report(tmp_path / "page.html")
+        return capsys.readouterr().err.splitlines()[0], page.read_text(encoding="utf-8")
+
+    told, page = tuned(default=None, members=[0])
+    assert told == "1 setting x 1 ensemble member of neighbors x 1 run of 100 steps, 0 training runs are there already"
+    assert "1 setting in 1 ensemble member of 1 kind of models, 1 run each" in page
+    told, page = tuned(runs=2, kinds=["neighbors", "increments"])
+    assert told == "2 settings x 2 ensemble members of neighbors, increments x 2 runs of 100 steps, 1 training run is there already"
+    assert "2 settings in 2 ensemble members of 2 kinds of models, 2 runs each" in page
+
+
 def test_agents_cannot_change_settings(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
     class Writes(Always):
         def __init__(self, env: Any, options: Any = None) -> None:
@@ -528,6 +541,7 @@ def test_arguments_of_another_kind_are_refused_with_what_was_expected(acting: ca
     grid = {"limit": [10]}
     calls: list[tuple[Callable[[], object], type[Exception], str]] = [
         (lambda: run(grid, Always, acting), TypeError, r"make_agent is a dict, .* the order is tune\(make_agent, grid, model\)"),
+        (lambda: run(3, grid, acting), TypeError, r"make_agent is an int, expected a function or a class that tune can call as make_agent\(env, \*\*setting\)"),
         (lambda: run(Always, Always, acting), TypeError, r"grid is Always, expected values of each argument, such as .* the order is"),
         (lambda: run(Always, 3, acting), TypeError, "grid is 3, expected values"),
         (lambda: run(Always, [("limit", 3)], acting), TypeError, r"grid\[0\] is tuple, expected"),
