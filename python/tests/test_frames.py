@@ -170,6 +170,19 @@ def test_columns_that_count_on_are_told(tmp_path: Path) -> None:
     assert not any(text.startswith("level counts") for text in told)
 
 
+def test_columns_count_on_as_the_guide_says(tmp_path: Path) -> None:
+    rows = np.arange(ROWS)
+    columns = {
+        "twenty": rows * 20 // ROWS,
+        "more": rows * 21 // ROWS,
+        "uneven": rows // 21 * 30 + rows % 21 + rows % 21 // 11,
+        "filled": rows + (rows >= ROWS // 2) * (ROWS - 10),
+        "sparse": rows + (rows >= ROWS // 2) * (ROWS + 10),
+    }
+    _, told = heard(tank().assign(**columns), tmp_path)
+    assert [text.split()[0] for text in told if "counts on evenly" in text] == ["more", "filled"]
+
+
 def kinds() -> pandas.DataFrame:
     """Returns columns of many types."""
     log = tank(50)

@@ -369,6 +369,8 @@ def test_what_cannot_be_compared_is_not_kept(acting: calib_rl.ActionModel, tmp_p
     with pytest.warns(calib_rl.CalibWarning, match=r"^folder: the results are not kept, because make_agent\.lock is a _thread\.lock"):
         run(make, {"limit": [10]}, acting, folder=tmp_path)
     assert not list(tmp_path.iterdir())
+    guide = Path(__file__).parents[2] / "docs" / "guides" / "tune-your-agent.md"
+    assert "\nCalibWarning: folder: the results are not kept, because make_agent.lock is a _thread.lock, " in guide.read_text(encoding="utf-8")
     with pytest.warns(calib_rl.CalibWarning, match="^folder: the results of some settings are not kept, because value="):
         run(Always, {"value": [1, lock]}, acting, folder=tmp_path)
     assert len(list(tmp_path.iterdir())) == 4
