@@ -57,7 +57,7 @@ class Recorded(NamedTuple):
 
     Examples:
         >>> recorded = _example_model().recorded(timeout=50)
-        >>> recorded.worst <= recorded.mean <= recorded.best
+        >>> recorded.worst <= recorded.best
         True
     """
 
@@ -256,11 +256,16 @@ class ActionModel:
     def recorded(self, timeout: int | None = None) -> Recorded:
         """Returns per episode of the recorded behaviour.
 
+        Recorded episodes are cut after every ``timeout`` steps. A piece is whole if it has that many steps, or if it is a shorter episode that ends in a
+        terminal. The other pieces count in the mean alone, with their rewards and as their share of ``timeout``. These are the rest of an episode after a cut, and
+        what a gap, a row without an action or the end of the log cut short. So the mean can lie beyond the best and the worst return, above all if
+        most pieces are not whole.
+
         Args:
             timeout: Steps after which an episode is cut. Default: as in the study.
 
         Returns:
-            Mean, best and worst return.
+            Mean return of all pieces, and the best and the worst return of whole ones.
 
         Examples:
             >>> model = _example_model()

@@ -75,6 +75,18 @@ def test_a_frame_with_actions_becomes_a_model_with_actions(acting: calib_rl.Acti
     assert str(acting.times[1] - acting.times[0]) == "60000000 microseconds" and acting.recorded().mean < 0
 
 
+def test_pieces_of_recorded_episodes_count_in_the_mean_alone(tmp_path: Path) -> None:
+    # Forty steps of -1, and then gaps after every second step of -10.
+    log = tank().with_row_index("row").with_columns(reward=polars.when(polars.col("row") <= 40).then(-1.0).otherwise(-10.0))
+    log = log.filter((polars.col("row") < 41) | (polars.col("row") % 4 > 0)).drop("row")
+    with pytest.warns(calib_rl.CalibWarning, match="are no transitions"):
+        model = calib_rl.build_model(log, tmp_path, actions=["valve0"], reward="reward", timeout=40)
+    recorded = model.recorded()
+    assert recorded.best == recorded.worst == -40.0
+    pieces = len(model.decisions.rewards) - 40
+    assert pieces > 200 and recorded.mean == pytest.approx((-40.0 - 10.0 * pieces) / (1 + pieces / 40))
+
+
 def test_a_decision_takes_several_rows(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
     model = calib_rl.build_model(tank(), tmp_path, actions=["valve0"], reward="reward", timeout=40, control={"every": 4})
     assert model.period == 4 * acting.period and len(model.decisions.actions) == 1199 // 4
