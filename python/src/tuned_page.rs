@@ -147,7 +147,7 @@ impl TunedPage {
             });
             series.push(Series::numbered(kind, name, points.collect()));
         }
-        let scale = Scale::linear_around_series(&series);
+        let scale = Series::scale_around(&series);
         let marks = [("chosen", Dash::Solid), ("default", Dash::Dashed)];
         let rules = marks.into_iter().filter_map(|(role, dash)| {
             let place = drawn.iter().position(|setting| setting.role == role)?;

@@ -191,11 +191,6 @@ pub fn judge(
     let each = of_each_kind(&blocks, &kinds, rule, candidates)?;
     let members: Vec<Vec<f64>> = blocks.iter().map(|block| over_kinds(block, candidates)).collect();
     let own_returns = of_setting(&each, chosen);
-    let mut of_random_setting = Vec::new();
-    for kind in &each {
-        of_random_setting
-            .push(kind.members.iter().map(|returns| mean(returns)).collect::<Vec<f64>>());
-    }
     // Coverage and drift come from the first kind, which is neighbours if there are any: only they know the coverage
     // of a step and its jump.
     let first = runs.iter().filter(|run| run.kind == kinds[0]);
@@ -204,6 +199,7 @@ pub fn judge(
         Some(default) => beyond(&own_returns, &of_setting(&each, default))?,
         None => None,
     };
+    let over_random = beyond(&own_returns, &of_random_setting(&each))?;
     let ranks_over_default = match default {
         Some(default) => ranks_ahead(&selection.ranks, [chosen, default], members.len())?,
         None => None,
@@ -240,7 +236,7 @@ pub fn judge(
         ranks_over_default,
         constant,
         random_actions,
-        over_random: beyond(&own_returns, &of_random_setting)?.unwrap_or(Difference {
+        over_random: over_random.unwrap_or(Difference {
             mean: f64::INFINITY,
             interval: None,
             clusters: [members.len(); 2],
@@ -260,6 +256,11 @@ pub fn judge(
 /// Returns the returns of a setting in each kind of model, `[kinds][members]`.
 fn of_setting(kinds: &[KindReturns], candidate: usize) -> Vec<Vec<f64>> {
     kinds.iter().map(|kind| kind.of_setting(candidate)).collect()
+}
+
+/// Returns the mean returns of all settings in each kind of model, `[kinds][members]`.
+fn of_random_setting(kinds: &[KindReturns]) -> Vec<Vec<f64>> {
+    kinds.iter().map(|kind| kind.members.iter().map(|returns| mean(returns)).collect()).collect()
 }
 
 /// Returns the results of each kind, from `[blocks][kinds × candidates]`.

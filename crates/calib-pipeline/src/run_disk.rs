@@ -7,7 +7,7 @@ use calib_base::{
 };
 use calib_model_steps::{model::build_plan, represent};
 use calib_study::{Job, Scope, StepKind};
-use calib_sweep_steps::sweep::{expected, setting::candidates_of};
+use calib_sweep_steps::sweep::{candidates::candidates_of, expected};
 
 use crate::{plan::Plan, run_progress::passes};
 

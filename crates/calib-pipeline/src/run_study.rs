@@ -23,7 +23,7 @@ use calib_plant::Plant;
 use calib_study::{Job, StepKind, Study};
 use calib_sweep_steps::{
     agents::pretrain,
-    sweep::{self, groups, plan::DryRunTally, setting::candidates_of},
+    sweep::{self, candidates::candidates_of, groups, plan::DryRunTally},
     verdict::{
         evaluation::{self, Evaluation},
         report,

@@ -116,7 +116,7 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
             Series::numbered(number, label, points.collect())
         })
         .collect();
-    let scale = Scale::linear_around_series(&drawn);
+    let scale = Series::scale_around(&drawn);
     let name = &evaluation.fields[0][field].0;
     let title = format!("Return in the model against {name}");
     let chosen = swept[evaluation.verdict.chosen];

@@ -115,12 +115,9 @@ pub(super) fn read_with_rest(
     tell_texts(config, &recorded.texts, printer);
     let found = ColumnFindings::new(config, &recorded.values, frames.segments());
     tell_columns(config, resample, frames, &found, printer);
-    let outlying = without_outlying(config, frames, &mut recorded.values);
+    let outlying = without_outlying(config, frames, &mut recorded.values, printer);
     let constants = constants(&names, &recorded.values);
     let set_points = set_points(config, &names, &recorded.values);
-    for told in &outlying {
-        printer.warn(told);
-    }
     let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
     tell_missing_rewards(config, frames, &rows, printer);
     let period = decision_period(config, dataset.period);
@@ -232,6 +229,7 @@ fn without_outlying(
     config: &ControlConfig,
     frames: &Frames,
     recorded: &mut [Vec<f64>],
+    printer: &Printer,
 ) -> Vec<String> {
     let Some(levels) = config.levels else { return Vec::new() };
     let columns = config.actions.iter().zip(recorded);
@@ -240,6 +238,7 @@ fn without_outlying(
         let at = format_time(frames.timestamps()[found.rows[0]]);
         let told = outlying_told(name, &found, &at);
         found.rows.iter().for_each(|&row| values[row] = f64::NAN);
+        printer.warn(&told);
         Some(told)
     });
     told.collect()

@@ -19,7 +19,7 @@ use calib_model::ModelKind;
 use calib_study::{DrawnStudy, Job, Request, Study, StudyError};
 use calib_sweep::Candidate;
 use calib_sweep_steps::{
-    sweep::{self, setting::candidates_of},
+    sweep::{self, candidates::candidates_of},
     verdict::evaluate,
 };
 

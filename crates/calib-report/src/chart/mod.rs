@@ -143,6 +143,15 @@ const MARKERS: [Marker; 5] =
 const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
 
 impl Series {
+    /// Returns a linear scale that holds the finite points of all `series` and the ends of their intervals, with a margin.
+    pub fn scale_around(series: &[Self]) -> Scale {
+        let ends = series.iter().flat_map(|series| &series.points).flat_map(|point| {
+            let (low, high) = point.interval.unwrap_or((point.y, point.y));
+            [point.y, low, high]
+        });
+        Scale::linear_around(&ends.collect::<Vec<_>>())
+    }
+
     /// Returns a curve on the left axis that looks unlike the curves with other numbers.
     pub fn numbered(number: usize, label: &str, points: Vec<Point>) -> Self {
         Self {

@@ -1,7 +1,5 @@
 //! Scales: positions of values along an axis.
 
-use super::Series;
-
 /// Spacing of values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ScaleKind {
@@ -90,15 +88,6 @@ impl Scale {
             Some((low, _)) => Self::linear(low, low),
             None => Self::linear(0.0, 1.0),
         }
-    }
-
-    /// Returns a linear scale that holds the finite points of all `series` and the ends of their intervals, with a margin.
-    pub fn linear_around_series(series: &[Series]) -> Self {
-        let ends = series.iter().flat_map(|series| &series.points).flat_map(|point| {
-            let (low, high) = point.interval.unwrap_or((point.y, point.y));
-            [point.y, low, high]
-        });
-        Self::linear_around(&ends.collect::<Vec<_>>())
     }
 
     /// Returns a scale for ranks 1 to `worst`.

@@ -11,12 +11,13 @@ use calib_sweep::RunStream;
 use crate::{
     agents::pretrain_files,
     sweep::{
+        candidates::candidates_of,
         cost::{Cost, MEASURED_STEPS, TrainedInPass},
         expected::Expected,
         groups::StudyGroup,
         memory::{Memory, Sizes, agents_of},
         plan::DryRunTally,
-        setting::{candidates_of, scorable},
+        setting::scorable,
         streams::Streams,
     },
 };

@@ -15,7 +15,7 @@ use calib_data::Dataset;
 use calib_study::{Job, Study};
 use calib_sweep::{Candidate, PlannedSensor, Span};
 
-use crate::sweep::{setting::candidates_of, streams::Streams};
+use crate::sweep::{candidates::candidates_of, streams::Streams};
 
 /// The predicted sensors of one discount factor.
 pub struct StudyGroup {

@@ -2,6 +2,7 @@
 
 pub mod agent_seed;
 mod before_model;
+pub mod candidates;
 pub(crate) mod constant_sensors;
 pub mod cost;
 pub mod environments;

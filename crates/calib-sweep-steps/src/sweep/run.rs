@@ -29,6 +29,7 @@ use calib_sweep::{
 use serde::{Deserialize, Serialize};
 
 use crate::sweep::{
+    candidates::candidates_of,
     constant_sensors::ConstantSensor,
     expected::{Expected, require_room},
     manifest::{OtherStreams, SweepFacts, SweepManifest},
@@ -37,7 +38,7 @@ use crate::sweep::{
     plan::{DryRunTally, SweepPlan},
     planned::PlannedSweep,
     recorded,
-    setting::{SkippedDeployment, SweepContext, candidates_of},
+    setting::{SkippedDeployment, SweepContext},
     simple,
     streams::{OnlineWindow, Streams, error_scales, online_windows},
     tables as sweep_tables,

@@ -4,19 +4,19 @@ use std::collections::BTreeMap;
 
 use calib_agent::Accelerator;
 use calib_base::{
-    StepError, bail, ensure,
+    StepError,
     log::{
         context::RunContext,
         partition::{self, Parts, PretrainPart},
     },
 };
-use calib_core::{Monitor, Seed};
+use calib_core::Monitor;
 use calib_data::Dataset;
 use calib_model_steps::model::model_files::{self, OpenModel};
 use calib_study::{Job, Study};
 use calib_sweep::{
     Baselines, Candidate, Environment, Plan, PlanOptions, Program, RaceKind, SensorGroup, Span,
-    Start, candidates, recorded_windows,
+    Start, recorded_windows,
 };
 
 use crate::{
@@ -24,6 +24,7 @@ use crate::{
     program::ExternalAgents,
     sweep::{
         agent_seed::agent_seed,
+        candidates::candidates_of,
         constant_sensors::ConstantSensor,
         cost::{Cost, MEASURED_STEPS, MeasuredPasses, TrainedInPass},
         environments::{Environments, Sources, StreamParameters, open_all},
@@ -234,28 +235,6 @@ pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Plan<'a> {
         RaceKind::None => plan,
         RaceKind::Halving => plan.race(),
     }
-}
-
-/// Returns the settings that a study sweeps.
-///
-/// # Errors
-/// Returns an error if its agents act, it names no sensors, or its grid is invalid.
-pub fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
-    require_predicting(study)?;
-    if study.sweep.sensors.is_empty() {
-        bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
-    }
-    let seed = Seed::new(study.seed).child("sweep");
-    Ok(candidates(&study.sweep, &study.agent, seed)?)
-}
-
-/// Refuses a study whose agents act, which other commands tune.
-pub(crate) fn require_predicting(study: &Study) -> Result<(), StepError> {
-    ensure!(
-        !study.is_of_acting_agents(),
-        "the agents of this study act ([control], and no sweep.sensors); `calib control` tunes them"
-    );
-    Ok(())
 }
 
 /// Reads the log, and returns the groups of sensors with their streams. Instead of the groups it returns the reason for

@@ -6,7 +6,7 @@ use calib_sweep::SensorVerdict;
 use serde::{Serialize, Serializer};
 
 use crate::{
-    sweep::setting::require_predicting,
+    sweep::candidates::require_predicting,
     verdict::{
         compare::{self, Compared},
         evaluate::{self, Judgement},

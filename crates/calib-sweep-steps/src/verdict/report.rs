@@ -128,15 +128,7 @@ pub(crate) fn write_comparisons(
 
 /// Assembles the report on a finished sweep and its model.
 pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
-    assembled(judged).with_context(|| not_written(&judged.paths().report()))
-}
-
-/// Returns the message that a page cannot be written.
-pub(super) fn not_written(page: &Path) -> String {
-    format!(
-        "{} cannot be written; if results were edited, the steps with --force make them again",
-        page.display()
-    )
+    assembled(judged).with_context(|| report_cache::not_written(&judged.paths().report()))
 }
 
 fn assembled(judged: &Judged) -> Result<Report, StepError> {

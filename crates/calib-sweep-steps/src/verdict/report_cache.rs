@@ -13,8 +13,6 @@ use calib_report::Report;
 use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
 
-use crate::verdict::report::not_written;
-
 /// `manifest.json` of the verdicts and figures of a study.
 type ReportManifest = Artefact<ReportFacts>;
 
@@ -83,4 +81,12 @@ pub(crate) fn keep(
     let written = write().with_context(|| not_written(&page))?;
     let names: Vec<String> = written.into_iter().chain(page_name).collect();
     claim.finish(ReportFacts { key }, names.iter().map(String::as_str)).map(drop)
+}
+
+/// Returns the message that a page cannot be written.
+pub(super) fn not_written(page: &Path) -> String {
+    format!(
+        "{} cannot be written; if results were edited, the steps with --force make them again",
+        page.display()
+    )
 }
