@@ -33,7 +33,8 @@ impl Advice<'_> {
                         difference(over)
                     )
                 });
-                (format!("Deploy {chosen}."), format!(".{over}"))
+                let unless = self.early_ends().map_or("", |_| ", unless a terminal is a failure");
+                (format!("Deploy {chosen}{unless}."), format!(".{over}"))
             };
             let plain = format!("It has the best {rank}{plain}");
             (Support::Supported, "Supported by the log", headline, plain)

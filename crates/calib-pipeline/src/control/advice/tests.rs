@@ -437,6 +437,7 @@ fn a_choice_that_ends_its_episodes_early_is_deployed_with_a_warning() {
         ),
         "{warning}"
     );
+    assert_eq!(advice.decision().headline, "Deploy a=2, unless a terminal is a failure.");
     assert_eq!(advice.summary().last(), Some(&warning));
     assert!(advice.findings().contains(&warning));
 
