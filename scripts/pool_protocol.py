@@ -186,11 +186,24 @@ def told_apart(truth, logs, chosen):
             )
 
 
+def terminals_per_step(log, chosen):
+    """Returns the share of the steps of a setting that end an episode in a terminal, in the median kind of model."""
+    return sorted(log[kind]["terminals"][chosen] for kind in KINDS)[1]
+
+
+def early_ends(logs, chosen, regrets):
+    """Says how good choices are whose episodes end in a terminal at least twice as often as the recorded ones."""
+    pairs = zip(logs, chosen, regrets)
+    early = [regret for log, own, regret in pairs if 0 < 2 * log["terminals"] / sum(log["actions"]) <= terminals_per_step(log, own)]
+    told = f"{sum(regret <= 1 for regret in early)} have at most 1 %, and the worst has {max(early):.0f}" if early else "none"
+    print(f"\nterminals at least twice as often as recorded: {len(early)} of {len(logs)} choices; {told}")
+
+
 def reasons(log, chosen):
     """Returns why calib refuses a choice, as in `calib control`, but without the errors of displacements."""
     neighbors, steps = log["neighbors"], sum(log["actions"])
     promised = mean([member[chosen] for kind in KINDS for member in log[kind]["returns"]])
-    rate = sorted(log[kind]["terminals"][chosen] for kind in KINDS)[1]
+    rate = terminals_per_step(log, chosen)
     lowest, best = log["recorded"]
     all_reasons = {
         "an action was never taken": min(log["actions"]) == 0,
@@ -295,6 +308,7 @@ def main():
         own = [value for value, log in zip(pool, logs) if log["length"] == length]
         print(f"\nof {length} steps: {mean(own):.1f} over {len(own)} logs")
     refusals(logs, chosen["pool, mean rank"], pool)
+    early_ends(logs, chosen["pool, mean rank"], pool)
     agreements(logs, pool)
     ahead(logs, chosen["pool, mean rank"], pool, regrets["calib's default"])
     told_apart(truth, logs, chosen["pool, mean rank"])
