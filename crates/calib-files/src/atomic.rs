@@ -273,6 +273,20 @@ fn default_permissions() -> fs::Permissions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::writer::tests::{half_written_by_a_dead_process, half_written_by_this_process};
+
+    #[test]
+    fn half_written_files_of_killed_processes_go() {
+        let place = tempfile::tempdir().expect("a directory");
+        let own = half_written_by_this_process(place.path());
+        let dead = half_written_by_a_dead_process(place.path());
+        let whole = place.path().join("one.json");
+        fs::write(&whole, b"1").expect("written");
+        remove_temporaries(place.path(), Below::Unknown).expect("removed");
+        assert!(own.exists() && whole.exists());
+        assert!(dead.is_none_or(|dead| !dead.exists()));
+        assert!(remove_temporaries(&place.path().join("missing"), Below::Unknown).is_err());
+    }
 
     #[cfg(unix)]
     #[test]

@@ -66,7 +66,7 @@ pub use json::{read_json, write_json};
 pub use lock::{Lock, lock};
 pub use mapped::is_mapped;
 pub use name::file_name;
-pub use note::{remove_half_written_notes, remove_note, write_note};
+pub use note::{remove_note, write_note};
 pub use npy::{MappedNpy, NpyElement, map_npy, write_npy};
 pub use open::{
     is_same_file, open_regular, open_to_append, read_regular, regular_bytes, require_regular,

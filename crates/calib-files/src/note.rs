@@ -6,11 +6,7 @@ use std::{
     path::Path,
 };
 
-use crate::{
-    atomic::temporary_in,
-    disk::directory_of,
-    writer::{is_abandoned, is_temporary},
-};
+use crate::{atomic::temporary_in, disk::directory_of};
 
 /// Writes a note in place of the previous one, as a whole. Unlike a result it is not synced: a crash of the machine may
 /// lose it. Fault injection does not apply either, because the time of the write depends on the clock.
@@ -36,32 +32,9 @@ pub fn remove_note(path: &Path, root: &Path) {
     }
 }
 
-/// Removes the half-written notes of killed processes from a folder of notes. Files that cannot be removed are kept.
-pub fn remove_half_written_notes(folder: &Path) {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let path = entry.path();
-        if is_temporary(&path) && is_abandoned(&path).is_ok_and(|abandoned| abandoned) {
-            let _ = fs::remove_file(&path);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::writer::tests::{half_written_by_a_dead_process, half_written_by_this_process};
-
-    #[test]
-    fn half_written_notes_of_killed_processes_go() {
-        let place = tempfile::tempdir().expect("a directory");
-        let own = half_written_by_this_process(place.path());
-        let dead = half_written_by_a_dead_process(place.path());
-        write_note(&place.path().join("one.json"), b"1").expect("written");
-        remove_half_written_notes(place.path());
-        assert!(own.exists() && place.path().join("one.json").exists());
-        assert!(dead.is_none_or(|dead| !dead.exists()));
-        remove_half_written_notes(&place.path().join("missing"));
-    }
 
     #[test]
     fn a_note_goes_with_the_folders_that_were_made_for_it() {

@@ -12,8 +12,8 @@ use std::{
 };
 
 use calib_core::Monitor;
-use calib_files::{remove_half_written_notes, remove_note, write_note};
-use calib_study::Job;
+use calib_files::{Below, remove_note, remove_temporaries, write_note};
+use calib_study::{Job, StepKind};
 
 use super::note::{CommandState, FOLDER, Note, Task, notes};
 use crate::{
@@ -118,7 +118,8 @@ impl Recorder {
 
     /// Writes a note soon, then every second, until the command is over.
     fn tick(&self) {
-        remove_half_written_notes(&self.results.join(FOLDER));
+        // Usually there is no folder, and what cannot be removed does no harm.
+        let _ = remove_temporaries(&self.results.join(FOLDER), Below::Unknown);
         for (path, note) in notes(&self.results) {
             if note.standing() == CommandState::Killed {
                 remove_note(&path, &self.results);
@@ -160,7 +161,7 @@ impl Recorder {
             let left = task.secs_left?;
             match stage {
                 // A command of one stage is over when its work is, except for the only one that has several tasks in a row.
-                None => (state.note.command != "control").then_some(left),
+                None => (state.note.command != StepKind::Control.command()).then_some(left),
                 Some(stage) => Some(left + (elapsed.as_secs_f64() + left) * stage.later?),
             }
         });
