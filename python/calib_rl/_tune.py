@@ -142,7 +142,8 @@ def tune(
         results = work.run_all(alive, part_steps)
         alive = [place for place in alive if place not in work.failed]
         # Settings that are left may be alike although others were not, such as a default and a setting that spells it out.
-        alike_so_far &= not work.failed and _are_alike(_runs(settings, alive, results), len(alive))
+        every_run = _runs(settings, alive, results)
+        alike_so_far &= not work.failed and _are_alike(every_run, len(alive))
         if part == 1 or not alive:
             break
         verdict = work.judged(alive, results, limits, part_steps)
@@ -160,7 +161,6 @@ def tune(
     verdict = work.judged(alive, results, limits, steps, work.constants(steps))
     doubts, advice = verdict.pop("reasons"), verdict.pop("summary")
     compared = [settings[place] for place in alive]
-    every_run = _runs(settings, alive, results)
     remarks = _cut_off(every_run)
     if alike_so_far:
         alike = (
