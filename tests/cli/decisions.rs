@@ -231,6 +231,20 @@ fn with_terminals(cells: impl Fn(usize) -> String) -> Place {
 }
 
 #[test]
+fn rewards_that_stand_for_a_missing_value_are_told() {
+    let code =
+        |row: usize, gain: usize| if row % 10 == 9 { "-9999".to_owned() } else { gain.to_string() };
+    let dry = |place: &Place| place.calib(&["control", "study.toml", "--dry-run"]).stderr();
+    let told = dry(&with_terminals(|row| format!("{},0", code(row, row % 3))));
+    let part = "-9999 stands 4 times (10.00 %) far away from all other values of 1 channel (gain): if that stands for a missing value";
+    assert!(told.contains(part), "{told}");
+    let penalty = dry(&with_terminals(|row| {
+        format!("{},{}", code(row, row % 3), usize::from(row % 10 == 9))
+    }));
+    assert!(!penalty.contains("-9999"), "each is in a row with a terminal: {penalty}");
+}
+
+#[test]
 fn terminals_without_a_reward_are_told() {
     let place =
         with_terminals(|row| if row % 10 == 9 { ",1".to_owned() } else { "2,0".to_owned() });

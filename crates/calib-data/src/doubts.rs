@@ -229,17 +229,7 @@ impl Profile {
 
     /// Returns the warning for numbers that probably stand for a missing value; `None` if there are no such numbers.
     pub fn sentinel_doubt(&self) -> Option<String> {
-        let values: Vec<String> =
-            self.sentinels.iter().map(|sentinel| sentinel.value.to_string()).collect();
-        let told: Vec<String> = self.sentinels.iter().map(Sentinel::told).collect();
-        (!told.is_empty()).then(|| {
-            format!(
-                "{}: if that stands for a missing value, as loggers write it, set data.missing_values = [{}] (on the command line, --set data.missing_values=[{}])",
-                told.join("; "),
-                values.join(", "),
-                values.join(",")
-            )
-        })
+        Sentinel::doubt(&self.sentinels)
     }
 
     /// Whether an input of the agent of `sensor` is far from its training range in much of the held-out period, for

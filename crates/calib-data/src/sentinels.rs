@@ -26,6 +26,46 @@ pub struct Sentinel {
 }
 
 impl Sentinel {
+    /// Returns the number in a column of actions or rewards that probably stands for a missing value; `None` without
+    /// one.
+    ///
+    /// It is at least as far from all other values as these are wide, and occurs three times or more. Unlike in a
+    /// sensor, a negative hundred does not count, because it is a usual penalty, and the column may have few distinct
+    /// values, because actions and rewards often have. (Our choice.)
+    pub fn of_decisions(column: &str, values: &[f64]) -> Option<Self> {
+        let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+        let extremes = Extremes::of(&finite);
+        let far = extremes.far().into_iter().map(|(value, away)| (decimal(value), away));
+        let (value, _) = far.into_iter().find(|&(value, away)| away >= 1.0 && is_code(value))?;
+        let count = values.iter().filter(|&&other| stands_for_missing(other, &[value])).count();
+        Some(Self {
+            value,
+            count: count as u64,
+            share: count as f64 / extremes.count as f64,
+            channels: vec![column.to_owned()],
+        })
+    }
+
+    /// Whether this value is the number, possibly rounded to 32 bits.
+    pub fn is(&self, value: f64) -> bool {
+        stands_for_missing(value, &[self.value])
+    }
+
+    /// Returns the warning for `sentinels`; `None` if there are none.
+    pub fn doubt(sentinels: &[Self]) -> Option<String> {
+        let values: Vec<String> =
+            sentinels.iter().map(|sentinel| sentinel.value.to_string()).collect();
+        let told: Vec<String> = sentinels.iter().map(Self::told).collect();
+        (!told.is_empty()).then(|| {
+            format!(
+                "{}: if that stands for a missing value, as loggers write it, set data.missing_values = [{}] (on the command line, --set data.missing_values=[{}])",
+                told.join("; "),
+                values.join(", "),
+                values.join(",")
+            )
+        })
+    }
+
     /// Describes the finding in words.
     pub fn told(&self) -> String {
         const NAMED: usize = 3;
@@ -78,13 +118,10 @@ impl Extremes {
     /// Returns the frequent numbers at the ends of the channel, with their distances from the other values, in widths
     /// of these.
     fn far(&self) -> Vec<(f64, f64)> {
-        if self.distinct.len() < DISTINCT {
-            return Vec::new();
-        }
         let often = OFTEN.0.max(self.count / OFTEN.1);
         let mut best = Vec::new();
-        for low in 0..KEPT {
-            for high in 0..KEPT {
+        for low in 0..self.low.len() {
+            for high in 0..self.high.len() {
                 let bottom = self.low[low].0;
                 let top = self.high[high].0;
                 let width = top - bottom;
@@ -136,6 +173,9 @@ fn note(ends: &mut Vec<(f64, u64)>, value: f64, comes: impl Fn(f64, f64) -> bool
 pub(crate) fn sentinels(channels: &[(&str, &Extremes)]) -> Vec<Sentinel> {
     let mut candidates: Vec<(f64, [usize; 2])> = Vec::new();
     for (_, extremes) in channels {
+        if extremes.distinct.len() < DISTINCT {
+            continue;
+        }
         for (value, away) in extremes.far() {
             let is_far = usize::from(away >= 1.0);
             let is_alone = usize::from(
@@ -184,8 +224,13 @@ fn decimal(value: f64) -> f64 {
     }
 }
 
-/// Whether people and programs usually write this number for a missing value.
+/// Whether people and programs usually write this number for a missing value of a sensor.
 fn looks_missing(value: f64) -> bool {
+    is_code(value) || value < 0.0 && value % 100.0 == 0.0
+}
+
+/// Whether this number has only nines, or is a limit of a number format.
+fn is_code(value: f64) -> bool {
     const LIMITS: [f64; 8] = [
         32_767.0,
         -32_768.0,
@@ -202,7 +247,6 @@ fn looks_missing(value: f64) -> bool {
     nines && digits.bytes().all(|digit| digit == b'9')
         || LIMITS.contains(&value)
         || value.abs() >= 1e9
-        || value < 0.0 && value % 100.0 == 0.0
 }
 
 /// Replaces the `declared` values by NaN, and returns their number.
@@ -267,6 +311,31 @@ mod tests {
         assert!(found(&[&[0.0, 1.0, 2.0, 9_999.0].repeat(9)]).is_empty(), "modes");
         assert!(found(&[&wave(-300.0, 9_000.0, &[-200.0; 9])]).is_empty(), "among the others");
         assert!(found(&[&wave(20.0, 40.0, &[-40.0; 6])]).is_empty(), "in one channel alone");
+    }
+
+    #[test]
+    fn codes_among_actions_and_rewards_are_told_and_penalties_are_not() {
+        let code = |values: &[f64]| {
+            let found = Sentinel::of_decisions("reward", values)?;
+            Some((found.value, found.count))
+        };
+        assert_eq!(code(&wave(-5.0, 0.0, &[-9_999.0; 4])), Some((-9_999.0, 4)));
+        assert_eq!(code(&[0.0, 50.0, 100.0, -999.0].repeat(9)), Some((-999.0, 9)), "a few levels");
+        assert_eq!(code(&wave(-5.0, 0.0, &[-9_999.0; 2])), None, "seldom");
+        assert_eq!(code(&wave(-5.0, 0.0, &[-100.0; 9])), None, "a penalty");
+        assert_eq!(code(&[0.0, 999.0].repeat(9)), None, "nothing to compare with");
+        assert_eq!(code(&wave(-5.0, 0.0, &[f64::NEG_INFINITY; 9])), None, "told elsewhere");
+        assert_eq!(code(&[]), None);
+        let told =
+            Sentinel::doubt(&[
+                Sentinel::of_decisions("reward", &[0.0, 1.0, 9_999.0].repeat(3)).expect("a code")
+            ]);
+        let told = told.expect("a warning");
+        assert!(
+            told.contains("channel (reward)") && told.contains("--set data.missing_values=[9999]"),
+            "{told}"
+        );
+        assert_eq!(Sentinel::doubt(&[]), None);
     }
 
     #[test]

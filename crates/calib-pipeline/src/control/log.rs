@@ -22,7 +22,9 @@ use serde::{Deserialize, Serialize};
 use super::{
     counting,
     held_out_period::HeldOutRows,
-    log_warnings::{left_out, tell_columns, tell_decisions, tell_missing_rewards},
+    log_warnings::{
+        codes_for_missing, left_out, tell_columns, tell_decisions, tell_missing_rewards,
+    },
 };
 
 /// A log of decisions, read from the files of a study.
@@ -37,8 +39,9 @@ pub(crate) struct ActionLog {
     pub(crate) period: Period,
     /// Sentences on outlying action values that count as missing.
     pub(crate) outlying: Vec<String>,
-    /// Sentences on the parts of the log that are left out.
-    left_out: Vec<String>,
+    /// Sentences on the parts of the log that are left out, and on numbers that may stand for a missing value. `calib inspect` reports these in
+    /// its own words.
+    doubts: Vec<String>,
     /// The state columns that are channels of the log, and no features.
     pub(super) sensors: Vec<String>,
 }
@@ -116,6 +119,7 @@ pub(super) fn read_with_rest(
     let found = ColumnFindings::new(config, &recorded.values, frames.segments());
     tell_columns(config, resample, frames, &found, printer);
     let outlying = without_outlying(config, frames, &mut recorded.values, printer);
+    let codes = codes_for_missing(&dataset.profile, config, &recorded.values);
     let constants = constants(&names, &recorded.values);
     let set_points = set_points(config, &names, &recorded.values);
     let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
@@ -158,11 +162,11 @@ pub(super) fn read_with_rest(
         set_points,
     };
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
-    let left_out = left_out(&dataset.profile, resample, frames, &found.gaps);
+    let mut doubts = left_out(&dataset.profile, resample, frames, &found.gaps);
+    doubts.extend(codes);
     let sensors = columns.iter().filter(|column| column.kind == ColumnKind::Sensor);
     let sensors = sensors.map(|column| column.name.clone()).collect();
-    let log =
-        ActionLog { decisions, names, fingerprint, times, period, outlying, left_out, sensors };
+    let log = ActionLog { decisions, names, fingerprint, times, period, outlying, doubts, sensors };
     let rest = dataset.held_out.zip(dataset.held_out_fingerprint);
     let recorded = recorded.held_out;
     Ok((log, rest.map(|(frames, states)| HeldOutRows { frames, states, recorded })))
@@ -428,9 +432,9 @@ fn settings_told(
 }
 
 impl ActionLog {
-    /// Warns about the parts of the log that are left out.
-    pub(super) fn tell_left_out(&self, printer: &Printer) {
-        for told in &self.left_out {
+    /// Warns about the parts of the log that are left out, and about numbers that may stand for a missing value.
+    pub(super) fn tell_doubts(&self, printer: &Printer) {
+        for told in &self.doubts {
             printer.warn(told);
         }
     }

@@ -6,7 +6,7 @@ use calib_control::{
     RowsWithoutReward, TerminalCells, UnendedGaps,
 };
 use calib_core::{Frames, Period};
-use calib_data::{ChannelProfile, DropReason, Profile, Resample, format_time};
+use calib_data::{ChannelProfile, DropReason, Profile, Resample, Sentinel, format_time};
 
 /// Up to one decision in this many may count as the action of a terminal's row without a warning. Our choice: with a
 /// lag of two rows this affects one decision per episode.
@@ -176,6 +176,33 @@ fn long_lag(lag: usize, lagged: LaggedDecisions) -> Option<String> {
             count(decisions)
         )
     })
+}
+
+/// Returns the warning about numbers, such as -9999, that may stand for a missing value in the state, the actions or the reward. `recorded`
+/// has the values of the columns [`ControlConfig::columns`]. If each such number is in a row with a terminal, it is probably a penalty, and not
+/// told.
+pub(super) fn codes_for_missing(
+    profile: &Profile,
+    config: &ControlConfig,
+    recorded: &[Vec<f64>],
+) -> Option<String> {
+    let mut found = profile.sentinels.clone();
+    let columns = config.columns();
+    let terminal = columns.iter().position(|name| config.terminal.as_ref() == Some(name));
+    for (name, values) in columns.iter().zip(recorded) {
+        let is_told = found.iter().any(|sentinel| sentinel.channels.contains(name));
+        let Some(code) = Sentinel::of_decisions(name, values).filter(|_| !is_told) else {
+            continue;
+        };
+        let is_penalty = terminal.is_some_and(|terminal| {
+            let mut rows = values.iter().zip(&recorded[terminal]);
+            rows.all(|(&value, &ended)| !code.is(value) || ended != 0.0)
+        });
+        if !is_penalty {
+            found.push(code);
+        }
+    }
+    Sentinel::doubt(&found)
 }
 
 /// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows, or after them if they are those of

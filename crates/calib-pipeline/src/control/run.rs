@@ -50,7 +50,7 @@ pub(crate) fn run(
     let agents = ComparedAgents::of_study(job, config)?;
     let sources = Sources::of(&data_of(job)?)?;
     let (log, rest) = log::read_with_rest(job, config, printer)?;
-    log.tell_left_out(printer);
+    log.tell_doubts(printer);
     rare::check_actions(&log, config, printer)?;
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
