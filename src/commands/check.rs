@@ -1,7 +1,7 @@
 //! `calib check`: verifies the files of a result folder.
 
 use calib_pipeline::{
-    CheckedResults, Damage, Logs, Outcome, Printer, StepError,
+    CheckedResults, Damage, Logs, Outcome, Printer, StepError, UnreadableLog,
     output::{count, counted},
 };
 
@@ -16,7 +16,7 @@ pub(super) fn run(args: &CheckArgs, printer: &Printer) -> Result<Outcome, StepEr
     } else {
         show(&checked, printer)?;
     }
-    Ok(if checked.damages.is_empty() { Outcome::Done } else { Outcome::Negative })
+    Ok(if checked.is_whole() { Outcome::Done } else { Outcome::Negative })
 }
 
 fn show(checked: &CheckedResults, printer: &Printer) -> Result<(), StepError> {
@@ -25,6 +25,9 @@ fn show(checked: &CheckedResults, printer: &Printer) -> Result<(), StepError> {
     }
     for folder in &checked.unfinished {
         printer.result(&format!("{} is not finished", folder.display()))?;
+    }
+    for UnreadableLog { path, reason } in &checked.unreadable_logs {
+        printer.result(&format!("the log in {path} cannot be read: {reason}"))?;
     }
     for log in &checked.logs {
         printer.result(&format!("the log in {log} can be read"))?;

@@ -72,7 +72,9 @@ fn a_variable_may_mean_another_log() {
     let unset = place.calib(&check);
     unset.ends(&[1]);
     let told = unset.stdout();
+    assert!(told.contains("cannot be read: "), "{told}");
     assert!(told.contains("the environment variable PLANT is not set"), "{told}");
+    assert!(told.contains("damaged or missing: 0"), "the log is no result: {told}");
 }
 
 #[test]

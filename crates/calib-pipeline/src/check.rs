@@ -39,12 +39,30 @@ pub struct CheckedResults {
     pub damages: Vec<Damage>,
     /// Logs that were read again, with `--read-data`.
     pub logs: Vec<String>,
+    /// Logs that `--read-data` could not read.
+    pub unreadable_logs: Vec<UnreadableLog>,
+}
+
+impl CheckedResults {
+    /// Whether all files are as they were written, and all logs could be read.
+    pub fn is_whole(&self) -> bool {
+        self.damages.is_empty() && self.unreadable_logs.is_empty()
+    }
+}
+
+/// A log that cannot be read.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct UnreadableLog {
+    /// `data.path` of the study.
+    pub path: String,
+    /// The reason.
+    pub reason: String,
 }
 
 /// A file that is missing or differs from what was written.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Damage {
-    /// Path of the file; for a log, its path in the study.
+    /// Path of the file.
     pub path: PathBuf,
     /// The damage.
     pub reason: String,
@@ -205,9 +223,8 @@ impl Check<'_> {
             match read {
                 Ok(_) => self.checked.logs.push(shown),
                 Err(error) => {
-                    let reason = format!("the log cannot be read: {error}");
-                    let made_by = "export or simulate".to_owned();
-                    self.checked.damages.push(Damage { path: shown.into(), reason, made_by });
+                    let log = UnreadableLog { path: shown, reason: error.to_string() };
+                    self.checked.unreadable_logs.push(log);
                 }
             }
         }

@@ -78,7 +78,7 @@ pub use calib_sweep_steps::{
         judged::{SensorChoice, Summary},
     },
 };
-pub use check::{CheckedResults, Damage};
+pub use check::{CheckedResults, Damage, UnreadableLog};
 pub use cluster::{
     ClusterDryPlan, ClusterPlan, ClusterScript, ClusterScripts, ClusterShard, ClusterStatus,
     MergedSweeps, SubmittedPlan,
