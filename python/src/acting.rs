@@ -9,7 +9,7 @@ use calib_control::{
     ActionModel, ConstantReturns, ControlError, Doubt, FixedWalks, Increments, NetworkModel,
     Pessimism, Question, ReturnVerdict, Rules, Run, RunLength, StepModel, Support, Walkers, judge,
 };
-use calib_core::{Seed, Silent};
+use calib_core::{Monitor, Seed};
 use calib_pipeline::{Advice, ControlModel, PYTHON, Reason, StepError, unstored_networks};
 use calib_report::Decision;
 use pyo3::{exceptions::PyIndexError, prelude::*};
@@ -21,6 +21,7 @@ use crate::{
     errors,
     lost::LostPages,
     model::require_member,
+    observer::WatchMonitor,
     shared_action_model::SharedActionModel,
     study::PyJob,
     walkers::SeenColumn,
@@ -63,12 +64,14 @@ impl PyActionModel {
     /// Returns the increments of the model. They are made at their first use.
     fn increments(&self, py: Python<'_>) -> PyResult<Arc<Increments>> {
         let coverage = self.shared.opened.coverage;
-        made_once(py, &self.shared.increments, || Increments::new(self.model(), coverage, &Silent))
+        made_once(py, &self.shared.increments, |monitor| {
+            Increments::new(self.model(), coverage, monitor)
+        })
     }
 
     /// Returns the networks of the model. They are read, or trained at their first use.
     fn networks(&self, py: Python<'_>) -> PyResult<Arc<NetworkModel>> {
-        made_once(py, &self.shared.networks, || self.shared.opened.networks(&Silent))
+        made_once(py, &self.shared.networks, |monitor| self.shared.opened.networks(monitor))
     }
 
     fn check_member(&self, member: usize) -> PyResult<()> {
@@ -76,16 +79,16 @@ impl PyActionModel {
     }
 }
 
-/// Returns the value in `cell`. `make` makes it at its first use.
+/// Returns the value in `cell`. `make` makes it at its first use; Ctrl-C ends it.
 fn made_once<T: Send + Sync>(
     py: Python<'_>,
     cell: &OnceLock<Arc<T>>,
-    make: impl FnOnce() -> Result<T, ControlError> + Send,
+    make: impl FnOnce(&dyn Monitor) -> Result<T, ControlError> + Send,
 ) -> PyResult<Arc<T>> {
     if let Some(value) = cell.get() {
         return Ok(Arc::clone(value));
     }
-    let made = watched(py, Needs::Threads, None, |_| make())?;
+    let made = watched(py, Needs::Threads, None, |watch| make(&WatchMonitor(Arc::clone(watch))))?;
     let made = Arc::new(made.map_err(|error| errors::of_any(py, &error))?);
     Ok(Arc::clone(cell.get_or_init(|| made)))
 }
