@@ -8,7 +8,9 @@ import re
 import shlex
 import subprocess
 import sys
+import warnings
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
@@ -138,6 +140,28 @@ def agent_of_the_guide(word: str) -> Any:
     names: dict[str, Any] = {}
     exec(next(block for block in blocks("python") if word in block), names)
     return names["make_agent"]
+
+
+def test_a_dataset_of_episodes_becomes_a_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    episodes = [
+        SimpleNamespace(
+            observations=rng.normal(size=(steps + 1, 3)),
+            actions=rng.integers(2, size=steps),
+            rewards=rng.normal(size=steps),
+            terminations=np.arange(steps) == steps - 1,
+        )
+        for steps in rng.integers(5, 40, size=30)
+    ]
+    names: dict[str, Any] = {"dataset": SimpleNamespace(iterate_episodes=lambda: iter(episodes))}
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", calib_rl.CalibWarning)
+        exec(next(block for block in blocks("python") if "iterate_episodes" in block), names)
+    recorded = names["model"].recorded()
+    returns = [episode.rewards.sum() for episode in episodes]
+    assert recorded.mean == pytest.approx(np.mean(returns), abs=1e-5)
+    assert (recorded.best, recorded.worst) == pytest.approx((max(returns), min(returns)), abs=1e-5)
 
 
 def test_the_agent_of_the_guide_sees_several_states(cart: calib_rl.ActionModel) -> None:
