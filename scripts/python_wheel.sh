@@ -27,6 +27,7 @@ python3 -m venv "$clean"
 cd python/tests
 "$clean/bin/pytest" --quiet -p no:cacheprovider -c ../pyproject.toml --rootdir .. --ignore test_sb3.py .
 "$clean/bin/mypy" --config-file ../pyproject.toml --no-incremental .
+"$clean/bin/mypy" --config-file ../pyproject.toml --no-incremental -p calib_rl
 "$clean/bin/pyright" --project ../pyproject.toml --pythonpath "$clean/bin/python"
 cd "$clean"
 "$clean/bin/python" -m mypy.stubtest calib_rl._calib

@@ -13,6 +13,7 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from . import _calib
 from ._acting import ActionModel
 from ._checks import LARGEST_SEED, finite, position, whole
 from ._errors import CalibWarning
@@ -157,6 +158,8 @@ def _kind(wanted: AnySpace | None) -> str:
 
 class ActingSettings(WalkSettings):
     """The common part of single and vector environments."""
+
+    walkers: _calib.ActionWalkers
 
     def __init__(
         self,

@@ -18,6 +18,7 @@ import gymnasium
 import numpy as np
 
 from ._acting import ActionModel
+from ._kinds import ModelKind
 from ._orphans import end_with_parent
 from ._tune_conduct import LastSteps
 from .gym import make
@@ -32,7 +33,7 @@ class Unit:
 
     setting: dict[str, Any]
     candidate: int
-    kind: str
+    kind: ModelKind
     member: int
     run: int
     seed: int
@@ -119,8 +120,7 @@ def run_unit(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, env
     """
     place, env = "make_agent", None
     try:
-        kind: Any = unit.kind
-        made = make(model, member=unit.member, kind=kind, **environment)
+        made = make(model, member=unit.member, kind=unit.kind, **environment)
         env = Recorder(made, unit.steps, made.timeout)
         env.seed = unit.seed
         if unit.is_recorded:
@@ -170,9 +170,8 @@ def _other_space(make_agent: Callable[..., Any], model: ActionModel, unit: Unit,
     """
 
     def is_made(given: Mapping[str, Any]) -> bool:
-        kind: Any = unit.kind
         try:
-            made = make(model, member=unit.member, kind=kind, **given)
+            made = make(model, member=unit.member, kind=unit.kind, **given)
             env = Recorder(made, unit.steps, made.timeout)
             _seed_all(unit.seed)
             make_agent(env, **_arguments(make_agent, unit))

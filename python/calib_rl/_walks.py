@@ -29,6 +29,7 @@ _WALKER_BYTES = 512
 
 
 Seen = Model | ActionModel
+Walkers = _calib.Walkers | _calib.ActionWalkers
 
 
 class WalkSettings:
@@ -37,6 +38,7 @@ class WalkSettings:
     def __init__(self, model: Seen, walked: tuple[Any, ...]) -> None:
         self._model = model
         self._walked = walked
+        # Each subclass has walkers of one type, and declares it.
         self.walkers: Any = model._native.walkers(*walked)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -94,7 +96,7 @@ def one_seed(seed: int | Sequence[int | None] | None) -> int | None:
     return int(seed) if isinstance(seed, (int, np.integer)) else None
 
 
-def seed_walkers(walkers: Any, seed: int | Sequence[int | None] | None, count: int) -> None:
+def seed_walkers(walkers: Walkers, seed: int | Sequence[int | None] | None, count: int) -> None:
     """Seed the environments: environment ``i`` of seed ``s`` with ``s + i``, or each with its own seed from a list."""
     if isinstance(seed, (int, np.integer)):
         first = whole(seed, "seed", most=LARGEST_SEED)

@@ -25,6 +25,7 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from . import _calib
 from ._acting import ActionModel
 from ._acting_env import ActingEnv, ActingVectorEnv, ActionKind, Pessimism
 from ._checks import LARGEST_SEED, position, whole
@@ -51,6 +52,8 @@ _MAX_STEPS = 1000
 
 class _Settings(WalkSettings):
     """The common part of single and vector environments."""
+
+    walkers: _calib.Walkers
 
     def __init__(
         self,
