@@ -7,11 +7,12 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ._errors import CalibError
+from ._errors import CalibError, CalibWarning
 
 # What the digest of a sealed file follows, and what follows the digest.
 _OPENS, _CLOSES = b', "sha256": "', b'"}'
@@ -72,7 +73,7 @@ def write_sealed_json(path: Path, entries: Mapping[str, Any]) -> None:
         OSError: The file cannot be written.
     """
     body = json.dumps(entries).encode()[:-1]
-    write_whole(path, body + _OPENS + _digest(body) + _CLOSES)
+    write_whole(path, body + _seal(body))
 
 
 def read_sealed_json(path: Path) -> dict[str, Any]:
@@ -84,11 +85,32 @@ def read_sealed_json(path: Path) -> dict[str, Any]:
     """
     content = path.read_bytes()
     body, seal = content[:-_SEAL], content[-_SEAL:]
-    if seal != _OPENS + _digest(body) + _CLOSES:
-        raise ValueError(f"{path} does not end with the digest of its content")
+    if seal != _seal(body):
+        raise ValueError(f"{path} is damaged or was edited: it does not end with the checksum of its content")
     entries: dict[str, Any] = json.loads(body + b"}")
     return entries
 
 
-def _digest(body: bytes) -> bytes:
-    return hashlib.sha256(body).hexdigest().encode()
+def digest(content: bytes) -> str:
+    """Returns the checksum of a file's content."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def warn_of_damage(files: Sequence[Path], stacklevel: int) -> None:
+    """Warns of stored training runs that are made again because their files are not as calib wrote them.
+
+    Args:
+        files: The files. Without one there is no warning.
+        stacklevel: That of ``warnings.warn``, as seen by the caller of this function.
+    """
+    if len(files) == 1:
+        told = f"{files[0]} is damaged or was edited; calib makes its training run again"
+    elif files:
+        told = f"{len(files):,} files are damaged or were edited, such as {files[0]}; calib makes their training runs again"
+    else:
+        return
+    warnings.warn(f"folder: {told}", CalibWarning, stacklevel=stacklevel + 1)
+
+
+def _seal(body: bytes) -> bytes:
+    return _OPENS + digest(body).encode() + _CLOSES

@@ -90,6 +90,9 @@ def tune(
         TypeError: An argument is of another type. ``make_agent`` cannot be given to other processes.
         KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call continues.
 
+    Warns:
+        CalibWarning: Results are not kept, because a value cannot be compared. Or stored results are damaged or were edited, and are made again.
+
     Examples:
         >>> import tempfile
         >>> import calib_rl
@@ -300,7 +303,7 @@ class _Work:
             # Every setting shows the same run.
             is_recorded = member == self.members[0] and run == 0
             units += [Unit(self.settings[place], place, kind, member, run, seed, steps, is_recorded) for place in places]
-        known = {place: unit for place, unit in enumerate(map(self.kept.read, units) if self.kept else ()) if unit is not None}
+        known = self.kept.read_all(units) if self.kept is not None else {}
         missing = [place for place in range(len(units)) if place not in known]
         if missing and self.kept is not None:
             self.kept.require_writable()

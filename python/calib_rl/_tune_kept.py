@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._acting import ActionModel
 from ._errors import CalibError, CalibWarning
-from ._files import made_folder, read_sealed_json, why_unwritable, write_sealed_json
+from ._files import made_folder, read_sealed_json, warn_of_damage, why_unwritable, write_sealed_json
 from ._identity import Unstable, identity
 from ._tune_conduct import is_conduct
 from ._tune_settings import Setting
@@ -85,25 +85,31 @@ class Kept:
         key = [*self._common, setting, [unit.kind, unit.member, unit.run, unit.seed, unit.steps]]
         return self._folder / f"unit-{hashlib.sha256(json.dumps(key).encode()).hexdigest()[:32]}.json"
 
-    def read(self, unit: Unit) -> dict[str, Any] | None:
-        """Returns the result of a unit, if it was stored. A file that is damaged, edited or of another form is ignored, and written again."""
-        path = self._path(unit)
-        if path is None or not path.is_file():
-            return None
-        try:
-            came = read_sealed_json(path)
-            if not _is_result(came, unit):
-                return None
-        except (OSError, ValueError, RecursionError, OverflowError):
-            return None
-        # A call with other ensemble members records another one.
-        if not unit.is_recorded:
-            came.pop("conduct", None)
-        elif "conduct" not in came:
-            return None
-        # Another grid may have the setting in another position.
-        came["run"]["candidate"] = unit.candidate
-        return came
+    def read_all(self, units: Sequence[Unit]) -> dict[int, dict[str, Any]]:
+        """Returns the stored results by the place of their unit. A file that is damaged, edited or of another form is ignored, and Python warns of it."""
+        results, damaged = {}, []
+        for place, unit in enumerate(units):
+            path = self._path(unit)
+            if path is None or not path.is_file():
+                continue
+            try:
+                came = read_sealed_json(path)
+                if not _is_result(came, unit):
+                    raise ValueError(f"{path} is no result of this unit")
+            except (OSError, ValueError, RecursionError, OverflowError):
+                damaged.append(path)
+                continue
+            # A call with other ensemble members records another one.
+            if not unit.is_recorded:
+                came.pop("conduct", None)
+            elif "conduct" not in came:
+                continue
+            # Another grid may have the setting in another position.
+            came["run"]["candidate"] = unit.candidate
+            results[place] = came
+        # The user's call of `tune` is above `run_all`.
+        warn_of_damage(damaged, stacklevel=4)
+        return results
 
     def require_writable(self) -> None:
         """Refuses a folder in which no result can be stored, before agents learn for hours.

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,69 @@ def test_runs_are_kept(sweep: agents.Sweep, runs: agents.AgentRuns, monkeypatch:
     assert len(again.states()) == 4 * 9
     with pytest.raises(pytest.fail.Exception, match="run again"):
         sweep.run(Td, {"learning_rate": [1e-3]}, version="2")
+
+
+def test_a_damaged_run_is_made_again(study: calib_rl.Study, tmp_path: Path) -> None:
+    sweep = agents.Sweep(study, tmp_path, progress=False)
+
+    def swept() -> bytes:
+        return (sweep.run(Td, {"learning_rate": [1e-2]}, keep_states=True).path / "runs.parquet").read_bytes()
+
+    def unchanged() -> bytes:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", calib_rl.CalibWarning)
+            return swept()
+
+    first = unchanged()
+    records, pickles = (sorted((tmp_path / "units").glob(pattern)) for pattern in ("*.json", "*.pickle"))
+    assert len(records) == len(pickles) == 9
+    record, pickle, text = records[0], pickles[0], records[0].read_text(encoding="utf-8")
+    learned = pickle.read_bytes()
+    told = json.loads(text)
+    assert told["setting"] == {"learning_rate": "0.01"} and told["sensor"] == "PIT300" and told["state"] is not None
+    unsealed = text.partition(', "sha256"')[0] + "}"
+    updates = text.replace('"updates": ', '"updates": 1')
+    another = records[1].read_text(encoding="utf-8")
+    for edited in (updates, text.replace('"sha256": "', '"sha256": "0'), unsealed, text[:-40], "", text + "\n", another):
+        assert edited != text
+        record.write_text(edited, encoding="utf-8")
+        with pytest.warns(calib_rl.CalibWarning, match=rf"^folder: {re.escape(str(record))} is damaged or was edited; calib makes its training run again$") as came:
+            assert swept() == first
+        assert [warning.filename for warning in came] == [__file__]
+        assert record.read_text(encoding="utf-8") == text
+    # What the agent learned has its checksum in the record.
+    for damage in (learned[:-1], b"", learned + b"\0"):
+        pickle.write_bytes(damage)
+        with pytest.warns(calib_rl.CalibWarning, match="is damaged or was edited"):
+            assert swept() == first
+        assert pickle.read_bytes() == learned
+    # A removed file is no damage.
+    pickle.unlink()
+    records[1].unlink()
+    assert unchanged() == first and pickle.read_bytes() == learned
+    records[0].write_text("", encoding="utf-8")
+    records[1].write_text("", encoding="utf-8")
+    with pytest.warns(calib_rl.CalibWarning, match=r"^folder: 2 files are damaged or were edited, such as .*; calib makes their training runs again$"):
+        assert swept() == first
+    assert unchanged() == first
+
+
+def test_runs_of_earlier_versions_count_as_not_made(study: calib_rl.Study, tmp_path: Path) -> None:
+    earlier = agents.Sweep(study, tmp_path, progress=False)
+    first = earlier.run(Td, {"learning_rate": [1e-2]}, keep_states=True)
+    units = tmp_path / "units"
+    names = {path.name for path in units.iterdir()}
+    # Earlier versions stored a run as three files without a checksum.
+    for record in units.glob("*.json"):
+        key = record.stem
+        np.save(units / f"{key}.npy", np.zeros(600, np.float32))
+        (units / f"{key}.npy.updates").write_text("600")
+        (units / f"{key}.state.pickle").rename(units / f"{key}.npy.state.pickle")
+        record.unlink()
+    table = (first.path / "runs.parquet").read_bytes()
+    again = earlier.run(Td, {"learning_rate": [1e-2]}, keep_states=True)
+    assert (again.path / "runs.parquet").read_bytes() == table
+    assert {path.name for path in units.iterdir()} == names and len(again.states()) == 9
 
 
 def test_processes_make_no_difference(study: calib_rl.Study, runs: agents.AgentRuns, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import copy
 import functools
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -399,7 +400,8 @@ def test_a_damaged_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: 
     assert len(kept) == len(texts)
     for path, text in zip(kept, texts):
         path.write_text(text, encoding="utf-8")
-    assert run(Always, {"limit": [10]}, acting, folder=tmp_path).runs == first.runs
+    with pytest.warns(calib_rl.CalibWarning, match=r"^folder: 4 files are damaged or were edited, such as .*; calib makes their training runs again$"):
+        assert run(Always, {"limit": [10]}, acting, folder=tmp_path).runs == first.runs
     assert all("coverage" in json.loads(path.read_text(encoding="utf-8"))["run"] for path in kept)
 
 
@@ -446,7 +448,8 @@ def test_every_damage_of_a_result_is_found(acting: calib_rl.ActionModel, tmp_pat
         damage(told)
         # Sealed again, so that the form alone is wrong.
         write_sealed_json(kept, told)
-        assert tuned().runs == first.runs, number
+        with pytest.warns(calib_rl.CalibWarning, match="is damaged or was edited"):
+            assert tuned().runs == first.runs, number
         assert kept.read_text(encoding="utf-8") == text, f"damage {number} was not written again"
 
 
@@ -462,8 +465,14 @@ def test_an_edited_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: 
     for edited in (text.replace(mean, mean.replace(": -", ": -9")), text.replace('"sha256": "', '"sha256": "0'), unsealed, text[:-40], "", text + "\n"):
         assert edited != text
         kept.write_text(edited, encoding="utf-8")
-        assert tuned().runs == first.runs
+        told = rf"^folder: {re.escape(str(kept))} is damaged or was edited; calib makes its training run again$"
+        with pytest.warns(calib_rl.CalibWarning, match=told) as came:
+            assert tuned().runs == first.runs
+        assert [warning.filename for warning in came] == [__file__]
         assert kept.read_text(encoding="utf-8") == text
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", calib_rl.CalibWarning)
+        assert tuned().runs == first.runs
 
 
 def test_one_is_singular(acting: calib_rl.ActionModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

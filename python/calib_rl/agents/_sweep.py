@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._files import warn_of_damage
 from .._progress import Observer, observer
 from .._study import Study
 from ._protocol import Factory, Task, Values
 from ._runs import AgentRuns
 from ._streams import Streams
-from ._unit import Unit, is_stored, open_streams, plain, run_there, run_unit
+from ._unit import Unit, open_streams, plain, run_there, run_unit, stored, unfinished
 
 
 def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
@@ -102,7 +103,8 @@ class Sweep:
     ) -> AgentRuns:
         """Run an agent with every setting in every environment.
 
-        Finished runs are kept, as long as the streams, the settings, the factory's name and ``version`` are the same.
+        Finished runs are kept, as long as the streams, the settings, the factory's name and ``version`` are the same. A run whose file is damaged or
+        was edited is made again.
 
         Args:
             factory: Makes an agent: ``factory(task, **values)``. With several processes it must be a function of a module.
@@ -117,6 +119,9 @@ class Sweep:
 
         Raises:
             Exception: An agent raised it. Finished runs are kept.
+
+        Warns:
+            CalibWarning: The files of some runs are damaged or were edited.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -134,7 +139,8 @@ class Sweep:
         units = list(self._units(factory, candidates, version, keep_states))
         store = self.folder / "units"
         store.mkdir(parents=True, exist_ok=True)
-        left = [unit for unit in units if not is_stored(unit, store)]
+        left, damaged = unfinished(units, store)
+        warn_of_damage(damaged, stacklevel=2)
         self._observer.told("talk", f"agents: {len(units)} runs, {len(units) - len(left)} of them there already")
         if processes > 1 and left:
             self._in_processes(factory, left, processes)
@@ -145,7 +151,7 @@ class Sweep:
         described = [(json.dumps(candidate, default=plain), position == chosen) for position, candidate in enumerate(candidates)]
         scores = []
         for unit in units:
-            predictions, updates = np.load(store / unit.key), int((store / f"{unit.key}.updates").read_text())
+            predictions, updates = stored(unit, store)
             scores.append(self.streams._native.score(unit.stream, unit.sensor, unit.candidate, predictions, updates))
         self._observer.progress("", 0, 0)
         runs = self.folder / "runs.parquet"
@@ -162,7 +168,7 @@ class Sweep:
                     what = [name, version, values, sensor, stream.gamma, stream.environment, stream.run]
                     what += [stream.inputs, stream.seed, stream.steps, stream.start_row]
                     text = json.dumps(what, sort_keys=True, default=plain)
-                    key = f"{hashlib.blake2b(text.encode(), digest_size=16).hexdigest()}.npy"
+                    key = hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
                     yield Unit(stream.position, sensor, candidate, values, key, keep_states)
 
     def _in_processes(self, factory: Factory, left: list[Unit], processes: int) -> None:

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-import io
+import base64
 import multiprocessing
 import pickle
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import _calib
-from .._files import write_whole
+from .._files import digest, read_sealed_json, write_sealed_json, write_whole
 from .._orphans import end_with_parent
 from .._study import Study
 from ._protocol import Factory, made
 from ._streams import Streams, predicted
 
+# The version of the records of runs.
+_FORMAT = 1
+# The type of stored predictions, on every machine.
+_PREDICTION = np.dtype("<f4")
+
 
 class Unit(NamedTuple):
-    """A run of one value for one sensor on one stream, and the name of its file."""
+    """A run of one setting for one sensor on one stream, and the key that its files are named after."""
 
     stream: int
     sensor: str
@@ -35,30 +42,103 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
+def _record_file(unit: Unit, store: Path) -> Path:
+    return store / f"{unit.key}.json"
+
+
 def _state_file(unit: Unit, store: Path) -> Path:
     return store / f"{unit.key}.state.pickle"
 
 
-def is_stored(unit: Unit, store: Path) -> bool:
-    """Whether the store has the run, with what its agent learned if that is kept."""
-    return (store / unit.key).exists() and (not unit.keep_states or _state_file(unit, store).exists())
+def _record(unit: Unit, store: Path) -> dict[str, Any]:
+    """Returns the record of a stored run.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is damaged, was edited, or is of another run.
+    """
+    path = _record_file(unit, store)
+    record = read_sealed_json(path)
+    if [record.get("format"), record.get("key")] != [_FORMAT, unit.key]:
+        raise ValueError(f"{path} is not the record of this run")
+    return record
+
+
+def _is_stored(unit: Unit, store: Path) -> bool:
+    """Whether the store has the run, with what its agent learned if that is kept.
+
+    Raises:
+        OSError: A file of it cannot be read.
+        ValueError: A file of it is damaged or was edited.
+    """
+    if not _record_file(unit, store).exists():
+        return False
+    record, state = _record(unit, store), _state_file(unit, store)
+    if not unit.keep_states:
+        return True
+    if record["state"] is None or not state.exists():
+        return False
+    if digest(state.read_bytes()) != record["state"]:
+        raise ValueError(f"{state} does not have the checksum of its record")
+    return True
+
+
+def unfinished(units: Sequence[Unit], store: Path) -> tuple[list[Unit], list[Path]]:
+    """Returns the runs that have to be made, and the records of those that were stored and are damaged or edited."""
+    left, damaged = [], []
+    for unit in units:
+        try:
+            if not _is_stored(unit, store):
+                left.append(unit)
+        except (OSError, ValueError):
+            left.append(unit)
+            damaged.append(_record_file(unit, store))
+    return left, damaged
+
+
+def stored(unit: Unit, store: Path) -> tuple[NDArray[np.float32], int]:
+    """Returns the predictions of a stored run, and how often its agent learned.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is damaged, was edited, or is of another run.
+    """
+    record = _record(unit, store)
+    return np.frombuffer(base64.b64decode(record["predictions"]), _PREDICTION), int(record["updates"])
 
 
 def run_unit(streams: Streams, factory: Factory, unit: Unit, store: Path) -> None:
-    """Make a run, and put its predictions and updates into the store."""
-    states, pieces = streams.all[unit.stream].states()
-    task = streams.task(streams.all[unit.stream], unit.sensor, states.shape[1])
+    """Make a run, and put its record into the store."""
+    stream = streams.all[unit.stream]
+    states, pieces = stream.states()
+    task = streams.task(stream, unit.sensor, states.shape[1])
     agent = made(factory, task, unit.values)
-    predictions, updates = predicted(agent, states, pieces, task.column, streams.all[unit.stream].steps)
+    predictions, updates = predicted(agent, states, pieces, task.column, stream.steps)
     learned = pickle.dumps(dict(agent.state_dict())) if unit.keep_states else None
-    array = io.BytesIO()
-    np.save(array, predictions)
+    record = {
+        "format": _FORMAT,
+        "key": unit.key,
+        "environment": stream.environment,
+        "run": stream.run,
+        "sensor": unit.sensor,
+        "setting": {name: repr(value) for name, value in unit.values.items()},
+        "updates": updates,
+        "state": None if learned is None else digest(learned),
+        "predictions": base64.b64encode(predictions.astype(_PREDICTION).tobytes()).decode(),
+    }
     with _STORING:
-        (store / f"{unit.key}.updates").write_text(str(updates))
         if learned is not None:
             write_whole(_state_file(unit, store), learned)
-        # The array is written last, so a run with an array is complete.
-        write_whole(store / unit.key, array.getvalue())
+        # The record is written last, so a run with a record is complete.
+        write_sealed_json(_record_file(unit, store), record)
+        _remove_earlier(unit, store)
+
+
+def _remove_earlier(unit: Unit, store: Path) -> None:
+    """Removes the files that earlier versions stored of a run. They have no checksum and count as not made, so it was made again."""
+    replaced = ["npy", "npy.updates", *(["npy.state.pickle"] if unit.keep_states else [])]
+    for ending in replaced:
+        (store / f"{unit.key}.{ending}").unlink(missing_ok=True)
 
 
 # Held while a run is stored.
