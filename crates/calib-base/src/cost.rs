@@ -71,7 +71,7 @@ pub fn processor_secs<T, E: Into<StepError>>(
     work: impl FnOnce(&dyn Monitor) -> Result<T, E>,
 ) -> Result<Option<f64>, StepError> {
     let begun = Timer::start();
-    let limit = TimeLimit {
+    let limit = TaskLimitMonitor {
         monitor,
         begun,
         task: Mutex::new(TimedTask { secs_before: 0.0, timer: begun, total: 0 }),
@@ -95,7 +95,7 @@ fn extrapolated(secs_before: f64, secs: f64, done: u64, total: u64) -> Option<f6
 }
 
 /// A monitor that ends work [`MEASURED`] after its last task began, and counts the units of the task until then.
-struct TimeLimit<'a> {
+struct TaskLimitMonitor<'a> {
     monitor: &'a dyn Monitor,
     begun: Timer,
     task: Mutex<TimedTask>,
@@ -112,13 +112,13 @@ struct TimedTask {
     total: u64,
 }
 
-impl TimeLimit<'_> {
+impl TaskLimitMonitor<'_> {
     fn task(&self) -> MutexGuard<'_, TimedTask> {
         self.task.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Monitor for TimeLimit<'_> {
+impl Monitor for TaskLimitMonitor<'_> {
     fn begin(&self, _task: &str, total: u64) {
         let secs_before = self.begun.taken().on_processors();
         *self.task() = TimedTask { secs_before, timer: Timer::start(), total };

@@ -18,8 +18,8 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Decisions, Extent, Grid,
-    Levels, Pendulum, Quality, Question, RunLength, Simulated, Starts, Support, TaskKind, judge,
+    ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Decisions, Grid, Levels,
+    Pendulum, Quality, Question, RunBudget, RunLength, Simulated, Starts, Support, TaskKind, judge,
     record, regret, sweep, truth,
 };
 use calib_core::{RowIndex, Seed, Silent, States};
@@ -61,11 +61,11 @@ fn number(arguments: &[String], place: usize, default: usize) -> Outcome<usize> 
 /// Returns the true mean return of each setting. Reads it from `path`, or computes it and writes it there.
 fn true_returns(path: &Path, candidates: &[AgentConfig], runs: usize) -> Outcome<Vec<f64>> {
     if !path.exists() {
-        let extent = Extent { runs, span: SPAN };
+        let budget = RunBudget { runs, span: SPAN };
         let runs = truth(
             || Simulated::new(Pendulum::default(), Begin::AsTheTask),
             candidates,
-            extent,
+            budget,
             Seed::new(1),
             &Silent,
         )?;
@@ -99,8 +99,8 @@ fn one(
         let worst = KIND.worst_return();
         let model =
             ActionModel::build(log.clone(), &metric, starts.clone(), &config, worst, &Silent)?;
-        let extent = Extent { runs: 1, span: SPAN };
-        let runs = sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?;
+        let budget = RunBudget { runs: 1, span: SPAN };
+        let runs = sweep(&model, candidates, budget, seed.child("sweep"), &Silent)?;
         let support = Support { fewest_terminals: 0, ..Support::default() };
         let rule = RankRule::WorstRank;
         let question =

@@ -17,8 +17,8 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Ensemble as _, Extent,
-    Grid, Membrane, Quality, Question, RunLength, Simulated, Starts, Support, TaskKind, judge,
+    ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Ensemble as _, Grid,
+    Membrane, Quality, Question, RunBudget, RunLength, Simulated, Starts, Support, TaskKind, judge,
     off_policy_values, record, regret, run_agent, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
@@ -108,8 +108,8 @@ impl Study {
         let (model, starts) = self.model(&mut operators, &mut simulated(seed), seed)?;
         let candidates = grid().candidates(default())?;
         let untuned = candidates.iter().position(|candidate| *candidate == default());
-        let extent = Extent { runs: 1, span };
-        let runs = sweep(&model, &candidates, extent, seed.child("sweep"), &Silent)?;
+        let budget = RunBudget { runs: 1, span };
+        let runs = sweep(&model, &candidates, budget, seed.child("sweep"), &Silent)?;
         let log = model.log();
         // Plants rarely trip, so careful operators leave few terminals in the log.
         let support = Support { fewest_terminals: 0, ..Support::default() };
@@ -120,8 +120,8 @@ impl Study {
             off_policy_values(log, &starts, &candidates, STEPS, span.timeout, &Silent)?.fitted_q;
         let best_fitted = (0..fitted.len())
             .max_by(|&a, &b| fitted[a].value.total_cmp(&fitted[b].value).then(b.cmp(&a)));
-        let extent = Extent { runs: self.truth_runs, span };
-        let lives = truth(|| simulated(seed), &candidates, extent, seed, &Silent)?;
+        let budget = RunBudget { runs: self.truth_runs, span };
+        let lives = truth(|| simulated(seed), &candidates, budget, seed, &Silent)?;
         let means: Vec<f64> = (0..candidates.len())
             .map(|candidate: usize| {
                 lives.iter().map(|run| run[candidate]).sum::<f64>() / lives.len() as f64

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ActionModelKind, ControlError, Coverage, Ensemble, Extent, ModelEnvironment as _, Outcome,
+    ActionModelKind, ControlError, Coverage, Ensemble, ModelEnvironment as _, Outcome, RunBudget,
     RunLength,
     agent_run::{Actor, Episodes},
     sweep::run_seed,
@@ -95,11 +95,11 @@ struct Walked {
 pub fn constant_returns<M: Ensemble>(
     model: &M,
     actions: usize,
-    extent: Extent,
+    budget: RunBudget,
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<ConstantReturns, ControlError> {
-    let Extent { runs, span } = extent;
+    let RunBudget { runs, span } = budget;
     let walks = FixedWalks::new(runs, span, actions);
     let in_member = walks.in_member(actions);
     let of_constants = actions * walks.constant;
@@ -158,8 +158,8 @@ mod tests {
     #[test]
     fn only_the_action_that_leads_to_the_end_gets_there() {
         let model = corridor_model();
-        let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 20 } };
-        let found = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
+        let budget = RunBudget { runs: 2, span: RunLength { steps: 200, timeout: 20 } };
+        let found = constant_returns(&model, 2, budget, Seed::new(3), &Silent).expect("walked");
         assert_eq!((found.kind, found.members.len()), (ActionModelKind::Neighbors, 2));
         for member in &found.members {
             // The reward is −1 per step: to the left an episode is cut after 20 steps.
@@ -169,9 +169,9 @@ mod tests {
             assert!(-20.0 <= *random && *random < member[1], "{found:?}");
         }
         // A hundred episodes of 20 steps are ten rollouts of 200 steps of random actions, and as many of both constant actions together.
-        assert_eq!(FixedWalks::new(2, extent.span, 2), FixedWalks { random: 10, constant: 5 });
+        assert_eq!(FixedWalks::new(2, budget.span, 2), FixedWalks { random: 10, constant: 5 });
         assert_eq!(found.coverage[0].steps, 2 * 5 * 200);
-        let again = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
+        let again = constant_returns(&model, 2, budget, Seed::new(3), &Silent).expect("walked");
         assert_eq!(found, again);
     }
 
@@ -207,14 +207,14 @@ mod tests {
     fn noise_of_walks_is_small_beside_that_of_one() {
         let model = corridor_model();
         // Each rollout has about one episode.
-        let extent = Extent { runs: 1, span: RunLength { steps: 60, timeout: 60 } };
+        let budget = RunBudget { runs: 1, span: RunLength { steps: 60, timeout: 60 } };
         let (mut of_all, mut of_one) = (Vec::new(), Vec::new());
         for number in 0..20 {
             let seed = Seed::new(number);
-            let found = constant_returns(&model, 2, extent, seed, &Silent).expect("walked");
+            let found = constant_returns(&model, 2, budget, seed, &Silent).expect("walked");
             of_all.push(found.random[0]);
             let mut walk = model.walk(0);
-            let mut episodes = Episodes::new(&walk, extent.span, run_seed(seed, 0, 0));
+            let mut episodes = Episodes::new(&walk, budget.span, run_seed(seed, 0, 0));
             while episodes.step(&mut FixedPolicy::Random(2), &mut walk) {}
             of_one.push(episodes.run.mean_return());
         }

@@ -64,7 +64,7 @@ pub use recorded::RecordedReturn;
 pub use reward::{Reward, RewardColumns, SetPoint, Term};
 pub use settings::Settings;
 pub use sweep::{
-    ActingAgents, Extent, NotKept, Run, RunId, RunKeeper, runs_here, sweep, sweep_keeping, truth,
+    ActingAgents, NotKept, Run, RunBudget, RunId, RunKeeper, runs_here, sweep, sweep_keeping, truth,
 };
 pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,

@@ -147,14 +147,14 @@ impl ActingAgents for &[AgentConfig] {
 
 /// The number and length of the training runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Extent {
+pub struct RunBudget {
     /// Runs of each setting in each ensemble member.
     pub runs: usize,
     /// Length of each run.
     pub span: RunLength,
 }
 
-/// Lets every setting learn from scratch in every ensemble member, in `extent.runs` runs. Returns the runs in the order
+/// Lets every setting learn from scratch in every ensemble member, in `budget.runs` runs. Returns the runs in the order
 /// of members, runs and settings.
 ///
 /// Settings act differently, so each has its own rollout. The unit of work is one setting in one run of one member. All settings of a run
@@ -165,12 +165,12 @@ pub struct Extent {
 pub fn sweep<M: Ensemble>(
     model: &M,
     candidates: &[AgentConfig],
-    extent: Extent,
+    budget: RunBudget,
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Run>, ControlError> {
-    let ids = runs_here(model.kind(), model.members(), extent.runs, candidates.len(), &NotKept);
-    sweep_keeping(model, &candidates, ids, extent.span, seed, &NotKept, monitor)
+    let ids = runs_here(model.kind(), model.members(), budget.runs, candidates.len(), &NotKept);
+    sweep_keeping(model, &candidates, ids, budget.span, seed, &NotKept, monitor)
 }
 
 /// Returns the runs of a kind of models that `keeper` assigns to this process, in the order of ensemble members, runs and settings.
@@ -253,11 +253,11 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
 pub fn truth<E: Environment>(
     make: impl Fn() -> E + Sync,
     candidates: &[AgentConfig],
-    extent: Extent,
+    budget: RunBudget,
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Vec<f64>>, ControlError> {
-    let units = extent.runs * candidates.len();
+    let units = budget.runs * candidates.len();
     monitor.begin("agents in the truth", units as u64);
     let flat: Result<Vec<f64>, Cancelled> = (0..units)
         .into_par_iter()
@@ -266,7 +266,7 @@ pub fn truth<E: Environment>(
             let run = unit / candidates.len();
             let candidate = unit % candidates.len();
             let seed = seed.child("truth").number(run as u64);
-            let agent_run = run_new_agent(candidates[candidate], &mut make(), extent.span, seed);
+            let agent_run = run_new_agent(candidates[candidate], &mut make(), budget.span, seed);
             monitor.advance(1);
             Ok(agent_run.mean_return())
         })

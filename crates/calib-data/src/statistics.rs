@@ -41,26 +41,30 @@ pub(crate) fn verify(
             let what = format!("{missing} values are missing, and the footer says {nulls}");
             return Err(damaged(name, number, &what));
         }
-        let extent = if let Some(said) = said.as_double() {
-            Extent::of_floats(&column, said.min_value, said.max_value)
+        let range = if let Some(said) = said.as_double() {
+            RangeComparison::of_floats(&column, said.min_value, said.max_value)
         } else if let Some(said) = said.as_float() {
-            Extent::of_floats(&column, said.min_value.map(f64::from), said.max_value.map(f64::from))
+            RangeComparison::of_floats(
+                &column,
+                said.min_value.map(f64::from),
+                said.max_value.map(f64::from),
+            )
         } else if let Some(said) = said.as_int64() {
-            Extent::of_integers(&column, said.min_value.zip(said.max_value))
+            RangeComparison::of_integers(&column, said.min_value.zip(said.max_value))
         } else if let Some(said) = said.as_int32() {
-            Extent::of_integers(
+            RangeComparison::of_integers(
                 &column,
                 said.min_value.zip(said.max_value).map(|(min, max)| (min.into(), max.into())),
             )
         } else if let Some(said) = said.as_binary() {
-            Extent::of_text(&column, said.min_value.as_deref(), said.max_value.as_deref())
+            RangeComparison::of_text(&column, said.min_value.as_deref(), said.max_value.as_deref())
         } else {
             None
         };
-        if let Some(extent) = extent.filter(|extent| !extent.fits(is_whole)) {
+        if let Some(range) = range.filter(|range| !range.fits(is_whole)) {
             let what = format!(
                 "its values are from {} to {}, and the footer says from {} to {}",
-                extent.read[0], extent.read[1], extent.said[0], extent.said[1]
+                range.read[0], range.read[1], range.said[0], range.said[1]
             );
             return Err(damaged(name, number, &what));
         }
@@ -74,7 +78,7 @@ fn damaged(name: &str, number: usize, what: &str) -> String {
 }
 
 /// The smallest and the largest value, as read and as stated in the footer.
-struct Extent {
+struct RangeComparison {
     read: [String; 2],
     said: [String; 2],
     is_same: bool,
@@ -82,7 +86,7 @@ struct Extent {
     is_within: bool,
 }
 
-impl Extent {
+impl RangeComparison {
     /// Whether the ranges agree. A partly read row group may have a smaller range.
     fn fits(&self, is_whole: bool) -> bool {
         self.is_same || self.is_within && !is_whole

@@ -28,14 +28,14 @@ pub(crate) struct ClassLists {
     /// The length of a list that contains as many of the member as are requested, `[class, member]`: those that are requested, and
     /// those of the list that the member lacks.
     needed: Vec<u32>,
-    extents: Vec<Extent>,
+    extents: Vec<ClassListExtent>,
     /// The largest radius.
     radius: f64,
 }
 
-/// The extent of the list of one class.
+/// The length and the radius of the list of one class.
 #[derive(Clone, Copy, Debug)]
-struct Extent {
+struct ClassListExtent {
     count: usize,
     radius: f64,
 }
@@ -65,7 +65,7 @@ struct ClassList<'a> {
     listed: &'a mut [Listed],
     requested: &'a [u32],
     needed: &'a mut [u32],
-    extent: &'a mut Extent,
+    extent: &'a mut ClassListExtent,
 }
 
 impl ClassList<'_> {
@@ -180,7 +180,7 @@ impl Lists for ClassLists {
             listed: vec![Listed::NONE; classes * room],
             needed: requested.clone(),
             requested,
-            extents: vec![Extent { count: 0, radius: 0.0 }; classes],
+            extents: vec![ClassListExtent { count: 0, radius: 0.0 }; classes],
             radius: 0.0,
         };
         lists.clear();
@@ -193,7 +193,7 @@ impl Lists for ClassLists {
         {
             let any = requested.iter().any(|&requested| requested > 0);
             let radius = if any { f64::INFINITY } else { f64::NEG_INFINITY };
-            *extent = Extent { count: 0, radius };
+            *extent = ClassListExtent { count: 0, radius };
         }
         self.update_radius();
     }

@@ -10,7 +10,7 @@ use std::{
 
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, AgentConfig, Begin, CartPole, Environment as _,
-    Extent, Outcome as Step, PuddleWorld, Quality, RunLength, Simulated, Starts, Task, TaskKind,
+    Outcome as Step, PuddleWorld, Quality, RunBudget, RunLength, Simulated, Starts, Task, TaskKind,
     record, truth,
 };
 use calib_core::{Rng, Seed, Silent};
@@ -141,11 +141,11 @@ fn true_returns<T: Task>(
     agents: &[AgentConfig],
 ) -> Outcome<Vec<f64>> {
     let span = RunLength { steps: STEPS, timeout: variant.kind.timeout() };
-    let extent = Extent { runs: TRUTH_RUNS, span };
+    let budget = RunBudget { runs: TRUTH_RUNS, span };
     let returns = truth(
         || Simulated::new(task.clone(), Begin::AsTheTask),
         agents,
-        extent,
+        budget,
         variant.seed(),
         &Silent,
     );

@@ -23,10 +23,10 @@ use std::{
 
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
-    Coverage, Decisions, Drift, Environment, Extent, Grid, IncrementModel, Increments,
-    NetworkConfig, NetworkModel, Pessimism, PuddleWorld, Quality, Question, Run, RunLength,
-    Simulated, Starts, Support, Task, TaskKind, constant_returns, judge, off_policy_values, record,
-    sweep, truth,
+    Coverage, Decisions, Drift, Environment, Grid, IncrementModel, Increments, NetworkConfig,
+    NetworkModel, Pessimism, PuddleWorld, Quality, Question, Run, RunBudget, RunLength, Simulated,
+    Starts, Support, Task, TaskKind, constant_returns, judge, off_policy_values, record, sweep,
+    truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_represent::{LaplacianConfig, Split, Training, encode};
@@ -173,11 +173,11 @@ impl Study<'_> {
         let path = self.directory.join(format!("truth-{}.json", kind.name()));
         if !path.exists() {
             let span = RunLength { steps: STEPS, timeout: kind.timeout() };
-            let extent = Extent { runs: self.truth_runs, span };
+            let budget = RunBudget { runs: self.truth_runs, span };
             let runs = truth(
                 || Simulated::new(task.clone(), Begin::AsTheTask),
                 &Self::candidates()?,
-                extent,
+                budget,
                 Seed::new(1),
                 &Silent,
             )?;
@@ -276,7 +276,8 @@ impl Study<'_> {
         candidates: &[AgentConfig],
         seed: Seed,
     ) -> Outcome<Vec<Run>> {
-        let extent = Extent { runs: 1, span: RunLength { steps: STEPS, timeout: kind.timeout() } };
+        let span = RunLength { steps: STEPS, timeout: kind.timeout() };
+        let budget = RunBudget { runs: 1, span };
         let [metric, begin] = match self.model {
             Model::Euclidean => [log.states().clone(), starts.clone()],
             Model::Laplacian => represented(log, starts, seed.child("representation"))?,
@@ -285,12 +286,12 @@ impl Study<'_> {
                 let config = NetworkConfig::default();
                 let seed_of = seed.child("networks");
                 let model = NetworkModel::train(log, starts.clone(), &config, seed_of, &Silent)?;
-                return Ok(sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?);
+                return Ok(sweep(&model, candidates, budget, seed.child("sweep"), &Silent)?);
             }
         };
         let begin = Starts { observed: starts.clone(), metric: begin };
         let model = self.neighbors(kind, log, &metric, begin)?;
-        Ok(sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?)
+        Ok(sweep(&model, candidates, budget, seed.child("sweep"), &Silent)?)
     }
 
     fn neighbors(
@@ -363,7 +364,7 @@ fn pooled(
     timeout: usize,
     seed: Seed,
 ) -> Outcome<Value> {
-    let extent = Extent { runs: 1, span: RunLength { steps: STEPS, timeout } };
+    let budget = RunBudget { runs: 1, span: RunLength { steps: STEPS, timeout } };
     let increments = Increments::new(model, ActionModelConfig::DEFAULT.coverage, &Silent)?;
     let networks = NetworkModel::for_model(model, seed, None, &Silent)?;
     let seed = seed.child("sweep");
@@ -372,9 +373,9 @@ fn pooled(
     let recorded = log.recorded_return(timeout)?;
     let actions = log.levels();
     let random = json!({
-        "neighbors": constant_returns(model, actions, extent, seed, &Silent)?.random,
-        "increments": constant_returns(&by_increments, actions, extent, seed, &Silent)?.random,
-        "network": constant_returns(&networks, actions, extent, seed, &Silent)?.random,
+        "neighbors": constant_returns(model, actions, budget, seed, &Silent)?.random,
+        "increments": constant_returns(&by_increments, actions, budget, seed, &Silent)?.random,
+        "network": constant_returns(&networks, actions, budget, seed, &Silent)?.random,
     });
     Ok(json!({
         "random_actions": random,
@@ -382,9 +383,9 @@ fn pooled(
         "terminals": log.terminals(),
         "recorded": [recorded.mean, recorded.best.unwrap_or(f64::INFINITY)],
         "keeps": increments.keeps(),
-        "neighbors": told(&sweep(model, candidates, extent, seed, &Silent)?),
-        "increments": told(&sweep(&by_increments, candidates, extent, seed, &Silent)?),
-        "network": told(&sweep(&networks, candidates, extent, seed, &Silent)?),
+        "neighbors": told(&sweep(model, candidates, budget, seed, &Silent)?),
+        "increments": told(&sweep(&by_increments, candidates, budget, seed, &Silent)?),
+        "network": told(&sweep(&networks, candidates, budget, seed, &Silent)?),
     }))
 }
 

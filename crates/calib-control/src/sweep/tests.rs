@@ -19,10 +19,10 @@ fn the_same_for_any_number_of_threads() {
     let model = small_model();
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
-    let extent = Extent { runs: 2, span: RunLength { steps: 400, timeout: 50 } };
+    let budget = RunBudget { runs: 2, span: RunLength { steps: 400, timeout: 50 } };
     let [one, three] = [1, 3].map(|threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| sweep(&model, &candidates, extent, Seed::new(5), &Silent)).expect("run")
+        pool.install(|| sweep(&model, &candidates, budget, Seed::new(5), &Silent)).expect("run")
     });
     assert_eq!(one, three);
     assert_eq!(one.len(), 3 * 2 * 2);
@@ -33,7 +33,7 @@ fn the_same_for_any_number_of_threads() {
     let true_returns = truth(
         || Simulated::new(CartPole::default(), Begin::AsTheTask),
         &candidates,
-        extent,
+        budget,
         Seed::new(5),
         &Silent,
     )
@@ -52,9 +52,9 @@ fn whoever_interrupts_is_heard() {
             true
         }
     }
-    let extent = Extent { runs: 1, span: RunLength { steps: 10, timeout: 5 } };
+    let budget = RunBudget { runs: 1, span: RunLength { steps: 10, timeout: 5 } };
     let candidates = [AgentConfig::default()];
-    let told = sweep(&small_model(), &candidates, extent, Seed::new(5), &Impatient);
+    let told = sweep(&small_model(), &candidates, budget, Seed::new(5), &Impatient);
     assert!(matches!(told, Err(ControlError::Cancelled(_))));
 }
 
@@ -139,8 +139,8 @@ fn a_trajectory_is_the_end_of_the_first_run() {
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
     let span = RunLength { steps: 400, timeout: 50 };
-    let extent = Extent { runs: 1, span };
-    let runs = sweep(&model, &candidates, extent, Seed::new(5), &Silent).expect("run");
+    let budget = RunBudget { runs: 1, span };
+    let runs = sweep(&model, &candidates, budget, Seed::new(5), &Silent).expect("run");
     let whole = trajectory(&model, &&candidates[..], 1, span, 400, Seed::new(5), &Silent);
     let whole = whole.expect("run");
     assert_eq!(whole.run.mean_return(), runs[1].mean_return);

@@ -33,9 +33,9 @@ const SENSOR_BYTES: u64 = 56;
 const ROW_FILE_BYTES: u64 = 36;
 const SENSOR_FILE_BYTES: u64 = 20;
 
-/// The rollouts of a study.
+/// The number and length of a study's rollouts, and their memory.
 #[derive(Clone, Copy)]
-pub(super) struct Extent {
+pub(super) struct RolloutSize {
     members: usize,
     rollouts: usize,
     steps: usize,
@@ -48,7 +48,7 @@ pub(super) struct Extent {
     lanes: usize,
 }
 
-impl Extent {
+impl RolloutSize {
     /// Returns the rollouts of a model that is there.
     pub(super) fn of(study: &Study, model: &dyn CalibrationModel, sensors: usize) -> Self {
         let (state_bytes, lanes) = (model.state_bytes(), model.lanes().max(1));
@@ -102,7 +102,7 @@ impl Extent {
 pub(super) fn expect(
     job: &Job,
     model: &OpenModel,
-    extent: Extent,
+    size: RolloutSize,
     context: &RunContext,
 ) -> Result<(), StepError> {
     let study = job.study();
@@ -112,17 +112,17 @@ pub(super) fn expect(
     let search = Search { place: &ScratchPlace::Memory, monitor: &monitor };
     // A network with a hidden state would first process the states before a later row.
     let first = [RowIndex::new(0)];
-    let source = if extent.lanes == 1 {
+    let source = if size.lanes == 1 {
         StartSource::Random
     } else {
         StartSource::Rows { rows: &first, absent: Absent::Replace }
     };
-    let starts = model.starts(source, extent.lanes.min(extent.rollouts), seed, search)?;
-    let rolling = Rolling { steps: extent.timed_steps(), weights: study.model.weights()?, seed };
+    let starts = model.starts(source, size.lanes.min(size.rollouts), seed, search)?;
+    let rolling = Rolling { steps: size.timed_steps(), weights: study.model.weights()?, seed };
     let stepping =
         processor_secs(&monitor, |monitor| model.roll_out(0, &starts[0], &rolling, monitor))?;
     let Some(stepping) = stepping else { return Ok(()) };
-    context.tell_cost(StepKind::Rollout, job, extent.cost(stepping)?);
+    context.tell_cost(StepKind::Rollout, job, size.cost(stepping)?);
     Ok(())
 }
 
@@ -142,8 +142,8 @@ pub(super) fn expect_before_model(
         // A rollout is a list of rows.
         ModelFamily::Neighbors | ModelFamily::None => (4, 1),
     };
-    let extent = Extent::of_shape(study, state_bytes, lanes, sensors);
-    let steps = extent.timed_steps();
+    let size = RolloutSize::of_shape(study, state_bytes, lanes, sensors);
+    let steps = size.timed_steps();
     let stepping = match study.model.kind.family() {
         ModelFamily::Network => network_secs(study, train, steps, &monitor)?,
         ModelFamily::Neighbors | ModelFamily::None => {
@@ -154,7 +154,7 @@ pub(super) fn expect_before_model(
         }
     };
     let Some(stepping) = stepping else { return Ok(()) };
-    context.tell_cost(StepKind::Rollout, job, extent.cost(stepping)?);
+    context.tell_cost(StepKind::Rollout, job, size.cost(stepping)?);
     Ok(())
 }
 
@@ -198,15 +198,15 @@ fn neighbors_secs(
 mod tests {
     use super::*;
 
-    fn extent(compared: usize, lanes: usize) -> Extent {
+    fn size(compared: usize, lanes: usize) -> RolloutSize {
         let (members, rollouts, steps) = (5, 20, 10 * TIMED_STEPS);
-        Extent { members, rollouts, steps, compared, sensors: 2, state_bytes: 4, lanes }
+        RolloutSize { members, rollouts, steps, compared, sensors: 2, state_bytes: 4, lanes }
     }
 
     #[test]
     fn rollouts_that_step_together_count_once() {
         let [alone, together] =
-            [1, 16].map(|lanes| extent(0, lanes).cost(0.5).expect("no comparison"));
+            [1, 16].map(|lanes| size(0, lanes).cost(0.5).expect("no comparison"));
         assert_eq!(alone.processor_secs, 0.5 * 10.0 * 100.0);
         // 16 rollouts, and the other 4; a sixteenth of the steps is timed.
         assert_eq!(together.processor_secs, 0.5 * 160.0 * 10.0);
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn comparisons_take_time() {
-        let compared = extent(500, 1).cost(0.0).expect("comparable");
+        let compared = size(500, 1).cost(0.0).expect("comparable");
         assert!(compared.processor_secs > 0.0, "{compared:?}");
     }
 }

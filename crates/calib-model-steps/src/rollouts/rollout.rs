@@ -31,7 +31,7 @@ use crate::{
     rollouts::{
         collapse::{self, Collapse},
         comparison::{self, Comparison},
-        cost::{self, Extent},
+        cost::{self, RolloutSize},
         figures,
         one_step::{self, OneStep},
         trajectory_columns::Columns,
@@ -174,12 +174,12 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
         Some(noise) => artefact::key(&(inputs, noise))?,
         None => artefact::key(&inputs)?,
     };
-    let extent = Extent::of(study, &*model.model, sensors.len());
-    announce(study, &model, extent.memory(), context);
+    let size = RolloutSize::of(study, &*model.model, sensors.len());
+    announce(study, &model, size.memory(), context);
     if job.policy().is_dry() {
         starts::check(&study.rollout, &study.data, &model.frames, held_out)?;
         if job.policy().redoes() || RolloutManifest::find(&directory, &key).is_none() {
-            cost::expect(job, &model, extent, context)?;
+            cost::expect(job, &model, size, context)?;
         }
         context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
@@ -189,7 +189,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
         (manifest, Freshness::Kept)
     } else {
         let remedy = "lower rollout.steps or rollout.rollouts, or name fewer sweep.sensors";
-        memory::require(extent.memory(), "the rollouts", remedy)?;
+        memory::require(size.memory(), "the rollouts", remedy)?;
         let record = Record { model: &model.frames, deployment: held_out };
         let from = (&starts, record);
         let made = roll_out(study, &model, from, &sensors, key, &directory, context)?;

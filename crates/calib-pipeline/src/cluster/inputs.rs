@@ -29,7 +29,7 @@ use calib_sweep_steps::sweep::{
 
 use crate::cluster::{
     plan_file::{PartStreams, SweepPart},
-    results::{self, Extent, Header, ShardResults, UnitsInOrder},
+    results::{self, Completeness, Header, ShardResults, UnitsInOrder},
 };
 
 /// The files for log replay. A model has files of the same names.
@@ -90,7 +90,7 @@ pub(crate) fn write(
     if !stored.is_empty() {
         let mut units = UnitsInOrder::new();
         results::add(&mut units, stored.iter().cloned());
-        let results = ShardResults { header, units, extent: Extent::Whole };
+        let results = ShardResults { header, units, completeness: Completeness::Whole };
         results.write(&directory.join(STORED))?;
         written.push(STORED);
     }

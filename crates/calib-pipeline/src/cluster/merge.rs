@@ -13,7 +13,7 @@ use calib_sweep_steps::sweep::{SharedRuns, SweepResult, put_together};
 use crate::{
     cluster::{
         plan_file::OpenedPlan,
-        results::{self, Extent},
+        results::{self, Completeness},
         shard_ranges::ranges,
     },
     each::{PartResult, Results},
@@ -74,7 +74,7 @@ fn collect(opened: &OpenedPlan, printer: &Printer) -> Result<SharedRuns, StepErr
     let mut faulty = Vec::new();
     for number in 0..opened.plan.shards.len() {
         let fault = match opened.read(number) {
-            Ok(Some(results)) if results.extent == Extent::Whole => {
+            Ok(Some(results)) if results.completeness == Completeness::Whole => {
                 results::add(&mut pool, results.units.into_values());
                 continue;
             }

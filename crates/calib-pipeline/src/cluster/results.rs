@@ -34,7 +34,7 @@ impl Header {
 /// Whether a shard has all its results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Extent {
+pub(crate) enum Completeness {
     Partial,
     Whole,
 }
@@ -42,7 +42,7 @@ pub(crate) enum Extent {
 /// The last line.
 #[derive(Serialize, Deserialize)]
 struct Trailer {
-    extent: Extent,
+    extent: Completeness,
     units: usize,
     /// Fingerprint of all lines before the last, and of the other fields of the last line.
     fingerprint: Fingerprint,
@@ -71,7 +71,7 @@ pub(crate) fn training_runs(units: &UnitsInOrder) -> usize {
 pub(crate) struct ShardResults {
     pub(crate) header: Header,
     pub(crate) units: UnitsInOrder,
-    pub(crate) extent: Extent,
+    pub(crate) completeness: Completeness,
 }
 
 impl ShardResults {
@@ -86,8 +86,8 @@ impl ShardResults {
             serde_json::to_writer(&mut text, result).map_err(|error| unwritten(path, error))?;
             text.push(b'\n');
         }
-        let fingerprint = seal(&text, self.extent, self.units.len());
-        let trailer = Trailer { extent: self.extent, units: self.units.len(), fingerprint };
+        let fingerprint = seal(&text, self.completeness, self.units.len());
+        let trailer = Trailer { extent: self.completeness, units: self.units.len(), fingerprint };
         serde_json::to_writer(&mut text, &trailer).map_err(|error| unwritten(path, error))?;
         text.push(b'\n');
         write_atomically(path, |file| file.write_all(&text))
@@ -120,7 +120,7 @@ impl ShardResults {
                 serde_json::from_slice(line).map_err(|source| not_json(path, source))?;
             units.insert((result.unit.clone(), result.key.clone()), result);
         }
-        Ok(Self { header, units, extent: trailer.extent })
+        Ok(Self { header, units, completeness: trailer.extent })
     }
 }
 
@@ -136,11 +136,11 @@ fn unwritten(path: &Path, error: serde_json::Error) -> FileError {
     FileError::io("write", path, error.into())
 }
 
-fn seal(body: &[u8], extent: Extent, units: usize) -> Fingerprint {
+fn seal(body: &[u8], completeness: Completeness, units: usize) -> Fingerprint {
     let mut fingerprint = calib_files::Fingerprinter::default();
     fingerprint
         .add(body)
-        .add(&[u8::from(extent == Extent::Whole)])
+        .add(&[u8::from(completeness == Completeness::Whole)])
         .add(&(units as u64).to_le_bytes());
     fingerprint.finish()
 }
@@ -176,7 +176,7 @@ mod tests {
         ShardResults {
             header: Header::new("plan".to_owned(), 3, &maker),
             units: units.into(),
-            extent: Extent::Partial,
+            completeness: Completeness::Partial,
         }
     }
 
@@ -186,7 +186,11 @@ mod tests {
         let path = directory.path().join("0003.units");
         for results in [
             results(),
-            ShardResults { units: UnitsInOrder::new(), extent: Extent::Whole, ..results() },
+            ShardResults {
+                units: UnitsInOrder::new(),
+                completeness: Completeness::Whole,
+                ..results()
+            },
         ] {
             results.write(&path).expect("written");
             assert_eq!(ShardResults::read(&path).expect("whole"), results);

@@ -25,7 +25,7 @@ use crate::cluster::{
     attempt::{AttemptEnd, AttemptFile},
     inputs::Inputs,
     plan_file::{OpenedPlan, PlannedPass, Shard},
-    results::{self, Extent, Header, UnitsInOrder},
+    results::{self, Completeness, Header, UnitsInOrder},
     sink::ShardSink,
 };
 
@@ -83,7 +83,7 @@ impl ShardRun<'_> {
         let opened = self.opened;
         let number = self.number;
         let units = match opened.read(number) {
-            Ok(Some(results)) if results.extent == Extent::Whole => {
+            Ok(Some(results)) if results.completeness == Completeness::Whole => {
                 let freshness = Freshness::Kept;
                 let took = clock.elapsed();
                 return Ok(ClusterShard { number, freshness, made: 0, took });
@@ -147,7 +147,7 @@ impl ShardRun<'_> {
         for earlier in 0..self.shard.stage {
             for number in self.opened.plan.of_stage(earlier) {
                 let results = self.opened.read(number)?;
-                match results.filter(|results| results.extent == Extent::Whole) {
+                match results.filter(|results| results.completeness == Completeness::Whole) {
                     Some(results) => results::add(&mut all, results.units.into_values()),
                     None => {
                         return Err(StepError::Incomplete(format!(

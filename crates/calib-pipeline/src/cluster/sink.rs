@@ -9,7 +9,7 @@ use std::{
 use calib_base::clock::Stopwatch;
 use calib_sweep::{SweepError, Unit, UnitRuns, UnitSink};
 
-use crate::cluster::results::{self, Extent, Header, ShardResults, UnitsInOrder};
+use crate::cluster::results::{self, Completeness, Header, ShardResults, UnitsInOrder};
 
 /// The results file of a shard. It is rewritten after each pass. If passes are very short, it is only rewritten once
 /// writing takes at most a twentieth of the time.
@@ -54,7 +54,7 @@ impl ShardSink {
     /// Returns an error if the file cannot be written.
     pub(crate) fn flush(&self) -> Result<(), SweepError> {
         let mut kept = self.locked();
-        if kept.is_written { Ok(()) } else { self.write(&mut kept, Extent::Partial) }
+        if kept.is_written { Ok(()) } else { self.write(&mut kept, Completeness::Partial) }
     }
 
     /// Marks the results as complete, and writes them.
@@ -62,7 +62,7 @@ impl ShardSink {
     /// # Errors
     /// Returns an error if the file cannot be written.
     pub(crate) fn complete(&self) -> Result<(), SweepError> {
-        self.write(&mut self.locked(), Extent::Whole)
+        self.write(&mut self.locked(), Completeness::Whole)
     }
 
     fn locked(&self) -> MutexGuard<'_, KeptResults> {
@@ -71,17 +71,21 @@ impl ShardSink {
 
     /// Writes the results. Adds results that another attempt at the same shard has written since. Results that both
     /// have are equal.
-    fn write(&self, kept: &mut KeptResults, mut extent: Extent) -> Result<(), SweepError> {
+    fn write(
+        &self,
+        kept: &mut KeptResults,
+        mut completeness: Completeness,
+    ) -> Result<(), SweepError> {
         let clock = Stopwatch::start();
         let other = ShardResults::read(&self.path).ok().filter(|other| other.header == self.header);
         if let Some(other) = other {
             results::add(&mut kept.units, other.units.into_values());
-            if other.extent == Extent::Whole {
-                extent = Extent::Whole;
+            if other.completeness == Completeness::Whole {
+                completeness = Completeness::Whole;
             }
         }
         let results =
-            ShardResults { header: self.header.clone(), units: kept.units.clone(), extent };
+            ShardResults { header: self.header.clone(), units: kept.units.clone(), completeness };
         results.write(&self.path)?;
         kept.is_written = true;
         kept.last = Some((Stopwatch::start(), clock.elapsed()));
@@ -96,7 +100,7 @@ impl UnitSink for ShardSink {
         kept.is_written = false;
         match kept.last {
             Some((since, took)) if since.elapsed() < WRITING * took => Ok(()),
-            _ => self.write(&mut kept, Extent::Partial),
+            _ => self.write(&mut kept, Completeness::Partial),
         }
     }
 

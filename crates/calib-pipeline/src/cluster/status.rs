@@ -15,7 +15,7 @@ use crate::cluster::{
     attempt::{self, Attempt, AttemptEnd},
     engines::queue,
     plan_file::{OpenedPlan, PlanFile, Shard, shards_in},
-    results::{self, Extent, UnitsInOrder},
+    results::{self, Completeness, UnitsInOrder},
 };
 
 /// Size and predicted cost of a plan.
@@ -182,9 +182,9 @@ fn standing(opened: &OpenedPlan, number: usize) -> ShardStatus {
     let attempts = attempt::read(&opened.attempts(number));
     let none = UnitsInOrder::new();
     let (state, units, fault) = match opened.read(number) {
-        Ok(Some(results)) => match results.extent {
-            Extent::Whole => (State::Done, results.units, None),
-            Extent::Partial => (State::Begun, results.units, None),
+        Ok(Some(results)) => match results.completeness {
+            Completeness::Whole => (State::Done, results.units, None),
+            Completeness::Partial => (State::Begun, results.units, None),
         },
         Ok(None) if attempts.is_empty() => (State::Missing, none, None),
         Ok(None) => (State::Begun, none, None),

@@ -20,7 +20,7 @@ use super::{
     log::{self, ActionLog},
     model,
     units::RunFiles,
-    work_left::{Extent, WorkLeft, runs_of_kind},
+    work_left::{WorkLeft, WorkScope, runs_of_kind},
 };
 
 /// Bytes of a run's file, and of its part for each column.
@@ -186,14 +186,14 @@ impl ControlTime {
                 secs: agent.beginning + steps * (agent.step + kind.step) + KEEPING_SECS,
             });
             runs_secs += side_by_side(&runs.collect::<Vec<_>>(), threads);
-            if work.extent == Extent::All {
+            if work.scope == WorkScope::All {
                 let walks = FixedWalks::new(config.runs, config.run_length(), log.levels());
                 let count = left.members.len().saturating_mul(walks.in_member(log.levels()));
                 let secs = steps * kind.step;
                 other_secs += side_by_side(&[Pieces { count, secs }], threads);
             }
         }
-        if work.extent == Extent::All {
+        if work.scope == WorkScope::All {
             let evaluated = costs
                 .agents
                 .iter()
@@ -287,7 +287,7 @@ impl ControlMemory {
         for agent in agents.own() {
             thread = agent.bytes(columns, decisions.levels())?.max(thread);
         }
-        if work.extent == Extent::All && !agents.own().is_empty() {
+        if work.scope == WorkScope::All && !agents.own().is_empty() {
             thread += off_policy_bytes(decisions);
         }
         let log = log_bytes(decisions);
@@ -461,13 +461,13 @@ mod tests {
     }
 
     /// Returns work for neighbours and networks, in two members each.
-    fn work(extent: Extent, of_settings: [usize; 2], members: usize) -> WorkLeft {
+    fn work(scope: WorkScope, of_settings: [usize; 2], members: usize) -> WorkLeft {
         let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network].map(|kind| KindLeft {
             kind,
             of_settings: of_settings.to_vec(),
             members: (0..members).collect(),
         });
-        WorkLeft { extent, runs: 8, kinds: kinds.into() }
+        WorkLeft { scope, runs: 8, kinds: kinds.into() }
     }
 
     #[test]
@@ -482,7 +482,7 @@ mod tests {
         let time = |work: &WorkLeft, networks| {
             ControlTime::of(&costs, None, work, networks, &config, &log, 1)
         };
-        let all = time(&work(Extent::All, [2, 2], 2), 2);
+        let all = time(&work(WorkScope::All, [2, 2], 2), 2);
         // The model, and two networks.
         assert_eq!(all.models_secs, 5.0 + 2.0 * 7.0);
         // Two runs of each setting: steps of 2 and 4 seconds in one model, of 3 and 5 in the other.
@@ -494,14 +494,14 @@ mod tests {
             [10.0 * 128.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];
         assert_eq!(all.other_secs, constant + by_the_log + again);
         assert_eq!(all.secs, all.models_secs + all.runs_secs + all.other_secs);
-        let stored = time(&work(Extent::All, [2, 2], 2), 0);
+        let stored = time(&work(WorkScope::All, [2, 2], 2), 0);
         assert_eq!((stored.models_secs, stored.runs_secs), (5.0, all.runs_secs));
-        let part = time(&work(Extent::Share, [1, 0], 1), 1);
+        let part = time(&work(WorkScope::Share, [1, 0], 1), 1);
         assert_eq!((part.models_secs, part.other_secs), (12.0, 0.0));
         assert!((part.runs_secs - 10.0 * (2.0 + 3.0) - 2.0 * KEEPING_SECS).abs() < 1e-9);
         assert_eq!(part.secs, part.models_secs + part.runs_secs);
         assert_eq!(part.parts(), "models 12 s, runs 50 s");
-        let none = time(&work(Extent::Share, [0, 0], 0), 0);
+        let none = time(&work(WorkScope::Share, [0, 0], 0), 0);
         assert_eq!((none.models_secs, none.runs_secs), (5.0, 0.0));
     }
 
@@ -515,7 +515,7 @@ mod tests {
             kinds: Vec::new(),
             agents: Vec::new(),
         };
-        let nothing = WorkLeft { extent: Extent::Share, runs: 0, kinds: Vec::new() };
+        let nothing = WorkLeft { scope: WorkScope::Share, runs: 0, kinds: Vec::new() };
         let config = ControlConfig::default();
         let time = ControlTime::of(&costs, Some(&cost), &nothing, 0, &config, &decisions(), 2);
         assert_eq!((time.representation_secs, time.secs), (9.0, 14.0));

@@ -10,9 +10,9 @@ use calib_base::{
 };
 use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
-    ControlConfig, ControlError, Doubt, Ensemble, Extent, IncrementModel, Increments, NetworkFiles,
-    NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId, constant_returns, judge,
-    off_policy_values, runs_here, sweep_keeping, trajectory,
+    ControlConfig, ControlError, Doubt, Ensemble, IncrementModel, Increments, NetworkFiles,
+    NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunBudget, RunId,
+    constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
@@ -328,10 +328,10 @@ impl SweptSettings {
         ids: Vec<RunId>,
         question: &SweepInputs<'_>,
     ) -> Result<(), StepError> {
-        let SweepInputs { actions, agents, extent, seed, units, monitor } = *question;
-        self.runs.extend(sweep_keeping(model, agents, ids, extent.span, seed, units, monitor)?);
+        let SweepInputs { actions, agents, budget, seed, units, monitor } = *question;
+        self.runs.extend(sweep_keeping(model, agents, ids, budget.span, seed, units, monitor)?);
         if units.are_all() {
-            self.constants.push(constant_returns(model, actions, extent, seed, monitor)?);
+            self.constants.push(constant_returns(model, actions, budget, seed, monitor)?);
         }
         Ok(())
     }
@@ -341,7 +341,7 @@ impl SweptSettings {
 struct SweepInputs<'a> {
     actions: usize,
     agents: &'a dyn ActingAgents,
-    extent: Extent,
+    budget: RunBudget,
     seed: Seed,
     units: &'a RunFiles,
     monitor: &'a dyn Monitor,
@@ -359,11 +359,11 @@ fn swept(
     printer: &Printer,
 ) -> Result<SweptSettings, StepError> {
     let progress = printer.progress();
-    let extent = Extent { runs: config.runs, span: config.run_length() };
+    let budget = RunBudget { runs: config.runs, span: config.run_length() };
     let question = SweepInputs {
         actions: model.log().levels(),
         agents,
-        extent,
+        budget,
         seed,
         units,
         monitor: &progress,

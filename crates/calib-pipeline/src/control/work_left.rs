@@ -18,14 +18,14 @@ const MOST_NUMBERS: usize = 100_000_000;
 
 /// Whether all runs are made, or only a share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Extent {
+pub(super) enum WorkScope {
     Share,
     All,
 }
 
 /// The remaining work.
 pub(super) struct WorkLeft {
-    pub(super) extent: Extent,
+    pub(super) scope: WorkScope,
     /// All runs, including those that exist.
     pub(super) runs: usize,
     /// The work per kind of model, in the order of the study.
@@ -69,9 +69,9 @@ impl WorkLeft {
     ) -> Result<Self, StepError> {
         let members = config.model.members;
         let of_kind = runs_of_kind(config, settings)?;
-        let extent = if units.are_all() { Extent::All } else { Extent::Share };
-        let mut work = Self { extent, runs: 0, kinds: Vec::new() };
-        if extent == Extent::All && !is_listed(job, of_kind, units, printer) {
+        let scope = if units.are_all() { WorkScope::All } else { WorkScope::Share };
+        let mut work = Self { scope, runs: 0, kinds: Vec::new() };
+        if scope == WorkScope::All && !is_listed(job, of_kind, units, printer) {
             work.runs = of_kind * config.models.len();
             let of_settings = vec![members * config.runs; settings];
             work.kinds.extend(config.models.iter().map(|&kind| KindLeft {
@@ -92,10 +92,10 @@ impl WorkLeft {
             let ids = runs_here(kind, members, config.runs, settings, units);
             work.runs += ids.len();
             let left = if job.policy().redoes() { ids } else { units.split(ids).1 };
-            let members = match extent {
+            let members = match scope {
                 // Constant actions are taken in every member, even if all runs are stored.
-                Extent::All => (0..members).collect(),
-                Extent::Share => members_of(&left),
+                WorkScope::All => (0..members).collect(),
+                WorkScope::Share => members_of(&left),
             };
             work.kinds.push(KindLeft::of(kind, &left, settings, members));
         }

@@ -120,10 +120,10 @@ impl RecordedFigure {
     /// If no period has a value.
     pub fn figure(&self) -> Result<Figure, ReportError> {
         let title = format!("{}: recorded in each period", self.sensor);
-        let shown: Vec<(&RecordedPeriod, Extent)> =
-            self.periods.iter().filter_map(|period| Some((period, period.extent()?))).collect();
+        let shown: Vec<(&RecordedPeriod, PeriodBounds)> =
+            self.periods.iter().filter_map(|period| Some((period, period.bounds()?))).collect();
         let values: Vec<f64> =
-            shown.iter().flat_map(|(_, extent)| [extent.values.0, extent.values.1]).collect();
+            shown.iter().flat_map(|(_, bounds)| [bounds.values.0, bounds.values.1]).collect();
         if values.is_empty() {
             return Err(ReportError::Empty { figure: title, missing: "values" });
         }
@@ -131,16 +131,16 @@ impl RecordedFigure {
         let label = axis_label(&self.sensor, self.unit.as_deref());
         let rows = shown
             .iter()
-            .map(|(period, extent)| {
+            .map(|(period, bounds)| {
                 let cell = GridCell {
-                    heading: Some(period.heading(extent)),
-                    chart: Some(period.plot(extent, &scale)),
+                    heading: Some(period.heading(bounds)),
+                    chart: Some(period.plot(bounds, &scale)),
                 };
                 vec![cell]
             })
             .collect();
         let ranges: Vec<String> =
-            shown.iter().map(|(period, extent)| period.heading(extent)).collect();
+            shown.iter().map(|(period, bounds)| period.heading(bounds)).collect();
         let description = format!("{label}. {}.", ranges.join("; "));
         let x = Axis { label: String::new(), scale: Scale::linear(0.0, 1.0) };
         let left = Axis { label, scale };
@@ -149,8 +149,8 @@ impl RecordedFigure {
     }
 }
 
-/// Extent of a period in time and in value.
-struct Extent {
+/// The lowest and the highest time and value of a period.
+struct PeriodBounds {
     secs: (f64, f64),
     values: (f64, f64),
 }
@@ -169,15 +169,15 @@ impl RecordedPeriod {
         middles
     }
 
-    fn extent(&self) -> Option<Extent> {
+    fn bounds(&self) -> Option<PeriodBounds> {
         let known = self.points.iter().copied().filter(|(_, value)| value.is_finite());
         let (secs, values): (Vec<f64>, Vec<f64>) = known.unzip();
-        Some(Extent { secs: extent(&secs)?, values: extent(&values)? })
+        Some(PeriodBounds { secs: extent(&secs)?, values: extent(&values)? })
     }
 
     /// "april: 2023-04-07 00:00 to 2023-04-13 23:50, between 3.1 and 7.8"
-    fn heading(&self, extent: &Extent) -> String {
-        let (low, high) = extent.values;
+    fn heading(&self, bounds: &PeriodBounds) -> String {
+        let (low, high) = bounds.values;
         format!("{}: {}, between {} and {}", self.name, self.span(), number(low), number(high))
     }
 
@@ -193,7 +193,7 @@ impl RecordedPeriod {
         }
     }
 
-    fn plot(&self, extent: &Extent, scale: &Scale) -> Chart {
+    fn plot(&self, bounds: &PeriodBounds, scale: &Scale) -> Chart {
         let colour = match self.used_for {
             PeriodUse::Learning => Colour::Ink,
             // Same colour as the curve of the held-out period in sensitivity figures.
@@ -208,7 +208,7 @@ impl RecordedPeriod {
             marker: None,
             points: self.broken_points(),
         };
-        let x = Axis { label: String::new(), scale: self.dates(extent) };
+        let x = Axis { label: String::new(), scale: self.dates(bounds) };
         let left = Axis { label: String::new(), scale: scale.clone() };
         Chart { rules: self.cuts(), ..Chart::of(x, left, vec![series]) }
     }
@@ -227,9 +227,9 @@ impl RecordedPeriod {
     }
 
     /// Returns the scale of the dates, without long gaps.
-    fn dates(&self, extent: &Extent) -> Scale {
+    fn dates(&self, bounds: &PeriodBounds) -> Scale {
         match self.stretches().as_slice() {
-            [] | [_] => Scale::time(extent.secs.0, extent.secs.1),
+            [] | [_] => Scale::time(bounds.secs.0, bounds.secs.1),
             stretches => Scale::cut_time(stretches.to_vec()),
         }
     }
@@ -352,8 +352,8 @@ mod tests {
         assert_eq!(gapped.stretches(), [(0.0, 9.0 * DAY), (310.0 * DAY, 319.0 * DAY)]);
         let cuts = gapped.cuts();
         assert_eq!((cuts.len(), cuts[0].label.as_str()), (1, "gap of 301 d"));
-        let extent = gapped.extent().expect("values");
-        let scale = gapped.dates(&extent);
+        let bounds = gapped.bounds().expect("values");
+        let scale = gapped.dates(&bounds);
         let places = [0.0, 9.0 * DAY, 310.0 * DAY, 319.0 * DAY].map(|at| scale.fraction(at));
         assert_eq!((places[0], places[3]), (0.0, 1.0));
         assert!(places[1] > 0.45 && places[2] < 0.55 && places[1] < places[2], "{places:?}");

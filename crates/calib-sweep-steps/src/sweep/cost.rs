@@ -215,7 +215,7 @@ fn seconds_of(
     let seed = agent_seed(trained.study);
     let timed = |steps: usize| -> Result<TimingResult, StepError> {
         let run = Run { stream, steps, curve, seed };
-        let watch = Deadline { monitor, clock: Stopwatch::start(), done: AtomicU64::new(0) };
+        let watch = TimingMonitor { monitor, clock: Stopwatch::start(), done: AtomicU64::new(0) };
         match train_learners(run, &learners, &NoKeeper, &watch) {
             Err(AgentError::Cancelled(_)) if !monitor.interrupted() => {
                 let done = watch.done.into_inner().max(1) as f64;
@@ -262,14 +262,14 @@ enum TimingResult {
 }
 
 /// A monitor that asks to stop when a timing takes too long.
-struct Deadline<'a> {
+struct TimingMonitor<'a> {
     monitor: &'a dyn Monitor,
     clock: Stopwatch,
     /// Number of steps made.
     done: AtomicU64,
 }
 
-impl Monitor for Deadline<'_> {
+impl Monitor for TimingMonitor<'_> {
     fn begin(&self, _task: &str, _total: u64) {}
 
     fn advance(&self, units: u64) {
