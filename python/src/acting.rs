@@ -6,8 +6,9 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, ConstantReturns, ControlError, Doubt, FixedWalks, Increments, NetworkModel,
-    Pessimism, Question, ReturnVerdict, Rules, Run, RunLength, StepModel, Support, Walkers, judge,
+    ActionModel, ActionRollouts, ConstantReturns, ControlError, Doubt, FixedRollouts, Increments,
+    NetworkModel, Pessimism, Question, ReturnVerdict, Rules, Run, RunLength, StepModel, Support,
+    judge,
 };
 use calib_core::{Monitor, Seed};
 use calib_pipeline::{Advice, ControlModel, PYTHON, Reason, StepError, unstored_networks};
@@ -16,15 +17,15 @@ use pyo3::{exceptions::PyIndexError, prelude::*};
 use serde::Serialize;
 
 use crate::{
-    acting_walkers::ActionWalkers,
+    acting_rollouts::PyActionRollouts,
     array::{owned, view},
     errors,
     lost::LostPages,
     model::require_member,
     observer::WatchMonitor,
+    rollouts::SeenColumn,
     shared_action_model::SharedActionModel,
     study::PyJob,
-    walkers::SeenColumn,
     work::{Needs, watched},
 };
 
@@ -271,9 +272,9 @@ impl PyActionModel {
         Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
     }
 
-    /// Returns walkers, one for each of `members`. A `timeout` of 0 means no limit.
+    /// Returns rollouts, one for each of `members`. A `timeout` of 0 means no limit.
     #[pyo3(signature = (members, columns, physical, timeout, pessimistic, worst_return, live, kind))]
-    #[expect(clippy::too_many_arguments, reason = "what decides about walks")]
+    #[expect(clippy::too_many_arguments, reason = "what decides about rollouts")]
     fn walkers(
         &self,
         py: Python<'_>,
@@ -285,7 +286,7 @@ impl PyActionModel {
         worst_return: f64,
         live: bool,
         kind: &str,
-    ) -> PyResult<ActionWalkers> {
+    ) -> PyResult<PyActionRollouts> {
         members.iter().try_for_each(|&member| self.check_member(member))?;
         let names = &self.shared.opened.names;
         if let Some(column) = columns.iter().find(|column| **column >= names.columns.len()) {
@@ -293,8 +294,8 @@ impl PyActionModel {
             return Err(PyIndexError::new_err(format!("column {column}: the model has {known}")));
         }
         let pessimism = if pessimistic { Pessimism::MinimumReturn } else { Pessimism::Nearest };
-        let mut walkers = Walkers::new(self.model(), &members);
-        walkers = walkers.with_step_model(match kind {
+        let mut rollouts = ActionRollouts::new(self.model(), &members);
+        rollouts = rollouts.with_step_model(match kind {
             "neighbors" => StepModel::Recorded,
             "increments" => StepModel::Increments(self.increments(py)?),
             "network" => StepModel::by_network(self.networks(py)?),
@@ -303,8 +304,8 @@ impl PyActionModel {
                 return Err(errors::value(format!("kind is {kind:?}, {expected}")));
             }
         });
-        Ok(ActionWalkers {
-            walkers,
+        Ok(PyActionRollouts {
+            rollouts,
             shared: Arc::clone(&self.shared),
             columns: columns
                 .into_iter()
@@ -322,8 +323,8 @@ impl PyActionModel {
     /// of `steps` steps.
     fn fixed_walks(&self, runs: usize, steps: usize, timeout: usize) -> (usize, usize) {
         let span = RunLength { steps, timeout };
-        let FixedWalks { random, constant } =
-            FixedWalks::new(runs, span, self.shared.opened.names.actions.len());
+        let FixedRollouts { random, constant } =
+            FixedRollouts::new(runs, span, self.shared.opened.names.actions.len());
         (random, constant)
     }
 

@@ -338,7 +338,7 @@ impl ControlAgent {
         let run = watched(py, Needs::Threads, None, |watch| {
             let monitor = WatchMonitor(Arc::clone(watch));
             let mut watched = WatchedAgent { agent, rescaled, monitor: &monitor };
-            run_agent(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
+            run_agent(&mut watched, &mut opened.rollout(member), span, Seed::new(seed))
         })?;
         if run.diverged {
             self.has_diverged = true;

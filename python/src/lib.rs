@@ -9,7 +9,7 @@
 )]
 
 mod acting;
-mod acting_walkers;
+mod acting_rollouts;
 mod array;
 mod control_agent;
 mod convert;
@@ -20,13 +20,13 @@ mod join;
 mod lost;
 mod model;
 mod observer;
+mod rollouts;
 mod shared_action_model;
 mod shared_model;
 mod simulate;
 mod streams;
 mod study;
 mod tuned_page;
-mod walkers;
 mod work;
 
 use pyo3::prelude::*;
@@ -44,9 +44,9 @@ fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<study::PyJob>()?;
     module.add_class::<model::Model>()?;
-    module.add_class::<walkers::Walkers>()?;
+    module.add_class::<rollouts::PyRollouts>()?;
     module.add_class::<acting::PyActionModel>()?;
-    module.add_class::<acting_walkers::ActionWalkers>()?;
+    module.add_class::<acting_rollouts::PyActionRollouts>()?;
     module.add_class::<control_agent::ControlAgent>()?;
     module.add_class::<streams::Streams>()?;
     module.add_class::<streams::Score>()?;

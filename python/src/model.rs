@@ -13,9 +13,9 @@ use crate::{
     convert, errors,
     lost::LostPages,
     observer::{Watch, WatchMonitor},
+    rollouts::{PyRollouts, SeenColumn},
     shared_model::SharedModel,
     study::PyJob,
-    walkers::{SeenColumn, Walkers},
     work::{Needs, watched},
 };
 
@@ -267,7 +267,7 @@ impl Model {
         Ok((owned(py, rows, &[count, k])?, owned(py, distances, &[count, k])?))
     }
 
-    /// Returns walkers, one for each of `members`.
+    /// Returns rollouts, one for each of `members`.
     #[pyo3(signature = (members, columns, reward, steps, physical))]
     fn walkers(
         &self,
@@ -276,7 +276,7 @@ impl Model {
         reward: usize,
         steps: u64,
         physical: bool,
-    ) -> PyResult<Walkers> {
+    ) -> PyResult<PyRollouts> {
         members.iter().try_for_each(|&member| self.check_member(member))?;
         let known = self.shared.states().columns();
         if let Some(column) = columns.iter().chain([&reward]).find(|column| **column >= known) {
@@ -286,7 +286,7 @@ impl Model {
         let seen: Vec<SeenColumn> =
             columns.into_iter().map(|column| seen_column(&described, column, physical)).collect();
         let reward = seen_column(&described, reward, physical);
-        Ok(Walkers::new(Arc::clone(&self.shared), members, seen, reward, steps))
+        Ok(PyRollouts::new(Arc::clone(&self.shared), members, seen, reward, steps))
     }
 
     /// Returns the smallest and the largest value of every column, `(float32 [d], float32 [d])`.

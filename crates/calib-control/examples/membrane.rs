@@ -179,7 +179,7 @@ impl Study {
         let mut agent = Agent::new(config, 4, 8);
         for member in 0..model.members() {
             let seed = seed.child("taught").number(member as u64);
-            run_agent(&mut agent, &mut model.walk(member), span, seed);
+            run_agent(&mut agent, &mut model.rollout(member), span, seed);
         }
         (0..self.truth_runs)
             .map(|run: usize| {

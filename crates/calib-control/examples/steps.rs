@@ -48,12 +48,12 @@ fn run<T: Task>(kind: TaskKind, task: &T, what: &str, steps: usize) -> Result<()
     let starts = Starts { observed: metric.slice(0..30), metric: metric.slice(0..30) };
     let config = ActionModelConfig::default();
     let model = ActionModel::build(log, &metric, starts, &config, kind.worst_return(), &Silent)?;
-    let mut walk = model.walk(0);
+    let mut rollout = model.rollout(0);
     match what {
         "task" => at_random(&mut world, steps),
-        "model" => at_random(&mut walk, steps),
+        "model" => at_random(&mut rollout, steps),
         "agent-task" => learning(&mut world, kind.good_agent(), steps),
-        "agent-model" => learning(&mut walk, kind.good_agent(), steps),
+        "agent-model" => learning(&mut rollout, kind.good_agent(), steps),
         "deep-task" => learning(&mut world, deep(), steps),
         "join" => {}
         other => return Err(format!("`{other}` is nothing to do there").into()),

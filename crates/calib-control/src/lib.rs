@@ -2,10 +2,11 @@
 //!
 //! - [`Environment`], [`Outcome`]: the interface to a simulator or a model, which look the same to an agent.
 //! - [`Task`], [`Acrobot`], [`CartPole`], [`Membrane`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
-//! - [`ActionModel`]: a model with actions, in memory or mapped from a folder; [`Walkers`]: many rollouts through
-//!   it.
+//! - [`ActionModel`]: a model with actions, in memory or mapped from a folder; [`ActionRollouts`]: many
+//!   rollouts through it.
 //! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding, and Q-learning with a network.
 
+mod action_rollouts;
 mod agent;
 mod agent_run;
 mod behaviour;
@@ -35,14 +36,14 @@ mod task;
 mod trajectory;
 mod usage;
 mod verdict;
-mod walkers;
 
+pub use action_rollouts::{ActionRollout, ActionRollouts, RolloutStep, StepModel};
 pub use agent::{Agent, AgentConfig, Algorithm};
 pub use agent_run::{Actor, AgentRun, RunLength, run_agent};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use column_findings::{ColumnFindings, LaggedDecisions, TerminalCells, UnendedGaps};
 pub use config::{ControlConfig, RewardRow, StartRows};
-pub use constant::{ConstantReturns, FixedPolicy, FixedWalks, constant_returns};
+pub use constant::{ConstantReturns, FixedPolicy, FixedRollouts, constant_returns};
 pub use decision_rows::{ChangedDecisions, DecisionRows, RowsWithoutReward};
 pub use drift::Drift;
 pub use environment::{Ending, Environment, Outcome};
@@ -53,9 +54,9 @@ pub use levels::{FEW_STEPS, LEAST_LEVELS, Levels};
 pub use log::{Columns, Decisions};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,
-    Distance, Ensemble, IncrementModel, IncrementWalk, Increments, ModelEnvironment, NetworkConfig,
-    NetworkFiles, NetworkModel, NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step,
-    Target, Walk, open_action_model, write_action_model,
+    Distance, Ensemble, IncrementModel, IncrementRollout, Increments, ModelEnvironment,
+    NeighborRollout, NetworkConfig, NetworkFiles, NetworkModel, NetworkRollout, NetworkWorkplace,
+    Pessimism, Rules, Starts, Step, Target, open_action_model, write_action_model,
 };
 pub use off_policy::{FittedQValue, OffPolicyValues, off_policy_bytes, off_policy_values};
 pub use outlying::OutlyingActions;
@@ -75,4 +76,3 @@ pub use verdict::{
     BestConstant, Doubt, FEWEST_BLOCKS, KINDS_AGREE, KindMean, KindReturns, OutlyingMember,
     Question, RandomActions, Regret, ReturnVerdict, StepRates, Support, judge, regret,
 };
-pub use walkers::{StepModel, Walker, WalkerStep, Walkers};

@@ -222,8 +222,8 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
                 return Ok(known);
             }
             let seed = run_seed(seed, member, run);
-            let mut walk = model.walk(member);
-            let agent_run = agents.run(candidate, &mut walk, span, seed, monitor)?;
+            let mut rollout = model.rollout(member);
+            let agent_run = agents.run(candidate, &mut rollout, span, seed, monitor)?;
             let finished = Run {
                 kind,
                 member,
@@ -232,9 +232,9 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
                 mean_return: agent_run.mean_return(),
                 episodes: agent_run.returns.len(),
                 terminals: agent_run.terminals,
-                coverage: walk.coverage(),
+                coverage: rollout.coverage(),
                 curve: tenths(&agent_run.returns),
-                drift: walk.drift(),
+                drift: rollout.drift(),
             };
             if !agents.has_failed(candidate) {
                 keeper.keep(&finished)?;

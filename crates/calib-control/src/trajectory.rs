@@ -40,12 +40,12 @@ pub fn trajectory<M: Ensemble, A: ActingAgents + ?Sized>(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Trajectory, ControlError> {
-    let mut walk = model.walk(0);
+    let mut rollout = model.rollout(0);
     let mut recorded = Recorded {
         left_out: span.steps.saturating_sub(kept),
-        state: vec![0.0; walk.columns()],
+        state: vec![0.0; rollout.columns()],
         is_first: true,
-        environment: &mut walk,
+        environment: &mut rollout,
         states: Vec::new(),
         places: Vec::new(),
         actions: Vec::new(),

@@ -1,6 +1,6 @@
 use calib_nn::{Mlp, Workspace};
 
-use crate::{Dynamics, DynamicsError, LANES, Walk};
+use crate::{Dynamics, DynamicsError, LANES, LaneRollouts};
 
 /// The NN baseline: a feed-forward network with `ReLU` between layers, whose output is the next
 /// state.
@@ -39,18 +39,18 @@ impl Dynamics for FeedForward {
         0
     }
 
-    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError> {
+    fn begin_rollouts(&self) -> Result<Box<dyn LaneRollouts + '_>, DynamicsError> {
         let workspace = Workspace::new(&self.network, LANES);
-        Ok(Box::new(FeedForwardWalk { network: &self.network, workspace }))
+        Ok(Box::new(FeedForwardRollouts { network: &self.network, workspace }))
     }
 }
 
-struct FeedForwardWalk<'a> {
+struct FeedForwardRollouts<'a> {
     network: &'a Mlp,
     workspace: Workspace,
 }
 
-impl Walk for FeedForwardWalk<'_> {
+impl LaneRollouts for FeedForwardRollouts<'_> {
     fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
         next.copy_from_slice(self.network.forward(states, &mut self.workspace));
         Ok(())

@@ -4,8 +4,8 @@
 //! rolled out by feeding predictions back. Unlike a nearest-neighbour model, they can leave the data.
 //!
 //! - [`DynamicsConfig`]: the `[dynamics]` section of a study.
-//! - [`Dynamics`], [`Walk`]: any such model: state in, next state out, perhaps with a hidden state. [`FeedForward`] and [`Recurrent`] are
-//!   in this crate. Other crates may add more.
+//! - [`Dynamics`], [`LaneRollouts`]: any such model: state in, next state out, perhaps with a hidden state. [`FeedForward`] and
+//!   [`Recurrent`] are in this crate. Other crates may add more.
 //! - [`Transitioning`]: the transitions for training and for validation, split in time.
 //! - [`Trainer`], [`FeedForwardTrainer`], [`RecurrentTrainer`], [`TrainingRecord`], [`TrainingState`]: training by epochs. It can be
 //!   interrupted and resumed, with the same bytes as the result.
@@ -51,7 +51,7 @@ pub use config::{DynamicsConfig, Keep};
 pub use data::{Transitioning, sequences};
 pub use error::DynamicsError;
 pub use feed_forward::FeedForward;
-pub use model::{Dynamics, LANES, Walk};
+pub use model::{Dynamics, LANES, LaneRollouts};
 pub use noise::{NOISE_VERSION, Noise, ResidualNoise, Residuals, Rollouts};
 pub use predict::{Ended, PredictedStream, Prediction, Start, predict};
 pub use record::{EpochLoss, Trainer, TrainingRecord, seed_of_parameters};

@@ -21,11 +21,11 @@ pub trait Dynamics: fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// If the model cannot be run.
-    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError>;
+    fn begin_rollouts(&self) -> Result<Box<dyn LaneRollouts + '_>, DynamicsError>;
 }
 
 /// [`LANES`] rollouts in progress.
-pub trait Walk {
+pub trait LaneRollouts {
     /// Writes the states that follow `states`, both `[LANES, columns]`, and updates the hidden states.
     ///
     /// # Errors

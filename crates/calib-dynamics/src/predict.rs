@@ -178,7 +178,7 @@ impl Rollouts<'_> {
         let columns = states.columns();
         assert!(starts.len() <= LANES, "at most {LANES} rollouts step together");
         assert_eq!(model.columns(), columns, "the model is one of these states");
-        let mut walk = model.walk()?;
+        let mut lanes = model.begin_rollouts()?;
         let mut current = vec![0.0; LANES * columns];
         let mut next = vec![0.0; LANES * columns];
         let mut noises: Vec<Option<NoiseSource<'_>>> = starts
@@ -195,17 +195,17 @@ impl Rollouts<'_> {
                 let row = states.row(start.row.get() - back);
                 current[lane * columns..][..columns].copy_from_slice(row);
                 if histories[lane] == back {
-                    walk.forget(lane);
+                    lanes.forget(lane);
                 }
             }
-            walk.step(&current, &mut next)?;
+            lanes.step(&current, &mut next)?;
         }
         let mut rollouts = Vec::with_capacity(starts.len());
         for (lane, start) in starts.iter().enumerate() {
             let row = states.row(start.row.get());
             current[lane * columns..][..columns].copy_from_slice(row);
             if histories[lane] == 0 {
-                walk.forget(lane);
+                lanes.forget(lane);
             }
             let mut all = Vec::with_capacity((steps + 1) * columns);
             all.extend_from_slice(row);
@@ -214,7 +214,7 @@ impl Rollouts<'_> {
             rollouts.push(Prediction { start, columns, states: all, ended });
         }
         for step in 1..=steps {
-            walk.step(&current, &mut next)?;
+            lanes.step(&current, &mut next)?;
             for (lane, rollout) in rollouts.iter_mut().enumerate() {
                 let predicted = &mut next[lane * columns..][..columns];
                 if rollout.ended != Ended::Complete {
@@ -305,10 +305,10 @@ mod tests {
         assert_eq!(whole, six_rows, "six rows back, no more");
         assert!(whole != five_rows, "five rows back");
         // The expected result, computed directly: the model runs over the recorded rows.
-        let mut walk = model.walk().expect("it runs");
+        let mut lanes = model.begin_rollouts().expect("it runs");
         let mut next = vec![0.0; LANES * 3];
         for row in 15..=20 {
-            walk.step(&states.row(row).repeat(LANES), &mut next).expect("a step");
+            lanes.step(&states.row(row).repeat(LANES), &mut next).expect("a step");
         }
         assert_eq!(five_rows.state(1), &next[..3]);
     }

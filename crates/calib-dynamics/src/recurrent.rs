@@ -2,7 +2,7 @@ use calib_core::{Rng, Seed};
 use calib_nn::{Matrix, multiply};
 
 use crate::{
-    Dynamics, DynamicsError, LANES, Walk,
+    Dynamics, DynamicsError, LANES, LaneRollouts,
     gates::{Activated, Products, activate},
 };
 
@@ -162,8 +162,8 @@ impl Dynamics for Recurrent {
         self.history
     }
 
-    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError> {
-        Ok(Box::new(RecurrentWalk {
+    fn begin_rollouts(&self) -> Result<Box<dyn LaneRollouts + '_>, DynamicsError> {
+        Ok(Box::new(RecurrentRollouts {
             model: self,
             hidden: vec![vec![0.0; LANES * self.hidden]; self.layers.len()],
             of_input: vec![0.0; LANES * 3 * self.hidden],
@@ -173,7 +173,7 @@ impl Dynamics for Recurrent {
     }
 }
 
-struct RecurrentWalk<'a> {
+struct RecurrentRollouts<'a> {
     model: &'a Recurrent,
     /// Hidden state of each layer, `[LANES, hidden]`.
     hidden: Vec<Vec<f32>>,
@@ -183,7 +183,7 @@ struct RecurrentWalk<'a> {
     gates: [Vec<f32>; 5],
 }
 
-impl Walk for RecurrentWalk<'_> {
+impl LaneRollouts for RecurrentRollouts<'_> {
     fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
         let units = self.model.hidden;
         for (number, layer) in self.model.layers.iter().enumerate() {
@@ -252,11 +252,11 @@ mod tests {
             bias_hh: vec![-0.01, 0.04, 0.05],
         };
         let model = Recurrent::new(vec![layer], vec![2.0], vec![0.5], 0).expect("valid");
-        let mut walk = model.walk().expect("it runs");
+        let mut rollouts = model.begin_rollouts().expect("it runs");
         let mut next = vec![0.0; LANES];
         let mut h = 0.0_f64;
         for x in [0.7_f64, -1.2, 0.3] {
-            walk.step(&[x as f32; LANES], &mut next).expect("a step");
+            rollouts.step(&[x as f32; LANES], &mut next).expect("a step");
             let r = logistic(0.5 * x + 0.01 + 0.1 * h - 0.01);
             let z = logistic(-0.25 * x + 0.02 + 0.2 * h + 0.04);
             let n = (x + 0.03 + r * (-0.3 * h + 0.05)).tanh();
@@ -265,8 +265,8 @@ mod tests {
                 assert!((f64::from(value) - (2.0 * h + 0.5)).abs() < 1e-6, "{value} {h}");
             }
         }
-        walk.forget(3);
-        walk.step(&[0.0; LANES], &mut next).expect("a step");
+        rollouts.forget(3);
+        rollouts.step(&[0.0; LANES], &mut next).expect("a step");
         assert!(next[3] != next[2] && next[2] == next[4], "only one lane forgets");
     }
 

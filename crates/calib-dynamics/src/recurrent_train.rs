@@ -194,7 +194,7 @@ mod tests {
     fn a_gru_predicts_what_pytorch_predicts() {
         let golden = Golden::read();
         let model = golden.model();
-        let mut walk = model.walk().expect("it runs");
+        let mut rollouts = model.begin_rollouts().expect("it runs");
         let columns = golden.columns;
         let mut states = vec![0.0; LANES * columns];
         let mut next = vec![0.0; LANES * columns];
@@ -202,7 +202,7 @@ mod tests {
             for (lane, sequence) in golden.states.iter().enumerate() {
                 states[lane * columns..][..columns].copy_from_slice(&sequence[step]);
             }
-            walk.step(&states, &mut next).expect("a step");
+            rollouts.step(&states, &mut next).expect("a step");
             for (lane, expected) in golden.gru.predictions.iter().enumerate() {
                 for (got, expected) in next[lane * columns..].iter().zip(&expected[step]) {
                     let difference = (f64::from(*got) - expected).abs();

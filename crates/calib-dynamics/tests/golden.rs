@@ -46,9 +46,9 @@ fn a_feed_forward_network_learns_as_in_pytorch() {
     let rows = inputs.len() / golden.columns;
 
     let model = FeedForward::new(network.clone()).expect("states to states");
-    let mut walk = model.walk().expect("it runs");
+    let mut rollouts = model.begin_rollouts().expect("it runs");
     let mut next = vec![0.0; LANES * golden.columns];
-    walk.step(&inputs[..LANES * golden.columns], &mut next).expect("a step");
+    rollouts.step(&inputs[..LANES * golden.columns], &mut next).expect("a step");
     assert_close("prediction", &next, &golden.nn.predictions[..LANES].concat());
 
     let mut network = network;

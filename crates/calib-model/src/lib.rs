@@ -8,7 +8,7 @@
 //! - [`start_rows`]: the same for parametric models, which may start anywhere in their data.
 //! - [`rollout`], [`rollouts`], [`Rollout`]: trajectories as lists of recorded rows.
 //! - [`JumpStatistics`]: how often a rollout jumps, and how much it merely replays.
-//! - [`WalkStatistics`]: how far rollouts get, and whether they are trapped.
+//! - [`RolloutStatistics`]: how far rollouts get, and whether they are trapped.
 //! - [`RolloutConfig`]: the `[rollout]` section of a study.
 //!
 //! Every rollout is a pure function of model, member, start and seed.
@@ -41,12 +41,12 @@ mod neighbors;
 mod network;
 mod requested_start;
 mod rollout;
+mod rollout_statistics;
 mod start;
 mod start_row;
 mod start_source;
 mod statistics;
 mod trajectory;
-mod walks;
 
 pub use calib_knn::Weights;
 pub use calibration_model::{CalibrationModel, Rolling, Search, Unseen};
@@ -59,9 +59,9 @@ pub use neighbors::NeighborModel;
 pub use network::NetworkModel;
 pub use requested_start::RequestedStart;
 pub use rollout::{Rollout, rollout, rollout_seed, rollouts};
+pub use rollout_statistics::RolloutStatistics;
 pub use start::{Start, StartState, start_states, start_states_of_all};
 pub use start_row::{StartRow, start_rows};
 pub use start_source::StartSource;
 pub use statistics::JumpStatistics;
 pub use trajectory::{NotFinite, Trajectory};
-pub use walks::WalkStatistics;

@@ -65,9 +65,9 @@ pub fn rollout(
     weights: Weights,
     seed: Seed,
 ) -> Rollout {
-    let mut walk = Walk::new(member, start, steps, seed);
-    walk.advance(steps, weights);
-    walk.rollout
+    let mut rollout = RolloutInProgress::new(member, start, steps, seed);
+    rollout.advance(steps, weights);
+    rollout.made
 }
 
 /// Returns the seed of rollout `number` of member `member`, on any machine or thread.
@@ -94,27 +94,28 @@ pub fn rollouts(
         .par_iter()
         .enumerate()
         .map(|(number, start)| {
-            let mut walk =
-                Walk::new(member, start, steps, rollout_seed(seed, member.number(), number));
+            let seed = rollout_seed(seed, member.number(), number);
+            let mut rollout = RolloutInProgress::new(member, start, steps, seed);
             for done in (0..steps).step_by(BATCH) {
                 monitor.check()?;
                 let batch = BATCH.min(steps - done);
-                walk.advance(batch, weights);
+                rollout.advance(batch, weights);
                 monitor.advance(batch as u64);
             }
-            Ok(walk.rollout)
+            Ok(rollout.made)
         })
         .collect()
 }
 
 /// A rollout in progress.
-struct Walk<'a> {
+struct RolloutInProgress<'a> {
     member: &'a Member<'a>,
     rng: calib_core::Rng,
-    rollout: Rollout,
+    /// The steps made so far.
+    made: Rollout,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> RolloutInProgress<'a> {
     fn new(member: &'a Member<'a>, start: &StartState, steps: usize, seed: Seed) -> Self {
         let mut rows = Vec::with_capacity(steps + 1);
         rows.push(match &start.start {
@@ -122,15 +123,11 @@ impl<'a> Walk<'a> {
             Start::External { row, .. } => *row,
         });
         let transitions = Vec::with_capacity(steps);
-        Self {
-            member,
-            rng: seed.rng(),
-            rollout: Rollout { rows, transitions, start: start.clone() },
-        }
+        Self { member, rng: seed.rng(), made: Rollout { rows, transitions, start: start.clone() } }
     }
 
     fn advance(&mut self, steps: usize, weights: Weights) {
-        let Rollout { rows, transitions, start, .. } = &mut self.rollout;
+        let Rollout { rows, transitions, start, .. } = &mut self.made;
         let recorded = self.member.model().transitions();
         for _ in 0..steps {
             let drawn = match (transitions.last(), &start.start) {

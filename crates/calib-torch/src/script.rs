@@ -1,6 +1,6 @@
 use std::{fmt, path::Path, sync::Mutex};
 
-use calib_dynamics::{Dynamics, DynamicsError, LANES, Walk};
+use calib_dynamics::{Dynamics, DynamicsError, LANES, LaneRollouts};
 use tch::{CModule, Device, Kind, Tensor, no_grad};
 
 use crate::{TorchError, adam::values};
@@ -77,16 +77,16 @@ impl Dynamics for Script {
         0
     }
 
-    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError> {
-        Ok(Box::new(ScriptWalk { script: self }))
+    fn begin_rollouts(&self) -> Result<Box<dyn LaneRollouts + '_>, DynamicsError> {
+        Ok(Box::new(ScriptRollouts { script: self }))
     }
 }
 
-struct ScriptWalk<'a> {
+struct ScriptRollouts<'a> {
     script: &'a Script,
 }
 
-impl Walk for ScriptWalk<'_> {
+impl LaneRollouts for ScriptRollouts<'_> {
     fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
         self.script.run(states, next)
     }

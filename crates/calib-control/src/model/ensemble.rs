@@ -47,7 +47,7 @@ impl ActionModelKind {
 /// Models of one log in which agents act, one per ensemble member. A sweep treats all kinds alike.
 pub trait Ensemble: Sync {
     /// A rollout in one of the models.
-    type Walk<'a>: ModelEnvironment
+    type Rollout<'a>: ModelEnvironment
     where
         Self: 'a;
 
@@ -61,7 +61,7 @@ pub trait Ensemble: Sync {
     ///
     /// # Panics
     /// If there is no such member.
-    fn walk(&self, member: usize) -> Self::Walk<'_>;
+    fn rollout(&self, member: usize) -> Self::Rollout<'_>;
 }
 
 /// An ensemble member of a model as an environment, which records the coverage of its steps.

@@ -214,8 +214,8 @@ impl<'m> IncrementModel<'m> {
 }
 
 impl Ensemble for IncrementModel<'_> {
-    type Walk<'a>
-        = IncrementWalk<'a>
+    type Rollout<'a>
+        = IncrementRollout<'a>
     where
         Self: 'a;
 
@@ -227,9 +227,9 @@ impl Ensemble for IncrementModel<'_> {
         self.model.members()
     }
 
-    fn walk(&self, member: usize) -> IncrementWalk<'_> {
+    fn rollout(&self, member: usize) -> IncrementRollout<'_> {
         assert!(member < self.members(), "a member of the ensemble");
-        IncrementWalk {
+        IncrementRollout {
             model: self.model,
             increments: self.increments,
             member,
@@ -241,7 +241,7 @@ impl Ensemble for IncrementModel<'_> {
 
 /// An agent's rollout by recorded changes, in one ensemble member of a model.
 #[derive(Clone, Debug)]
-pub struct IncrementWalk<'a> {
+pub struct IncrementRollout<'a> {
     model: &'a ActionModel,
     increments: &'a Increments,
     member: usize,
@@ -249,13 +249,13 @@ pub struct IncrementWalk<'a> {
     coverage: Coverage,
 }
 
-impl ModelEnvironment for IncrementWalk<'_> {
+impl ModelEnvironment for IncrementRollout<'_> {
     fn coverage(&self) -> Coverage {
         self.coverage
     }
 }
 
-impl Environment for IncrementWalk<'_> {
+impl Environment for IncrementRollout<'_> {
     fn actions(&self) -> usize {
         self.model.log().levels()
     }

@@ -7,12 +7,12 @@ mod draw;
 mod ensemble;
 mod held_out;
 mod increments;
+mod neighbor_rollout;
 mod network;
 mod radius;
 mod step;
 mod store;
 mod table;
-mod walk;
 
 use calib_core::{States, TransitionIndex};
 use calib_knn::{Blocks, Weights};
@@ -20,11 +20,11 @@ use calib_knn::{Blocks, Weights};
 pub use config::{ActionModelConfig, Distance, Pessimism};
 pub use coverage::Coverage;
 pub use ensemble::{ActionModelKind, Ensemble, ModelEnvironment};
-pub use increments::{IncrementModel, IncrementWalk, Increments};
-pub use network::{NetworkConfig, NetworkFiles, NetworkModel, NetworkWalk, NetworkWorkplace};
+pub use increments::{IncrementModel, IncrementRollout, Increments};
+pub use neighbor_rollout::NeighborRollout;
+pub use network::{NetworkConfig, NetworkFiles, NetworkModel, NetworkRollout, NetworkWorkplace};
 pub use step::{At, Covered, Rules, Step, Target};
 pub use store::{ActionModelRecord, open_action_model, write_action_model};
-pub use walk::Walk;
 
 use table::{ActionTable, FillingTable};
 

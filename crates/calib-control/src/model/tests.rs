@@ -199,21 +199,21 @@ fn mean_miss(weight: f64) -> f64 {
     let (log, torque) = continuous(400, 3);
     let config = ActionModelConfig { action_weight: weight, ..ActionModelConfig::default() };
     let model = model(log, config);
-    let mut walk = model.walk(0);
+    let mut rollout = model.rollout(0);
     let mut rng = Seed::new(3).rng();
     let mut state = [0.0; 2];
     let mut sum = 0.0;
-    walk.start(&mut rng, &mut state);
+    rollout.start(&mut rng, &mut state);
     for step in 0..600 {
-        let outcome = walk.step(step % 3, &mut rng, &mut state);
+        let outcome = rollout.step(step % 3, &mut rng, &mut state);
         // The reward is the number of the row that a transition leads to.
         let set = torque[outcome.reward as usize - 1];
         sum += (set - (step % 3) as f64 + 1.0).abs() / 600.0;
         if outcome.ending == Ending::Terminal {
-            walk.start(&mut rng, &mut state);
+            rollout.start(&mut rng, &mut state);
         }
     }
-    assert_eq!(walk.coverage().missing, 0);
+    assert_eq!(rollout.coverage().missing, 0);
     sum
 }
 
@@ -224,47 +224,47 @@ fn what_was_set_counts_by_its_weight() {
 }
 
 #[test]
-fn a_walk_recombines_recorded_transitions_and_counts_what_it_lacks() {
+fn a_rollout_recombines_recorded_transitions_and_counts_what_it_lacks() {
     // Action 2 does not occur in the log.
     let model = model(log(300, 1, 2), ActionModelConfig::default());
-    let mut walk = model.walk(1);
+    let mut rollout = model.rollout(1);
     let mut rng = Seed::new(3).rng();
     let mut state = [0.0; 2];
-    walk.start(&mut rng, &mut state);
+    rollout.start(&mut rng, &mut state);
     for _ in 0..500 {
-        let outcome = walk.step(rng.below(2), &mut rng, &mut state);
+        let outcome = rollout.step(rng.below(2), &mut rng, &mut state);
         // The reward of a transition is the number of the row that it leads to.
         let row = outcome.reward as usize;
         assert_eq!(model.log().states().row(row), state);
         assert_eq!(outcome.ending, Ending::terminal_if(row % 7 == 6));
         if outcome.ending == Ending::Terminal {
-            walk.start(&mut rng, &mut state);
+            rollout.start(&mut rng, &mut state);
         }
     }
-    assert_eq!((walk.coverage().steps, walk.coverage().missing), (500, 0));
+    assert_eq!((rollout.coverage().steps, rollout.coverage().missing), (500, 0));
     let covered = model.covered();
     assert!(covered[0] > 0.5 && covered[1] > 0.5 && covered[2] == 0.0, "{covered:?}");
-    let lacking = walk.step(2, &mut rng, &mut state);
+    let lacking = rollout.step(2, &mut rng, &mut state);
     assert_eq!((lacking.reward, lacking.ending), (-99.0, Ending::Terminal));
-    assert_eq!(walk.coverage().missing, 1);
+    assert_eq!(rollout.coverage().missing, 1);
 }
 
 /// Returns, for 400 steps of a rollout, the number of far steps, and of those with the worst return.
 fn far_and_worst_steps(config: ActionModelConfig) -> (u64, u64) {
     let model = model(log(300, 5, 3), config);
-    let mut walk = model.walk(0);
+    let mut rollout = model.rollout(0);
     let mut rng = Seed::new(3).rng();
     let mut state = [0.0; 2];
     let mut worst = 0;
-    walk.start(&mut rng, &mut state);
+    rollout.start(&mut rng, &mut state);
     for _ in 0..400 {
-        let outcome = walk.step(rng.below(3), &mut rng, &mut state);
+        let outcome = rollout.step(rng.below(3), &mut rng, &mut state);
         worst += u64::from(outcome.reward == -99.0);
         if outcome.ending == Ending::Terminal {
-            walk.start(&mut rng, &mut state);
+            rollout.start(&mut rng, &mut state);
         }
     }
-    (walk.coverage().far, worst)
+    (rollout.coverage().far, worst)
 }
 
 #[test]

@@ -90,7 +90,7 @@ fn pendulum_steps_as_gymnasium() {
 }
 
 /// Returns the states of a rollout with random actions.
-fn walk<T: Task + Default>(begin: Begin, seed: u64) -> Vec<f32> {
+fn rollout<T: Task + Default>(begin: Begin, seed: u64) -> Vec<f32> {
     let mut simulated = Simulated::new(T::default(), begin);
     let mut rng = Seed::new(seed).rng();
     let mut state = vec![0.0; simulated.columns()];
@@ -112,10 +112,10 @@ fn walk<T: Task + Default>(begin: Begin, seed: u64) -> Vec<f32> {
 /// that equal seeds give equal rollouts.
 fn is_an_environment<T: Task + Default>() {
     for begin in [Begin::AsTheTask, Begin::Anywhere] {
-        let one = walk::<T>(begin, 3);
+        let one = rollout::<T>(begin, 3);
         assert!(one.iter().all(|value| (-0.5..=1.5).contains(value)), "{one:?}");
-        assert_eq!(one, walk::<T>(begin, 3));
-        assert_ne!(one, walk::<T>(begin, 4));
+        assert_eq!(one, rollout::<T>(begin, 3));
+        assert_ne!(one, rollout::<T>(begin, 4));
     }
 }
 

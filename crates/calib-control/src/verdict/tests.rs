@@ -322,7 +322,7 @@ fn doubts_with_jumps(displacements: &[f32]) -> Vec<Doubt> {
 }
 
 #[test]
-fn a_walk_that_jumps_move_on_and_on_is_doubted() {
+fn a_rollout_that_jumps_move_on_and_on_is_doubted() {
     // An actuator was held at +1, and jumps moved it back in every step.
     let doubts = doubts_with_jumps(&[-4.0, -4.4, -3.9, -4.1]);
     assert!(
@@ -369,18 +369,18 @@ fn a_wall_of_the_log_is_told_by_displacement() {
     let model = built(log, 20, &ActionModelConfig::default(), 0.0);
     let actions: [fn(usize) -> usize; 2] = [|_| 2, |step| 2 * (step % 2)];
     let [up, up_and_down] = actions.map(|action| {
-        let mut walk = model.walk(0);
+        let mut rollout = model.rollout(0);
         let mut rng = Seed::new(5).rng();
         let mut state = [0.0; 4];
         for _ in 0..10 {
-            walk.start(&mut rng, &mut state);
+            rollout.start(&mut rng, &mut state);
             for step in 0..100 {
-                walk.step(action(step), &mut rng, &mut state);
+                rollout.step(action(step), &mut rng, &mut state);
             }
         }
-        walk.start(&mut rng, &mut state);
-        assert!(walk.coverage().uncovered() < 0.3, "{:?}", walk.coverage());
-        displaced(&walk.drift())
+        rollout.start(&mut rng, &mut state);
+        assert!(rollout.coverage().uncovered() < 0.3, "{:?}", rollout.coverage());
+        displaced(&rollout.drift())
     });
     // 100 steps up would be five times the recorded range. All of them are covered, and jumps undo the movement beyond the range.
     assert!(matches!(up, Some(Doubt::Displaced { column: 0, mean, .. }) if mean < -3.5), "{up:?}");

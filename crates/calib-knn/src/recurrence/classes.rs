@@ -74,7 +74,7 @@ impl Listing<'_> {
         let Self { mut sizes, traps, others, .. } = self;
         assert!(
             !sizes.is_empty(),
-            "from every transition of a member a walk goes on, and comes to a closed class"
+            "from every transition of a member a rollout goes on, and comes to a closed class"
         );
         sizes.sort_unstable_by_key(|&size| Reverse(size));
         Classes { sizes, ends: if traps.is_empty() { others } else { traps } }

@@ -56,6 +56,6 @@ impl BuiltModel {
 pub fn warnings(manifest: &ModelFacts) -> Vec<String> {
     let ModelFacts { members, study, .. } = manifest;
     let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
-    let walks = recurrence::warnings(members, study.model.remove_traps);
-    [walks, jumps::warnings(jumps, &study.model, study.sweep.steps)].concat()
+    let of_rollouts = recurrence::warnings(members, study.model.remove_traps);
+    [of_rollouts, jumps::warnings(jumps, &study.model, study.sweep.steps)].concat()
 }

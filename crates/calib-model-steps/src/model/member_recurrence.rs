@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use calib_core::{Frames, Seed, Timestamp, TransitionIndex};
 use calib_knn::{Ends, KnnModel, Recurrence, Weights};
-use calib_model::WalkStatistics;
+use calib_model::RolloutStatistics;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +25,7 @@ pub(crate) struct MemberRecurrence {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) exit_times: Vec<Timestamp>,
     #[serde(flatten)]
-    pub(crate) walks: WalkStatistics,
+    pub(crate) rollouts: RolloutStatistics,
 }
 
 /// A stretch of the log.
@@ -48,12 +48,13 @@ impl MemberRecurrence {
         weights: Weights,
         seed: u64,
     ) -> Self {
+        // Rollouts were called walks. The seed keeps the name, so that the numbers of models stay.
         let seed = Seed::new(seed).child("walks").number(member as u64);
         let left_out = knn.left_out(member);
-        let mut walks = WalkStatistics::of(&knn.member(member), ends, weights, seed);
+        let mut rollouts = RolloutStatistics::of(&knn.member(member), ends, weights, seed);
         if classes.after.count > 1 {
             // Separate parts do not mix, wherever they are.
-            walks.mixing_steps = None;
+            rollouts.mixing_steps = None;
         }
         Self {
             classes,
@@ -69,13 +70,13 @@ impl MemberRecurrence {
                 .take(TOLD)
                 .map(|(row, _)| time(knn, frames, row))
                 .collect(),
-            walks,
+            rollouts,
         }
     }
 
     /// Returns the effective share of the member's rows over which rollouts are spread.
     pub(super) fn covered(&self, transitions: usize) -> Option<f64> {
-        self.walks.effective_rows.map(|rows| (rows / transitions as f64).min(1.0))
+        self.rollouts.effective_rows.map(|rows| (rows / transitions as f64).min(1.0))
     }
 }
 

@@ -23,7 +23,7 @@ const MANY: usize = 1000;
 
 /// Returns lines about the removal of traps, and about how far rollouts get.
 pub(crate) fn lines(member: &MemberRecurrence, transitions: usize) -> [String; 2] {
-    let MemberRecurrence { classes, walks, .. } = member;
+    let MemberRecurrence { classes, rollouts, .. } = member;
     let spread = match member.covered(transitions) {
         None => "an unknown share of the rows".to_owned(),
         // How many rollouts end in which class is random: twice or half as many are as likely.
@@ -32,13 +32,13 @@ pub(crate) fn lines(member: &MemberRecurrence, transitions: usize) -> [String; 2
         }
         Some(share) => format!("{} of the rows", percent(share)),
     };
-    let mix = match walks.mixing_steps {
+    let mix = match rollouts.mixing_steps {
         // Rollouts in a trap soon reach any row of it.
         _ if classes.after.traps > 0 => String::new(),
         Some(steps) => format!(", and forget their start after about {} steps", count(steps)),
         None => ", and do not forget their start in a million steps".to_owned(),
     };
-    let end = match walks.steps_to_end {
+    let end = match rollouts.steps_to_end {
         Some(steps) if classes.after.traps > 0 => {
             format!(", are trapped after about {} steps", about(steps))
         }
@@ -108,7 +108,7 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
             ),
         ),
         (
-            &|recurrence, all| recurrence.classes.after.traps == 0 && recurrence.walks.trapped > 0 && all >= MANY,
+            &|recurrence, all| recurrence.classes.after.traps == 0 && recurrence.rollouts.trapped > 0 && all >= MANY,
             "some rollouts of MEMBERS stay among fewer than 100 rows for 10,000 steps before they leave them; try a larger preprocess.subsample (`trapped` in the model's manifest.json counts them)"
                 .to_owned(),
         ),
@@ -187,9 +187,9 @@ pub fn report_table(model: &ModelManifest) -> Option<Table> {
                     0 | 1 => 100.0 * share,
                     _ => rounded(100.0 * share, 1),
                 })),
-                Cell::from(recurrence.walks.mixing_steps.map(|steps| steps as f64)),
-                Cell::from(recurrence.walks.steps_to_end),
-                Cell::Count(recurrence.walks.trapped as u64),
+                Cell::from(recurrence.rollouts.mixing_steps.map(|steps| steps as f64)),
+                Cell::from(recurrence.rollouts.steps_to_end),
+                Cell::Count(recurrence.rollouts.trapped as u64),
             ])
         })
         .collect();
@@ -228,7 +228,7 @@ fn sizes_cell(classes: &ClosedClasses) -> Cell {
 
 #[cfg(test)]
 mod tests {
-    use calib_model::WalkStatistics;
+    use calib_model::RolloutStatistics;
 
     use super::*;
 
@@ -246,7 +246,7 @@ mod tests {
             classes: Recurrence { after, ..Recurrence::default() },
             left_out_times: Vec::new(),
             exit_times: Vec::new(),
-            walks: WalkStatistics {
+            rollouts: RolloutStatistics {
                 distinct_rows: 2000,
                 trapped: 0,
                 effective_rows: Some(2530.0),

@@ -67,9 +67,8 @@ fn show_member(
     };
     let transitions = count(member.transitions);
     printer.result(&format!("  ensemble member {number}: {transitions} transitions; {how}"))?;
-    for line in
-        member.recurrence.iter().flat_map(|walks| recurrence::lines(walks, member.transitions))
-    {
+    let recurrences = member.recurrence.iter();
+    for line in recurrences.flat_map(|found| recurrence::lines(found, member.transitions)) {
         printer.detail(&format!("    {line}"));
     }
     Ok(())

@@ -1,9 +1,9 @@
-//! Checks the removal of traps, and the statistics of walks, against `NumPy` and `SciPy`:
+//! Checks the removal of traps, and the statistics of rollouts, against `NumPy` and `SciPy`:
 //! `scripts/golden/closed_classes.py`.
 
 use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_knn::{KnnModel, ModelConfig, WeightsKind, Workplace};
-use calib_model::WalkStatistics;
+use calib_model::RolloutStatistics;
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -29,7 +29,7 @@ struct Expected {
     /// Neighbours of the shown transitions of the member, in order.
     neighbors: Vec<Vec<u32>>,
     steps_to_end: f64,
-    /// Standard deviation over the steps of one walk.
+    /// Standard deviation over the steps of one rollout.
     deviation: f64,
     effective_rows: f64,
 }
@@ -88,29 +88,29 @@ fn mean(values: impl ExactSizeIterator<Item = Option<f64>>) -> f64 {
 }
 
 #[test]
-fn statistics_of_walks_estimate_what_linear_algebra_says() {
-    // Many times 32 walks, so that the remaining deviation is the error of the estimate.
+fn statistics_of_rollouts_estimate_what_linear_algebra_says() {
+    // Many times 32 rollouts, so that the remaining deviation is the error of the estimate.
     const TIMES: u64 = 16;
     for case in Case::all() {
         let weights = case.config().weights().expect("valid");
         let (model, built) = case.build();
         for (number, expected) in case.expected.iter().enumerate() {
-            let walks: Vec<WalkStatistics> = (0..TIMES)
+            let found: Vec<RolloutStatistics> = (0..TIMES)
                 .map(|time: u64| {
                     let seed = Seed::new(5).number(time);
-                    WalkStatistics::of(&model.member(number), &built.ends[number], weights, seed)
+                    RolloutStatistics::of(&model.member(number), &built.ends[number], weights, seed)
                 })
                 .collect();
             let few = expected.after.iter().any(|&size| size < 200);
-            assert!(few || walks.iter().all(|walks| walks.trapped == 0));
+            assert!(few || found.iter().all(|statistics| statistics.trapped == 0));
             let name = format!("{} {number}", case.name);
-            let steps = mean(walks.iter().map(|walks| walks.steps_to_end));
+            let steps = mean(found.iter().map(|statistics| statistics.steps_to_end));
             let far = (steps - expected.steps_to_end).abs();
             let error = expected.deviation / f64::from(32 * TIMES as u32).sqrt();
             assert!(far <= 4.0 * error, "{name}: {steps} steps, a standard error of {error}");
-            // Two separate classes are visited according to the start states of the 32 walks.
+            // Two separate classes are visited according to the start states of the 32 rollouts.
             if expected.after.len() == 1 {
-                let rows = mean(walks.iter().map(|walks| walks.effective_rows));
+                let rows = mean(found.iter().map(|statistics| statistics.effective_rows));
                 assert!((rows / expected.effective_rows - 1.0).abs() < 0.02, "{name}: {rows} rows");
             }
         }

@@ -71,16 +71,16 @@ fn each_step_is_drawn_from_the_table_and_emits_the_next_state() {
     let start =
         start_states(&member, StartSource::Random, 1, Seed::new(5)).expect("starts").remove(0);
     let Start::At(mut current) = start.start else { panic!("random starts are in the member") };
-    let walk = rollout(&member, &start, 500, Weights::Uniform, Seed::new(6));
-    assert_eq!(walk.rows()[0], model.transitions().next(current));
-    for (&drawn, &row) in walk.transitions().iter().zip(&walk.rows()[1..]) {
+    let trajectory = rollout(&member, &start, 500, Weights::Uniform, Seed::new(6));
+    assert_eq!(trajectory.rows()[0], model.transitions().next(current));
+    for (&drawn, &row) in trajectory.transitions().iter().zip(&trajectory.rows()[1..]) {
         assert!(member.neighbors(current).0.contains(&drawn.0));
         assert_eq!(row, model.transitions().next(drawn));
         current = drawn;
     }
-    let stream = walk.stream(model.states());
+    let stream = trajectory.stream(model.states());
     assert_eq!((stream.pieces().len(), &stream.pieces()[0]), (1, &(0..501)));
-    assert_eq!(stream.state(9), model.states().row(walk.rows()[9].get()));
+    assert_eq!(stream.state(9), model.states().row(trajectory.rows()[9].get()));
 }
 
 #[test]
@@ -94,10 +94,9 @@ fn draws_from_one_state_follow_the_weights() {
     let mut counts = [0_u32; 4];
     let n = 40_000;
     for number in 0..n {
-        let walk = rollout(&member, &start, 1, Weights::Linear, Seed::new(1).number(number));
-        counts
-            [neighbors.iter().position(|&j| j == walk.transitions()[0].0).expect("a neighbour")] +=
-            1;
+        let trajectory = rollout(&member, &start, 1, Weights::Linear, Seed::new(1).number(number));
+        let drawn = trajectory.transitions()[0].0;
+        counts[neighbors.iter().position(|&j| j == drawn).expect("a neighbour")] += 1;
     }
     let expected = Weights::Linear.probabilities(distances);
     let chi_square: f64 = expected
@@ -190,13 +189,14 @@ proptest! {
             let source = StartSource::Rows { rows: &rows, absent };
             let starts = start_states(&member, source, rows.len(), Seed::new(0)).expect("starts");
             for (start, row) in starts.iter().zip(&rows) {
-                let walk = rollout(&member, start, 5, Weights::Inverse, Seed::new(0));
+                let trajectory = rollout(&member, start, 5, Weights::Inverse, Seed::new(0));
+                let rows_made = trajectory.rows();
                 if start.replaced.is_none() {
-                    prop_assert_eq!(walk.rows()[0], *row);
+                    prop_assert_eq!(rows_made[0], *row);
                 } else {
-                    prop_assert!(rows_of_member(model, member.number()).contains(&walk.rows()[0]));
+                    prop_assert!(rows_of_member(model, member.number()).contains(&rows_made[0]));
                 }
-                prop_assert!(walk.rows()[1..].iter().all(|row| rows_of_member(model, member.number()).contains(row)));
+                prop_assert!(rows_made[1..].iter().all(|row| rows_of_member(model, member.number()).contains(row)));
             }
             Ok(())
         })?;

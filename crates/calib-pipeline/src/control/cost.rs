@@ -111,7 +111,7 @@ impl MeasuredCosts {
         let model = kept.unwrap_or(&part.model);
         let timeout = config.timeout;
         let mut random = FixedPolicy::Random(log.levels());
-        let neighbors_step = step_secs(&mut random, &mut model.walk(0), timeout);
+        let neighbors_step = step_secs(&mut random, &mut model.rollout(0), timeout);
         let mut kinds = Vec::new();
         for &kind in &config.models {
             monitor.check()?;
@@ -137,16 +137,16 @@ fn least_transitions(config: &ControlConfig) -> usize {
     FEW_TRANSITIONS.max(config.model.members.saturating_mul(4))
 }
 
-/// Returns the seconds per step of `actor` in `walk`. It doubles the steps until they take long enough to time.
-fn step_secs<W: ModelEnvironment>(actor: &mut impl Actor, walk: &mut W, timeout: usize) -> f64 {
+/// Returns the seconds per step of `actor` in `rollout`. It doubles the steps until they take long enough to time.
+fn step_secs<W: ModelEnvironment>(actor: &mut impl Actor, rollout: &mut W, timeout: usize) -> f64 {
     let mut steps = FIRST_STEPS;
     loop {
-        let before = walk.coverage().steps;
+        let before = rollout.coverage().steps;
         let clock = Stopwatch::start();
-        let run = run_agent(actor, walk, RunLength { steps, timeout }, Seed::new(steps as u64));
+        let run = run_agent(actor, rollout, RunLength { steps, timeout }, Seed::new(steps as u64));
         let took = clock.elapsed();
         if took >= TIMED || steps >= LAST_STEPS || run.diverged {
-            let taken = walk.coverage().steps - before;
+            let taken = rollout.coverage().steps - before;
             return took.as_secs_f64() / taken.max(1) as f64;
         }
         steps *= 2;
@@ -206,7 +206,7 @@ impl PartModel {
         let making = clock.elapsed().as_secs_f64();
         let model = IncrementModel::new(&self.model, &increments);
         let mut random = FixedPolicy::Random(log.levels());
-        let step = step_secs(&mut random, &mut model.walk(0), config.timeout);
+        let step = step_secs(&mut random, &mut model.rollout(0), config.timeout);
         let grown = grown(self.model.log().len(), log.len());
         // A step searches all transitions with its action.
         Ok(KindCost { making: making * grown.powf(self.power), step: step * grown })
@@ -257,7 +257,7 @@ impl FewDecisions {
         let model = NetworkModel::train_members(few, starts, &timed, &[0], seed, None, monitor)?;
         let update = clock.elapsed().as_secs_f64() / updates(&timed, few.len());
         let mut random = FixedPolicy::Random(log.levels());
-        let step = step_secs(&mut random, &mut model.walk(0), config.timeout);
+        let step = step_secs(&mut random, &mut model.rollout(0), config.timeout);
         Ok(KindCost { making: update * updates(&whole, log.len()), step })
     }
 }
@@ -316,17 +316,17 @@ impl AgentTiming<'_> {
     }
 
     fn agent(&self, agent: AgentConfig) -> Result<AgentCost, StepError> {
-        let mut walk = self.model.walk(0);
-        let TimeableAgent { config, times } = timeable(agent, walk.columns(), walk.actions());
+        let mut rollout = self.model.rollout(0);
+        let TimeableAgent { config, times } = timeable(agent, rollout.columns(), rollout.actions());
         let clock = Stopwatch::start();
-        let mut actor = Agent::seeded(config, walk.columns(), walk.actions(), Seed::new(0));
+        let mut actor = Agent::seeded(config, rollout.columns(), rollout.actions(), Seed::new(0));
         let beginning = clock.elapsed().as_secs_f64();
         if config.algorithm == Algorithm::DeepQLearning {
             // Steps cost almost nothing until there are enough transitions for a batch.
             let filling = RunLength { steps: config.batch, timeout: self.timeout };
-            run_agent(&mut actor, &mut walk, filling, Seed::new(1));
+            run_agent(&mut actor, &mut rollout, filling, Seed::new(1));
         }
-        let both = step_secs(&mut actor, &mut walk, self.timeout);
+        let both = step_secs(&mut actor, &mut rollout, self.timeout);
         let step = times * (both - self.neighbors_step).max(0.0);
         let FewDecisions { log, starts } = self.few;
         let clock = Stopwatch::start();

@@ -6,7 +6,7 @@ use calib_base::{
     output::{Printer, bytes, count, counted, duration_of_secs},
 };
 use calib_control::{
-    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, FixedWalks, NetworkConfig,
+    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, FixedRollouts, NetworkConfig,
     NetworkModel, off_policy_bytes,
 };
 use calib_model_steps::represent::{RepresentationCost, decisions};
@@ -187,8 +187,8 @@ impl ControlTime {
             });
             runs_secs += side_by_side(&runs.collect::<Vec<_>>(), threads);
             if work.scope == WorkScope::All {
-                let walks = FixedWalks::new(config.runs, config.run_length(), log.levels());
-                let count = left.members.len().saturating_mul(walks.in_member(log.levels()));
+                let rollouts = FixedRollouts::new(config.runs, config.run_length(), log.levels());
+                let count = left.members.len().saturating_mul(rollouts.in_member(log.levels()));
                 let secs = steps * kind.step;
                 other_secs += side_by_side(&[Pieces { count, secs }], threads);
             }
@@ -488,7 +488,7 @@ mod tests {
         // Two runs of each setting: steps of 2 and 4 seconds in one model, of 3 and 5 in the other.
         let kept = 8.0 * KEEPING_SECS;
         assert!((all.runs_secs - 10.0 * 2.0 * (2.0 + 4.0 + 3.0 + 5.0) - kept).abs() < 1e-9);
-        // 32 walks of random actions and 16 of each of two constant ones, in two members of both kinds. Then both
+        // 32 rollouts of random actions and 16 of each of two constant ones, in two members of both kinds. Then both
         // agents from the log, and one of them again.
         let [constant, by_the_log, again] =
             [10.0 * 128.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];

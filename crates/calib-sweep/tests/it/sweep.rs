@@ -12,7 +12,7 @@ use calib_agent::{AgentConfig, Checkpoint, Part, ReturnMoments, ValueFunction};
 use calib_core::{
     Frames, Monitor, RowIndex, Seed, Segments, Silent, States, Timestamp, Transitions,
 };
-use calib_dynamics::{Dynamics, DynamicsError, LANES, Walk};
+use calib_dynamics::{Dynamics, DynamicsError, LANES, LaneRollouts};
 use calib_files::Fingerprint;
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_model::{
@@ -497,12 +497,12 @@ impl Dynamics for Tenfold {
         0
     }
 
-    fn walk(&self) -> Result<Box<dyn Walk + '_>, DynamicsError> {
+    fn begin_rollouts(&self) -> Result<Box<dyn LaneRollouts + '_>, DynamicsError> {
         Ok(Box::new(Self))
     }
 }
 
-impl Walk for Tenfold {
+impl LaneRollouts for Tenfold {
     fn step(&mut self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
         assert_eq!(states.len(), 2 * LANES);
         for (state, next) in states.chunks(2).zip(next.chunks_mut(2)) {

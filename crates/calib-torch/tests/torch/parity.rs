@@ -122,7 +122,7 @@ fn a_gru_learns_and_rolls_out_natively() {
     // The loss of the first batch, computed by the native model.
     let model = trainer.present().expect("libtorch");
     let first: Vec<u32> = (0..LANES as u32).map(|lane| lane * 11).collect();
-    let expected = loss_by_walking(&model, &states, &transitions, &first, 8);
+    let expected = loss_by_rollouts(&model, &states, &transitions, &first, 8);
     let got = trainer.update(&first).expect("libtorch");
     assert!((got - expected).abs() < 1e-6, "{got} {expected}");
 
@@ -140,7 +140,7 @@ fn a_gru_learns_and_rolls_out_natively() {
     assert_eq!(Recurrent::from_tensors(&read).expect("its own"), kept);
 }
 
-fn loss_by_walking(
+fn loss_by_rollouts(
     model: &Recurrent,
     states: &States,
     transitions: &Transitions,
@@ -148,7 +148,7 @@ fn loss_by_walking(
     length: usize,
 ) -> f64 {
     let columns = states.columns();
-    let mut walk = model.walk().expect("it runs");
+    let mut rollouts = model.begin_rollouts().expect("it runs");
     let mut now = vec![0.0; LANES * columns];
     let mut next = vec![0.0; LANES * columns];
     let mut squares = 0.0;
@@ -160,7 +160,7 @@ fn loss_by_walking(
         for (now, &row) in now.chunks_exact_mut(columns).zip(&rows) {
             now.copy_from_slice(states.row(row));
         }
-        walk.step(&now, &mut next).expect("a step");
+        rollouts.step(&now, &mut next).expect("a step");
         for (next, &row) in next.chunks_exact(columns).zip(&rows) {
             let pairs = next.iter().zip(states.row(row + 1));
             squares += pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();

@@ -61,22 +61,22 @@ fn a_smooth_column_keeps_its_offset_and_noise_does_not() {
     assert_eq!(increments.keeps(), [true, false]);
     let ensemble = IncrementModel::new(&model, &increments);
     for member in 0..ensemble.members() {
-        let mut walk = ensemble.walk(member);
+        let mut rollout = ensemble.rollout(member);
         let mut rng = Seed::new(2).rng();
         let mut state = [0.0; 2];
-        walk.start(&mut rng, &mut state);
+        rollout.start(&mut rng, &mut state);
         assert!((0..9).any(|start| model.starts().row(start) == state));
         state[0] = 0.5;
         for action in [0, 1, 1, 0, 1] {
             let before = state[0];
-            let outcome = walk.step(action, &mut rng, &mut state);
+            let outcome = rollout.step(action, &mut rng, &mut state);
             // The change adds to the place itself; recombined rows would lead to the place
             // of a neighbour.
             assert!((state[0] - before - follows(action as f64)).abs() < 1e-6);
             assert!((outcome.reward - f64::from(state[0])).abs() < 0.1, "{outcome:?} {state:?}");
             assert!(recorded(&model, state[1]), "noise is what was recorded");
         }
-        assert_eq!(walk.coverage().steps, 5);
+        assert_eq!(rollout.coverage().steps, 5);
     }
 }
 
@@ -89,14 +89,14 @@ fn steps_stay_in_the_range_of_the_log() {
     let model = model(None, Pessimism::Nearest);
     let increments = increments(&model);
     let ensemble = IncrementModel::new(&model, &increments);
-    let mut walk = ensemble.walk(0);
+    let mut rollout = ensemble.rollout(0);
     let mut rng = Seed::new(2).rng();
     let mut state = [0.5, 0.5];
     let highest = (0..model.log().states().rows())
         .map(|row| model.log().states().row(row)[0])
         .fold(0.0, f32::max);
     for _ in 0..200 {
-        walk.step(1, &mut rng, &mut state);
+        rollout.step(1, &mut rng, &mut state);
     }
     assert_eq!(state[0], highest);
 }
@@ -127,12 +127,12 @@ fn an_episode_ends_where_the_log_does_not_cover_a_step_if_so_wished() {
     let model = model(None, Pessimism::MinimumReturn);
     let increments = increments(&model);
     let ensemble = IncrementModel::new(&model, &increments);
-    let mut walk = ensemble.walk(0);
+    let mut rollout = ensemble.rollout(0);
     let mut rng = Seed::new(2).rng();
     let mut state = [90.0, 0.5];
-    let outcome = walk.step(1, &mut rng, &mut state);
+    let outcome = rollout.step(1, &mut rng, &mut state);
     assert_eq!((outcome.reward, outcome.ending), (-7.0, Ending::Terminal));
-    assert_eq!((state[0], walk.coverage().far), (90.0, 1));
+    assert_eq!((state[0], rollout.coverage().far), (90.0, 1));
 }
 
 #[test]
@@ -141,11 +141,11 @@ fn actions_that_are_numbers_move_by_what_was_set_near_the_level() {
     let increments = increments(&model);
     assert!(increments.keeps()[0]);
     let ensemble = IncrementModel::new(&model, &increments);
-    let mut walk = ensemble.walk(1);
+    let mut rollout = ensemble.rollout(1);
     let mut rng = Seed::new(2).rng();
     for (action, set) in [(0, 0.0), (1, 0.5), (2, 1.0)] {
         let mut state = [0.5, 0.5];
-        walk.step(action, &mut rng, &mut state);
+        rollout.step(action, &mut rng, &mut state);
         assert!((state[0] - 0.5 - follows(set)).abs() < 0.01, "{action}: {state:?}");
     }
 }

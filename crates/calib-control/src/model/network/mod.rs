@@ -214,7 +214,7 @@ fn training_for(model: &ActionModel, seed: Seed) -> (NetworkConfig, Seed) {
 }
 
 impl Ensemble for NetworkModel {
-    type Walk<'a> = NetworkWalk<'a>;
+    type Rollout<'a> = NetworkRollout<'a>;
 
     fn kind(&self) -> ActionModelKind {
         ActionModelKind::Network
@@ -224,29 +224,29 @@ impl Ensemble for NetworkModel {
         self.networks.len()
     }
 
-    fn walk(&self, member: usize) -> NetworkWalk<'_> {
+    fn rollout(&self, member: usize) -> NetworkRollout<'_> {
         assert!(member < self.members(), "a member of the ensemble");
-        NetworkWalk { model: self, member, place: self.workplace(), steps: 0 }
+        NetworkRollout { model: self, member, place: self.workplace(), steps: 0 }
     }
 }
 
 /// An agent's rollout in a network.
 #[derive(Clone, Debug)]
-pub struct NetworkWalk<'a> {
+pub struct NetworkRollout<'a> {
     model: &'a NetworkModel,
     member: usize,
     place: NetworkWorkplace,
     steps: u64,
 }
 
-impl ModelEnvironment for NetworkWalk<'_> {
+impl ModelEnvironment for NetworkRollout<'_> {
     /// A network cannot tell which steps the log covers, so no step counts as uncovered.
     fn coverage(&self) -> Coverage {
         Coverage { steps: self.steps, ..Coverage::default() }
     }
 }
 
-impl Environment for NetworkWalk<'_> {
+impl Environment for NetworkRollout<'_> {
     fn actions(&self) -> usize {
         self.model.scales.actions
     }

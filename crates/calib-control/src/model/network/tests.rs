@@ -56,17 +56,17 @@ fn model(config: NetworkConfig) -> NetworkModel {
 fn a_step_is_what_follows_in_truth() {
     let model = model(NetworkConfig { updates: 4000, members: 3, ..NetworkConfig::default() });
     for member in 0..model.members() {
-        let mut walk = model.walk(member);
+        let mut rollout = model.rollout(member);
         let mut rng = Seed::new(3).rng();
         for (place, action) in [(0.3, 0), (0.5, 1), (0.05, 0), (0.8, 1), (0.88, 1)] {
             let mut state = [place];
-            let outcome = walk.step(action, &mut rng, &mut state);
+            let outcome = rollout.step(action, &mut rng, &mut state);
             let truth = follows(place, action);
             assert!((state[0] - truth).abs() < 0.02, "{place} {action}: {state:?}, not {truth}");
             assert!((outcome.reward - f64::from(1000.0 * truth)).abs() < 25.0, "{outcome:?}");
             assert_eq!(outcome.ending, Ending::terminal_if(truth >= 0.9), "{place} {action}");
         }
-        assert_eq!(walk.coverage(), Coverage { steps: 5, missing: 0, far: 0 });
+        assert_eq!(rollout.coverage(), Coverage { steps: 5, missing: 0, far: 0 });
     }
 }
 
@@ -76,13 +76,13 @@ fn nothing_leaves_the_range_of_the_log() {
     let model = model(NetworkConfig { updates: 1, learning_rate: 1.0, ..NetworkConfig::default() });
     let log = log();
     let highest = log.states().as_slice().iter().copied().fold(f32::MIN, f32::max);
-    let mut walk = model.walk(0);
+    let mut rollout = model.rollout(0);
     let mut rng = Seed::new(3).rng();
     let mut state = [0.0];
-    walk.start(&mut rng, &mut state);
+    rollout.start(&mut rng, &mut state);
     assert!([0.1, 0.3].contains(&state[0]));
     for step in 0..200 {
-        let outcome = walk.step(step % 2, &mut rng, &mut state);
+        let outcome = rollout.step(step % 2, &mut rng, &mut state);
         assert!((0.0..=highest).contains(&state[0]), "{state:?}");
         assert!((0.0..=f64::from(1000.0 * highest)).contains(&outcome.reward), "{outcome:?}");
     }
@@ -115,7 +115,7 @@ fn some_members_have_the_networks_that_they_have_among_all() {
             assert_eq!(network.as_ref(), expected, "member {member} of {members:?}");
         }
         let mut state = [0.3];
-        some.walk(members[0]).step(1, &mut Seed::new(3).rng(), &mut state);
+        some.rollout(members[0]).step(1, &mut Seed::new(3).rng(), &mut state);
     }
 }
 

@@ -37,10 +37,10 @@ fn recent_starts_are_spread_over_the_latest_rows_or_are_the_nearest_to_them() {
     for (start, wanted) in without_last_block.iter().zip(last) {
         assert_eq!(start.wanted, wanted.0);
         assert!(start.replaced.expect("it is replaced") > 0.0);
-        let walk = rollout(&model.member(4), start, 0, Weights::Linear, Seed::new(0));
+        let trajectory = rollout(&model.member(4), start, 0, Weights::Linear, Seed::new(0));
         let RequestedStart::Recorded(row) = start.wanted else { panic!("{start:?}") };
         let near = nearest_to(&model.member(4), row, 1)[0];
-        assert_eq!(walk.rows()[0], model.transitions().source(near.transition));
+        assert_eq!(trajectory.rows()[0], model.transitions().source(near.transition));
     }
     assert_eq!(before[0].wanted, RequestedStart::Recorded(RowIndex(299)));
 }
@@ -62,10 +62,10 @@ fn rows_that_the_member_lacks_are_searched_or_replaced() {
     for (start, row) in external[1..3].iter().zip(&rows[1..]) {
         let Start::External { row: at, neighbors } = &start.start else { panic!("{start:?}") };
         assert_eq!((at, neighbors), (row, &nearest_to(&member, *row, 3)));
-        let walk = rollout(&member, start, 20, Weights::Linear, Seed::new(2));
-        assert_eq!(walk.rows()[0], *row);
-        assert!(neighbors.iter().any(|near| near.transition == walk.transitions()[0]));
-        assert!(walk.rows()[1..].iter().all(|row| rows_of_member(&model, 2).contains(row)));
+        let trajectory = rollout(&member, start, 20, Weights::Linear, Seed::new(2));
+        assert_eq!(trajectory.rows()[0], *row);
+        assert!(neighbors.iter().any(|near| near.transition == trajectory.transitions()[0]));
+        assert!(trajectory.rows()[1..].iter().all(|row| rows_of_member(&model, 2).contains(row)));
     }
     // Row 0 is its own nearest source, so the replacement stays there. The excluded row moves into the member.
     assert_eq!(replaced[0].replaced, None);
@@ -93,8 +93,9 @@ fn nearest_starts_are_recorded_states_near_the_deployment() {
     let others = start_states(&model.member(0), source, 8, Seed::new(4)).expect("starts");
     for (start, other) in starts.iter().zip(&others) {
         assert_eq!(start.wanted, other.wanted, "the same states for every member");
-        let walk = rollout(&member, start, 1, Weights::Linear, Seed::new(4));
-        let which = sources.iter().position(|&row| row == walk.rows()[0]).expect("one of the two");
+        let trajectory = rollout(&member, start, 1, Weights::Linear, Seed::new(4));
+        let first = trajectory.rows()[0];
+        let which = sources.iter().position(|&row| row == first).expect("one of the two");
         assert_eq!(start.replaced, Some(nearest[which][0].distance));
         assert_eq!(start.wanted, RequestedStart::Deployment(RowIndex::new(which)));
         seen.insert(which);

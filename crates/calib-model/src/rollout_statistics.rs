@@ -3,17 +3,17 @@ use calib_knn::{Ends, Member, Weights};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Number of walks per member.
-const WALKS: usize = 32;
-/// Steps per walk: those of the paper's rollouts on one week of data.
+/// Number of rollouts per member.
+const ROLLOUTS: usize = 32;
+/// Steps per rollout: those of the paper's rollouts on one week of data.
 const STEPS: usize = 30_000;
-/// A walk that visits fewer rows than this in its last third is trapped (our choice).
+/// A rollout that visits fewer rows than this in its last third is trapped (our choice).
 const TRAPPED: usize = 100;
 /// Number of parts of the member, equally long in time order, between which mixing is measured.
 const PARTS: usize = 10;
-/// Parts with a smaller share of the steps are ignored when mixing is judged: hardly any walk starts there.
+/// Parts with a smaller share of the steps are ignored when mixing is judged: hardly any rollout starts there.
 const RARE: f64 = 0.01;
-/// Walks have mixed when their distribution is within this total-variation distance of the stationary one (Levin &
+/// Rollouts have mixed when their distribution is within this total-variation distance of the stationary one (Levin &
 /// Peres, Markov Chains and Mixing Times, 2017, §4.5).
 const MIXED: f64 = 0.25;
 /// Longest lag at which moves are counted directly.
@@ -28,7 +28,7 @@ const LONG_RUN: u32 = 30;
 /// The second halves of the rollouts show what a stationary rollout visits. All values are estimates, and they depend only on the seed, not
 /// on the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct WalkStatistics {
+pub struct RolloutStatistics {
     /// Number of distinct transitions that a rollout draws, the median over rollouts.
     pub distinct_rows: usize,
     /// Number of rollouts, of 32, that draw fewer than 100 distinct transitions in their last 10,000 steps.
@@ -49,19 +49,19 @@ pub struct WalkStatistics {
     pub mixing_steps: Option<usize>,
 }
 
-impl WalkStatistics {
-    /// Returns the statistics of `member`, whose walks end in `ends`.
+impl RolloutStatistics {
+    /// Returns the statistics of `member`, whose rollouts end in `ends`.
     pub fn of(member: &Member<'_>, ends: &Ends, weights: Weights, seed: Seed) -> Self {
-        let walks = Walks::new(member, weights, seed, STEPS);
-        let mut each: Vec<usize> = walks.all().map(distinct).collect();
+        let rollouts = DrawnTransitions::new(member, weights, seed, STEPS);
+        let mut each: Vec<usize> = rollouts.all().map(distinct).collect();
         each.sort_unstable();
-        let last_thirds = walks.all().map(|walk| &walk[2 * STEPS / 3..]);
+        let last_thirds = rollouts.all().map(|rollout| &rollout[2 * STEPS / 3..]);
         Self {
             distinct_rows: each[each.len() / 2],
             trapped: last_thirds.filter(|rows| distinct(rows) < TRAPPED).count(),
-            effective_rows: walks.effective_rows(),
-            steps_to_end: walks.steps_to_end(ends),
-            mixing_steps: walks.mixing_steps(member),
+            effective_rows: rollouts.effective_rows(),
+            steps_to_end: rollouts.steps_to_end(ends),
+            mixing_steps: rollouts.mixing_steps(member),
         }
     }
 }
@@ -74,26 +74,27 @@ fn distinct(rows: &[u32]) -> usize {
     rows.len()
 }
 
-/// The transitions that walks draw.
-struct Walks {
-    /// Transitions `[walk, step]`; the first is the start.
+/// The transitions that rollouts draw.
+struct DrawnTransitions {
+    /// Transitions `[rollout, step]`; the first is the start.
     transitions: Vec<u32>,
     steps: usize,
 }
 
-impl Walks {
+impl DrawnTransitions {
     fn new(member: &Member<'_>, weights: Weights, seed: Seed, steps: usize) -> Self {
+        // Rollouts were called walks. The seed keeps the name, so that the numbers of models stay.
         let mut rngs: Vec<Rng> =
-            (0..WALKS).map(|walk| seed.child("walk").number(walk as u64).rng()).collect();
-        let mut transitions = vec![0; WALKS * steps];
-        for (walk, rng) in rngs.iter_mut().enumerate() {
-            transitions[walk * steps] = member.nth(rng.below(member.len())).0;
+            (0..ROLLOUTS).map(|rollout| seed.child("walk").number(rollout as u64).rng()).collect();
+        let mut transitions = vec![0; ROLLOUTS * steps];
+        for (rollout, rng) in rngs.iter_mut().enumerate() {
+            transitions[rollout * steps] = member.nth(rng.below(member.len())).0;
         }
-        // Side by side, so that the processor waits for the rows of all walks at once.
+        // Side by side, so that the processor waits for the rows of all rollouts at once.
         for step in 1..steps {
-            for (walk, rng) in rngs.iter_mut().enumerate() {
-                let from = TransitionIndex(transitions[walk * steps + step - 1]);
-                transitions[walk * steps + step] = member.draw(from, weights, rng).0;
+            for (rollout, rng) in rngs.iter_mut().enumerate() {
+                let from = TransitionIndex(transitions[rollout * steps + step - 1]);
+                transitions[rollout * steps + step] = member.draw(from, weights, rng).0;
             }
         }
         Self { transitions, steps }
@@ -103,25 +104,25 @@ impl Walks {
         self.transitions.chunks_exact(self.steps)
     }
 
-    /// Iterates over the second halves of the walks.
+    /// Iterates over the second halves of the rollouts.
     fn settled(&self) -> impl Iterator<Item = &[u32]> {
-        self.all().map(|walk| &walk[self.steps / 2..])
+        self.all().map(|rollout| &rollout[self.steps / 2..])
     }
 
     fn effective_rows(&self) -> Option<f64> {
         let numbered = self.settled().enumerate();
         let mut drawn: Vec<(u32, u32)> = numbered
-            .flat_map(|(number, walk)| walk.iter().map(move |&row| (row, number as u32)))
+            .flat_map(|(number, rollout)| rollout.iter().map(move |&row| (row, number as u32)))
             .collect();
         drawn.sort_unstable();
-        // Pairs of steps of different walks, and the number of pairs at the same transition. Each pair counts in both
+        // Pairs of steps of different rollouts, and the number of pairs at the same transition. Each pair counts in both
         // orders.
         let all = drawn.len();
-        let own = drawn.len() / WALKS;
-        let pairs = all * all - WALKS * own * own;
+        let own = drawn.len() / ROLLOUTS;
+        let pairs = all * all - ROLLOUTS * own * own;
         let same = drawn.chunk_by(|a, b| a.0 == b.0).map(|row| {
             let own: usize =
-                row.chunk_by(|a, b| a.1 == b.1).map(|walk| walk.len() * walk.len()).sum();
+                row.chunk_by(|a, b| a.1 == b.1).map(|rollout| rollout.len() * rollout.len()).sum();
             row.len() * row.len() - own
         });
         let same: usize = same.sum();
@@ -131,7 +132,7 @@ impl Walks {
     fn steps_to_end(&self, ends: &Ends) -> Option<f64> {
         let before: Vec<Option<usize>> = self
             .all()
-            .map(|walk| walk.iter().position(|row| ends.contains(TransitionIndex(*row))))
+            .map(|rollout| rollout.iter().position(|row| ends.contains(TransitionIndex(*row))))
             .collect();
         let ended = before.iter().flatten().count();
         let steps: usize = before.into_iter().map(|steps| steps.unwrap_or(self.steps)).sum();
@@ -140,10 +141,11 @@ impl Walks {
 
     fn mixing_steps(&self, member: &Member<'_>) -> Option<usize> {
         let dropped = member.model().blocks().dropped(member.number());
-        let walks: Vec<Vec<usize>> = self
+        let rollouts: Vec<Vec<usize>> = self
             .all()
-            .map(|walk| {
-                walk.iter()
+            .map(|rollout| {
+                rollout
+                    .iter()
                     .map(|&row| {
                         let before = if row < dropped.start { 0 } else { dropped.len() };
                         (row as usize - before) * PARTS / member.len()
@@ -151,25 +153,25 @@ impl Walks {
                     .collect()
             })
             .collect();
-        mixing_steps(&walks)
+        mixing_steps(&rollouts)
     }
 }
 
 /// Transition probabilities between parts after some steps, one row per starting part.
 type Moves = [[f64; PARTS]; PARTS];
 
-/// Returns the number of steps after which the position of a walk no longer depends on its starting part. `walks` holds
+/// Returns the number of steps after which the position of a rollout no longer depends on its starting part. `rollouts` holds
 /// the part at each step.
-fn mixing_steps(walks: &[Vec<usize>]) -> Option<usize> {
-    let steps: usize = walks.iter().map(Vec::len).sum();
+fn mixing_steps(rollouts: &[Vec<usize>]) -> Option<usize> {
+    let steps: usize = rollouts.iter().map(Vec::len).sum();
     let mut share = [0.0; PARTS];
-    walks.iter().flatten().for_each(|&part| share[part] += 1.0 / steps as f64);
+    rollouts.iter().flatten().for_each(|&part| share[part] += 1.0 / steps as f64);
     let rare = share.map(|share| share < RARE);
-    let mut moves = after(walks, 1);
+    let mut moves = after(rollouts, 1);
     for power in 0..=MOST_POWER {
         let lag = 1_usize << power;
         if lag <= LONGEST_LAG {
-            moves = after(walks, lag);
+            moves = after(rollouts, lag);
         } else {
             // Assumes that the next steps do not depend on how a part was entered.
             moves = product(&moves, &moves);
@@ -187,10 +189,10 @@ fn mixing_steps(walks: &[Vec<usize>]) -> Option<usize> {
 }
 
 /// Returns the transition probabilities between parts after `lag` steps.
-fn after(walks: &[Vec<usize>], lag: usize) -> Moves {
+fn after(rollouts: &[Vec<usize>], lag: usize) -> Moves {
     let mut moves = [[0.0; PARTS]; PARTS];
-    for walk in walks {
-        walk.iter().zip(walk.iter().skip(lag)).for_each(|(&a, &b)| moves[a][b] += 1.0);
+    for rollout in rollouts {
+        rollout.iter().zip(rollout.iter().skip(lag)).for_each(|(&a, &b)| moves[a][b] += 1.0);
     }
     for (part, row) in moves.iter_mut().enumerate() {
         let sum: f64 = row.iter().sum();

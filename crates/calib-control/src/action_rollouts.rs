@@ -32,14 +32,16 @@ impl StepModel {
 
 /// Rollouts through ensemble members of a model, each with its own random numbers.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Walkers {
-    walks: Vec<Walker>,
+pub struct ActionRollouts {
+    /// The key is older than the name of the field, and pickled environments have it.
+    #[serde(rename = "walks")]
+    rollouts: Vec<ActionRollout>,
     columns: usize,
-    /// Sum of the jumps in the present episode, from the rollout's state to the source of the drawn transition, `[walks, columns]`.
+    /// Sum of the jumps in the present episode, from the rollout's state to the source of the drawn transition, `[rollouts, columns]`.
     displacements: Vec<f32>,
     /// The same sums over finished episodes.
     drift: Drift,
-    /// The states of rollouts that leave recorded rows, `[walks, columns]`; empty for other rollouts.
+    /// The states of rollouts that leave recorded rows, `[rollouts, columns]`; empty for other rollouts.
     #[serde(default)]
     states: Vec<f32>,
     #[serde(skip)]
@@ -48,7 +50,7 @@ pub struct Walkers {
 
 /// One rollout.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Walker {
+pub struct ActionRollout {
     /// The ensemble member.
     pub member: usize,
     /// The place of the rollout.
@@ -64,7 +66,7 @@ pub struct Walker {
 
 /// The result of a rollout's last step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WalkerStep {
+pub struct RolloutStep {
     /// The reward; 0 if an episode began.
     pub reward: f64,
     /// Whether the episode ended in a terminal.
@@ -77,7 +79,7 @@ pub struct WalkerStep {
     pub covered: bool,
 }
 
-impl WalkerStep {
+impl RolloutStep {
     /// The result of a step that began an episode.
     pub const BEGAN: Self =
         Self { reward: 0.0, terminated: false, truncated: false, distance: 0.0, covered: true };
@@ -87,14 +89,14 @@ fn draws(seed: u64) -> Rng {
     Seed::new(seed).child("environment").rng()
 }
 
-impl Walkers {
+impl ActionRollouts {
     /// Returns rollouts through these ensemble members of `model`, without an episode yet. Rollout i has the seed i.
     pub fn new(model: &ActionModel, members: &[usize]) -> Self {
         let columns = model.log().states().columns();
-        let walks: Vec<Walker> = members
+        let rollouts: Vec<ActionRollout> = members
             .iter()
             .enumerate()
-            .map(|(number, &member)| Walker {
+            .map(|(number, &member)| ActionRollout {
                 member,
                 at: At::Start(0),
                 steps: 0,
@@ -103,10 +105,10 @@ impl Walkers {
                 rng: draws(number as u64),
             })
             .collect();
-        let displacements = vec![0.0; walks.len() * columns];
+        let displacements = vec![0.0; rollouts.len() * columns];
         let drift = Drift::default();
         let states = Vec::new();
-        Self { walks, columns, displacements, drift, states, step_model: StepModel::Recorded }
+        Self { rollouts, columns, displacements, drift, states, step_model: StepModel::Recorded }
     }
 
     /// Returns the same rollouts with the steps of `step_model`, which must belong to the same model.
@@ -127,33 +129,33 @@ impl Walkers {
     /// If there is no such rollout.
     pub fn observed<'a>(&'a self, model: &'a ActionModel, number: usize) -> &'a [f32] {
         if self.states.is_empty() {
-            return model.observed(self.walks[number].at);
+            return model.observed(self.rollouts[number].at);
         }
         &self.states[number * self.columns..][..self.columns]
     }
 
     /// Returns the rollouts.
-    pub fn walks(&self) -> &[Walker] {
-        &self.walks
+    pub fn all(&self) -> &[ActionRollout] {
+        &self.rollouts
     }
 
     /// Returns the sum of the jumps in each present episode, from the rollout's state to the source of the drawn transition,
-    /// `[walks, columns]`.
+    /// `[rollouts, columns]`.
     pub fn displacements(&self) -> &[f32] {
         &self.displacements
     }
 
     /// Returns the coverage of all steps so far.
     pub fn coverage(&self) -> Coverage {
-        self.walks.iter().fold(Coverage::default(), |all, walk| all.and(walk.coverage))
+        self.rollouts.iter().fold(Coverage::default(), |all, rollout| all.and(rollout.coverage))
     }
 
     /// Returns how far jumps moved the finished episodes, or the unfinished ones if no episode is finished.
     pub fn drift(&self) -> Drift {
         let mut drift = self.drift.clone();
         if drift.episodes == 0 {
-            let each = self.walks.iter().zip(self.displacements.chunks(self.columns.max(1)));
-            each.filter(|(walker, _)| walker.steps > 0).for_each(|(_, moved)| drift.count(moved));
+            let each = self.rollouts.iter().zip(self.displacements.chunks(self.columns.max(1)));
+            each.filter(|(rollout, _)| rollout.steps > 0).for_each(|(_, moved)| drift.count(moved));
         }
         drift
     }
@@ -163,7 +165,7 @@ impl Walkers {
     /// # Panics
     /// If there is no such rollout.
     pub fn seed(&mut self, number: usize, seed: u64) {
-        self.walks[number].rng = draws(seed);
+        self.rollouts[number].rng = draws(seed);
     }
 
     /// Returns these stored rollouts with the steps of `like`, or `None` if they cannot be rollouts through the
@@ -178,7 +180,7 @@ impl Walkers {
             && self.states.len() == like.states.len()
             && self.states.iter().all(|value| value.is_finite())
             && self.members().eq(like.members())
-            && self.walks.iter().all(|walker| match walker.at {
+            && self.rollouts.iter().all(|rollout| match rollout.at {
                 At::Start(start) => (start as usize) < model.starts().rows(),
                 At::After(transition) => (transition as usize) < model.log().len(),
             })
@@ -186,23 +188,23 @@ impl Walkers {
 
     /// Returns the ensemble member of each rollout.
     fn members(&self) -> impl Iterator<Item = usize> {
-        self.walks.iter().map(|walk| walk.member)
+        self.rollouts.iter().map(|rollout| rollout.member)
     }
 
     /// Begins an episode of rollout `number`.
     ///
     /// # Panics
     /// If there is no such rollout.
-    pub fn begin(&mut self, model: &ActionModel, number: usize) -> WalkerStep {
-        let walker = &mut self.walks[number];
-        walker.at = At::Start(walker.rng.below(model.starts().rows()) as u32);
-        (walker.steps, walker.over) = (0, false);
-        let of_walk = number * self.columns..(number + 1) * self.columns;
-        self.displacements[of_walk.clone()].fill(0.0);
+    pub fn begin(&mut self, model: &ActionModel, number: usize) -> RolloutStep {
+        let rollout = &mut self.rollouts[number];
+        rollout.at = At::Start(rollout.rng.below(model.starts().rows()) as u32);
+        (rollout.steps, rollout.over) = (0, false);
+        let of_rollout = number * self.columns..(number + 1) * self.columns;
+        self.displacements[of_rollout.clone()].fill(0.0);
         if !self.states.is_empty() {
-            self.states[of_walk].copy_from_slice(model.observed(walker.at));
+            self.states[of_rollout].copy_from_slice(model.observed(rollout.at));
         }
-        WalkerStep::BEGAN
+        RolloutStep::BEGAN
     }
 
     /// Takes a step of rollout `number`. Its episode is cut after `timeout` steps. If its episode is over, the step begins another one.
@@ -216,25 +218,25 @@ impl Walkers {
         target: Target<'_>,
         rules: Rules,
         timeout: u64,
-    ) -> WalkerStep {
-        if self.walks[number].over {
+    ) -> RolloutStep {
+        if self.rollouts[number].over {
             return self.begin(model, number);
         }
-        let of_walk = number * self.columns..(number + 1) * self.columns;
-        let walker = &mut self.walks[number];
+        let of_rollout = number * self.columns..(number + 1) * self.columns;
+        let rollout = &mut self.rollouts[number];
         let Step { drawn, reward, ending, covered, distance } = match &mut self.step_model {
             StepModel::Recorded => {
-                model.step(walker.member, walker.at, target, rules, &mut walker.rng)
+                model.step(rollout.member, rollout.at, target, rules, &mut rollout.rng)
             }
             StepModel::Increments(increments) => {
-                let state = &mut self.states[of_walk.clone()];
-                let member = (model, walker.member);
-                increments.step(member, target, rules, &mut Vec::new(), &mut walker.rng, state)
+                let state = &mut self.states[of_rollout.clone()];
+                let member = (model, rollout.member);
+                increments.step(member, target, rules, &mut Vec::new(), &mut rollout.rng, state)
             }
             StepModel::Network(networks, place) => {
                 let Target::Level(action) = target else { panic!("a network knows levels alone") };
-                let state = &mut self.states[of_walk.clone()];
-                let outcome = networks.step(walker.member, action, place, state);
+                let state = &mut self.states[of_rollout.clone()];
+                let outcome = networks.step(rollout.member, action, place, state);
                 let drawn = None;
                 let covered = Covered::Near;
                 let distance = 0.0;
@@ -242,21 +244,22 @@ impl Walkers {
                 Step { drawn, reward, ending, covered, distance }
             }
         };
-        walker.coverage.count(covered);
+        rollout.coverage.count(covered);
         if let Some(drawn) = drawn {
             if self.states.is_empty() {
-                model.add_displacement(walker.at, drawn, &mut self.displacements[of_walk.clone()]);
+                let displacement = &mut self.displacements[of_rollout.clone()];
+                model.add_displacement(rollout.at, drawn, displacement);
             }
-            walker.at = At::After(drawn.0);
+            rollout.at = At::After(drawn.0);
         }
-        walker.steps += 1;
+        rollout.steps += 1;
         let terminated = ending == Ending::Terminal;
-        let truncated = !terminated && timeout > 0 && walker.steps >= timeout;
-        walker.over = terminated || truncated;
-        if walker.over {
-            self.drift.count(&self.displacements[of_walk]);
+        let truncated = !terminated && timeout > 0 && rollout.steps >= timeout;
+        rollout.over = terminated || truncated;
+        if rollout.over {
+            self.drift.count(&self.displacements[of_rollout]);
         }
-        WalkerStep { reward, terminated, truncated, distance, covered: covered == Covered::Near }
+        RolloutStep { reward, terminated, truncated, distance, covered: covered == Covered::Near }
     }
 }
 
@@ -313,72 +316,73 @@ mod tests {
     }
 
     #[test]
-    fn a_walker_walks_as_a_walk_does() {
+    fn a_rollout_among_others_is_as_alone() {
         let model = model(None);
-        let mut walkers = Walkers::new(&model, &[1, 2]);
-        walkers.seed(0, 5);
-        let mut walk = model.walk(1);
+        let mut rollouts = ActionRollouts::new(&model, &[1, 2]);
+        rollouts.seed(0, 5);
+        let mut rollout = model.rollout(1);
         let mut rng = draws(5);
         let mut state = [0.0];
-        walkers.begin(&model, 0);
-        walk.start(&mut rng, &mut state);
+        rollouts.begin(&model, 0);
+        rollout.start(&mut rng, &mut state);
         for number in 0..500 {
             let action = number % 4;
-            let went = walkers.step(&model, 0, Target::Level(action), model.rules(), 30);
-            let outcome = walk.step(action, &mut rng, &mut state);
+            let went = rollouts.step(&model, 0, Target::Level(action), model.rules(), 30);
+            let outcome = rollout.step(action, &mut rng, &mut state);
             assert_eq!(
                 (went.reward, went.terminated),
                 (outcome.reward, outcome.ending == Ending::Terminal)
             );
-            assert_eq!(model.observed(walkers.walks()[0].at), state);
+            assert_eq!(model.observed(rollouts.all()[0].at), state);
             if went.terminated || went.truncated {
-                walkers.begin(&model, 0);
-                walk.start(&mut rng, &mut state);
+                rollouts.begin(&model, 0);
+                rollout.start(&mut rng, &mut state);
             }
         }
-        assert_eq!(walkers.walks()[0].coverage, walk.coverage());
-        assert_eq!(walkers.drift(), walk.drift());
-        assert!(walk.drift().episodes > 10, "{:?}", walk.drift());
-        assert!(walkers.walks()[1].over, "the other one has not begun");
+        assert_eq!(rollouts.all()[0].coverage, rollout.coverage());
+        assert_eq!(rollouts.drift(), rollout.drift());
+        assert!(rollout.drift().episodes > 10, "{:?}", rollout.drift());
+        assert!(rollouts.all()[1].over, "the other one has not begun");
     }
 
     #[test]
-    fn walkers_by_increments_walk_as_a_walk_does_and_are_restored() {
+    fn rollouts_by_increments_are_as_alone_and_are_restored() {
         let model = model(None);
         let increments = Arc::new(Increments::new(&model, 0.95, &Silent).expect("made"));
         let ensemble = IncrementModel::new(&model, &increments);
         let step_model = StepModel::Increments(Arc::clone(&increments));
-        let unmoved = Walkers::new(&model, &[1, 2]).with_step_model(step_model);
-        let mut walkers = unmoved.clone();
-        walkers.seed(0, 5);
-        let mut walk = ensemble.walk(1);
+        let unmoved = ActionRollouts::new(&model, &[1, 2]).with_step_model(step_model);
+        let mut rollouts = unmoved.clone();
+        rollouts.seed(0, 5);
+        let mut rollout = ensemble.rollout(1);
         let mut rng = draws(5);
         let mut state = [0.0];
-        walkers.begin(&model, 0);
-        walk.start(&mut rng, &mut state);
+        rollouts.begin(&model, 0);
+        rollout.start(&mut rng, &mut state);
         for number in 0..300 {
             let action = number % 4;
-            let went = walkers.step(&model, 0, Target::Level(action), model.rules(), 30);
-            let outcome = walk.step(action, &mut rng, &mut state);
+            let went = rollouts.step(&model, 0, Target::Level(action), model.rules(), 30);
+            let outcome = rollout.step(action, &mut rng, &mut state);
             assert_eq!(went.reward, outcome.reward);
-            assert_eq!(walkers.observed(&model, 0), state);
+            assert_eq!(rollouts.observed(&model, 0), state);
             if went.terminated || went.truncated {
-                walkers.begin(&model, 0);
-                walk.start(&mut rng, &mut state);
+                rollouts.begin(&model, 0);
+                rollout.start(&mut rng, &mut state);
             }
             if number == 150 {
-                let stored = serde_json::to_string(&walkers).expect("stored");
-                let read: Walkers = serde_json::from_str(&stored).expect("read");
-                assert!(read.clone().restored(&model, &Walkers::new(&model, &[1, 2])).is_none());
-                walkers = read.restored(&model, &unmoved).expect("walks like these");
+                let stored = serde_json::to_string(&rollouts).expect("stored");
+                let read: ActionRollouts = serde_json::from_str(&stored).expect("read");
+                let recorded = ActionRollouts::new(&model, &[1, 2]);
+                assert!(read.clone().restored(&model, &recorded).is_none());
+                rollouts = read.restored(&model, &unmoved).expect("rollouts like these");
             }
         }
-        assert_eq!(walkers.walks()[0].coverage, walk.coverage());
-        assert!(walkers.drift().means().iter().all(|&moved| moved == [0.0, 0.0]), "no jumps");
+        assert_eq!(rollouts.all()[0].coverage, rollout.coverage());
+        assert!(rollouts.drift().means().iter().all(|&moved| moved == [0.0, 0.0]), "no jumps");
     }
 
     #[test]
-    fn walkers_by_networks_walk_as_a_walk_does() {
+    fn rollouts_by_networks_are_as_alone() {
         let model = model(None);
         let config = NetworkConfig { members: 3, updates: 200, ..NetworkConfig::default() };
         let starts = model.starts().clone();
@@ -386,42 +390,42 @@ mod tests {
             .expect("learned");
         let networks = Arc::new(networks);
         let step_model = StepModel::by_network(Arc::clone(&networks));
-        let mut walkers = Walkers::new(&model, &[1, 2]).with_step_model(step_model);
-        walkers.seed(1, 5);
-        let mut walk = networks.walk(2);
+        let mut rollouts = ActionRollouts::new(&model, &[1, 2]).with_step_model(step_model);
+        rollouts.seed(1, 5);
+        let mut rollout = networks.rollout(2);
         let mut rng = draws(5);
         let mut state = [0.0];
-        walkers.begin(&model, 1);
-        walk.start(&mut rng, &mut state);
+        rollouts.begin(&model, 1);
+        rollout.start(&mut rng, &mut state);
         for number in 0..20 {
-            let went = walkers.step(&model, 1, Target::Level(number % 4), model.rules(), 0);
-            assert_eq!(went.reward, walk.step(number % 4, &mut rng, &mut state).reward);
-            assert_eq!(walkers.observed(&model, 1), state);
+            let went = rollouts.step(&model, 1, Target::Level(number % 4), model.rules(), 0);
+            assert_eq!(went.reward, rollout.step(number % 4, &mut rng, &mut state).reward);
+            assert_eq!(rollouts.observed(&model, 1), state);
             if went.terminated {
                 break;
             }
         }
-        assert_eq!(walkers.walks()[1].coverage, walk.coverage());
+        assert_eq!(rollouts.all()[1].coverage, rollout.coverage());
     }
 
     #[test]
     fn jumps_and_transitions_together_are_the_way() {
         let model = model(None);
-        let mut walkers = Walkers::new(&model, &[0]);
-        walkers.begin(&model, 0);
-        let first = model.observed(walkers.walks()[0].at)[0];
+        let mut rollouts = ActionRollouts::new(&model, &[0]);
+        rollouts.begin(&model, 0);
+        let first = model.observed(rollouts.all()[0].at)[0];
         let mut moved = 0.0;
         loop {
-            let went = walkers.step(&model, 0, Target::Level(1), model.rules(), 12);
-            let At::After(drawn) = walkers.walks()[0].at else { panic!("it went on") };
+            let went = rollouts.step(&model, 0, Target::Level(1), model.rules(), 12);
+            let At::After(drawn) = rollouts.all()[0].at else { panic!("it went on") };
             let row = model.led_to(drawn).get();
             moved += model.log().states().row(row)[0] - model.log().states().row(row - 1)[0];
             if went.terminated || went.truncated {
                 break;
             }
         }
-        let last = model.observed(walkers.walks()[0].at)[0];
-        assert!((first + moved + walkers.displacements()[0] - last).abs() < 1e-5);
+        let last = model.observed(rollouts.all()[0].at)[0];
+        assert!((first + moved + rollouts.displacements()[0] - last).abs() < 1e-5);
     }
 
     #[test]
@@ -446,15 +450,15 @@ mod tests {
     }
 
     /// Takes 900 steps of three rollouts. Returns their results and places, and the rollouts.
-    fn way(model: &ActionModel) -> (Vec<(WalkerStep, At)>, Walkers) {
-        let mut walkers = Walkers::new(model, &[0, 1, 2]);
+    fn way(model: &ActionModel) -> (Vec<(RolloutStep, At)>, ActionRollouts) {
+        let mut rollouts = ActionRollouts::new(model, &[0, 1, 2]);
         let mut seen = Vec::new();
         for number in 0..900 {
             let target = Target::Level(number % 4);
-            let went = walkers.step(model, number % 3, target, model.rules(), 30);
-            seen.push((went, walkers.walks()[number % 3].at));
+            let went = rollouts.step(model, number % 3, target, model.rules(), 30);
+            seen.push((went, rollouts.all()[number % 3].at));
         }
-        (seen, walkers)
+        (seen, rollouts)
     }
 
     #[test]
@@ -467,11 +471,11 @@ mod tests {
             assert!(names.iter().all(|name| directory.path().join(name).exists()));
             let opened = open_action_model(directory.path(), &record).expect("opened");
             let (first, _) = way(&model);
-            let (second, walkers) = way(&opened);
+            let (second, rollouts) = way(&opened);
             assert_eq!(first, second);
-            let again = walkers.clone().restored(&model, &Walkers::new(&model, &[0, 1, 2]));
+            let again = rollouts.clone().restored(&model, &ActionRollouts::new(&model, &[0, 1, 2]));
             assert!(again.is_some());
-            assert!(walkers.restored(&model, &Walkers::new(&model, &[0, 1])).is_none());
+            assert!(rollouts.restored(&model, &ActionRollouts::new(&model, &[0, 1])).is_none());
             let short = vec![0.0_f32; 10];
             calib_files::write_npy(&directory.path().join("rewards.npy"), &short, 10, 1)
                 .expect("written");

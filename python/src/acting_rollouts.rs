@@ -2,22 +2,22 @@
 
 use std::sync::Arc;
 
-use calib_control::{At, Coverage, Drift, Rules, Target, WalkerStep, Walkers};
+use calib_control::{ActionRollouts, At, Coverage, Drift, RolloutStep, Rules, Target};
 use pyo3::{prelude::*, types::PyTuple};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     array::{copied, owned},
     errors,
+    rollouts::{SeenColumn, marked, require_each},
     shared_action_model::SharedActionModel,
-    walkers::{SeenColumn, marked, require_each},
 };
 
 /// Rollouts through ensemble members of a model, controlled by actions.
-#[pyclass(module = "calib_rl._calib")]
-pub(crate) struct ActionWalkers {
+#[pyclass(module = "calib_rl._calib", name = "ActionWalkers")]
+pub(crate) struct PyActionRollouts {
     pub(crate) shared: Arc<SharedActionModel>,
-    pub(crate) walkers: Walkers,
+    pub(crate) rollouts: ActionRollouts,
     pub(crate) columns: Vec<SeenColumn>,
     pub(crate) rules: Rules,
     /// Steps after which an episode is cut; 0 for no limit.
@@ -26,22 +26,22 @@ pub(crate) struct ActionWalkers {
     pub(crate) live: bool,
 }
 
-/// Coverage and drift of all walkers' steps, as JSON.
+/// Coverage and drift of all rollouts' steps, as JSON.
 #[derive(Serialize, Deserialize)]
 struct Lived {
     coverage: Coverage,
     drift: Drift,
 }
 
-/// The actions of all walkers in a step.
+/// The actions of all rollouts in a step.
 enum Done {
     Levels(Vec<i64>),
-    /// Settings `[walkers, columns]`, each as a share of its recorded range, and the number of columns.
+    /// Settings `[rollouts, columns]`, each as a share of its recorded range, and the number of columns.
     Set(Vec<f32>, usize),
 }
 
 impl Done {
-    /// Returns the action of walker `number`.
+    /// Returns the action of rollout `number`.
     fn target(&self, number: usize) -> Target<'_> {
         match self {
             Self::Levels(levels) => Target::Level(levels[number] as usize),
@@ -50,28 +50,28 @@ impl Done {
     }
 }
 
-impl ActionWalkers {
-    /// Returns the row that walker `number` observes.
+impl PyActionRollouts {
+    /// Returns the row that rollout `number` observes.
     fn row(&self, number: usize) -> i64 {
         let opened = &self.shared.opened;
-        match self.walkers.walks()[number].at {
+        match self.rollouts.all()[number].at {
             At::Start(start) => i64::from(opened.start_rows[start as usize]),
             At::After(transition) => i64::from(opened.model.led_to(transition).0),
         }
     }
 
     fn look(&self, number: usize, seen: &mut Vec<f32>, displaced: &mut Vec<f32>) {
-        let state = self.walkers.observed(&self.shared.opened.model, number);
+        let state = self.rollouts.observed(&self.shared.opened.model, number);
         let width = state.len();
-        let moved = &self.walkers.displacements()[number * width..][..width];
+        let moved = &self.rollouts.displacements()[number * width..][..width];
         for column in &self.columns {
             seen.push(column.value(state) as f32);
             displaced.push((f64::from(moved[column.position]) * column.bounds.scale) as f32);
         }
     }
 
-    /// Returns the observations of all walkers after their steps, in the order of [`step`](Self::step).
-    fn arrays<'py>(&self, py: Python<'py>, steps: &[WalkerStep]) -> PyResult<Bound<'py, PyTuple>> {
+    /// Returns the observations of all rollouts after their steps, in the order of [`step`](Self::step).
+    fn arrays<'py>(&self, py: Python<'py>, steps: &[RolloutStep]) -> PyResult<Bound<'py, PyTuple>> {
         let count = steps.len();
         let width = self.columns.len();
         let mut seen = Vec::with_capacity(count * width);
@@ -99,7 +99,7 @@ impl ActionWalkers {
         PyTuple::new(py, arrays)
     }
 
-    /// Converts `actions` for `count` walkers.
+    /// Converts `actions` for `count` rollouts.
     fn done(&self, actions: &Bound<'_, PyAny>, count: usize) -> PyResult<Done> {
         if self.live {
             return self.set(actions, count);
@@ -116,7 +116,7 @@ impl ActionWalkers {
             return Ok(());
         }
         Err(errors::value(format!(
-            "walker {number} takes action {level}; the model has {known}, from 0 to {}",
+            "rollout {number} takes action {level}; the model has {known}, from 0 to {}",
             known - 1
         )))
     }
@@ -138,7 +138,7 @@ impl ActionWalkers {
                 if !value.is_finite() {
                     let number = place / ranges.len();
                     return Err(errors::value(format!(
-                        "walker {number} sets {value}, which is no number"
+                        "rollout {number} sets {value}, which is no number"
                     )));
                 }
                 let range = if high > low { high - low } else { 1.0 };
@@ -150,27 +150,27 @@ impl ActionWalkers {
 }
 
 #[pymethods]
-impl ActionWalkers {
-    /// Returns the place of every walker and its random numbers, as text.
+impl PyActionRollouts {
+    /// Returns the place of every rollout and its random numbers, as text.
     fn state(&self) -> PyResult<String> {
-        serde_json::to_string(&self.walkers).map_err(errors::unusable)
+        serde_json::to_string(&self.rollouts).map_err(errors::unusable)
     }
 
-    /// Restores the state of other walkers through the same ensemble members.
+    /// Restores the state of other rollouts through the same ensemble members.
     fn restore(&mut self, state: &str) -> PyResult<()> {
-        let walkers: Walkers = serde_json::from_str(state).map_err(errors::unusable)?;
-        let restored = walkers.restored(&self.shared.opened.model, &self.walkers);
-        self.walkers = restored
-            .ok_or_else(|| errors::value("the state is of walkers through another model"))?;
+        let rollouts: ActionRollouts = serde_json::from_str(state).map_err(errors::unusable)?;
+        let restored = rollouts.restored(&self.shared.opened.model, &self.rollouts);
+        self.rollouts = restored
+            .ok_or_else(|| errors::value("the state is of rollouts through another model"))?;
         Ok(())
     }
 
-    /// Seeds walker i with `seeds[i]`, unless that is `None`.
+    /// Seeds rollout i with `seeds[i]`, unless that is `None`.
     fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
-        require_each(seeds.len(), "seeds", self.walkers.walks().len())?;
+        require_each(seeds.len(), "seeds", self.rollouts.all().len())?;
         for (number, seed) in seeds.into_iter().enumerate() {
             if let Some(seed) = seed {
-                self.walkers.seed(number, seed);
+                self.rollouts.seed(number, seed);
             }
         }
         Ok(())
@@ -178,50 +178,50 @@ impl ActionWalkers {
 
     /// Returns coverage and drift of all steps so far, as JSON.
     fn lived(&self) -> PyResult<String> {
-        let coverage = self.walkers.coverage();
-        let drift = self.walkers.drift();
+        let coverage = self.rollouts.coverage();
+        let drift = self.rollouts.drift();
         let lived = Lived { coverage, drift };
         serde_json::to_string(&lived).map_err(errors::unusable)
     }
 
-    /// Begins episodes of all walkers, or of those where `which` is true. Returns the arrays of `step`.
+    /// Begins episodes of all rollouts, or of those where `which` is true. Returns the arrays of `step`.
     #[pyo3(signature = (which=None))]
     fn reset<'py>(
         &mut self,
         py: Python<'py>,
         which: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
-        let count = self.walkers.walks().len();
+        let count = self.rollouts.all().len();
         let which = marked(which, count)?;
         let model = Arc::clone(&self.shared.opened.model);
-        let mut steps = vec![WalkerStep::BEGAN; count];
+        let mut steps = vec![RolloutStep::BEGAN; count];
         for (number, _) in which.iter().enumerate().filter(|(_, begins)| **begins) {
-            steps[number] = self.walkers.begin(&model, number);
+            steps[number] = self.rollouts.begin(&model, number);
         }
         self.arrays(py, &steps)
     }
 
-    /// Takes a step of every walker. Returns observations `float32 [n, c]`, rewards `float64 [n]`, whether episodes ended in a terminal and
+    /// Takes a step of every rollout. Returns observations `float32 [n, c]`, rewards `float64 [n]`, whether episodes ended in a terminal and
     /// whether they were cut `bool [n]`, rows and times `int64 [n]`, distances `float32 [n]`, whether the step was covered `bool [n]`, and
-    /// displacements `float32 [n, c]`. A walker whose episode was over begins another one, and has no reward for that step.
+    /// displacements `float32 [n, c]`. A rollout whose episode was over begins another one, and has no reward for that step.
     fn step<'py>(
         &mut self,
         py: Python<'py>,
         actions: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyTuple>> {
-        let count = self.walkers.walks().len();
+        let count = self.rollouts.all().len();
         let done = self.done(actions, count)?;
         let model = Arc::clone(&self.shared.opened.model);
         let rules = self.rules;
         let timeout = self.timeout;
-        let walkers = &mut self.walkers;
-        let steps: Vec<WalkerStep> = (0..count)
-            .map(|number: usize| walkers.step(&model, number, done.target(number), rules, timeout))
+        let rollouts = &mut self.rollouts;
+        let steps: Vec<RolloutStep> = (0..count)
+            .map(|number: usize| rollouts.step(&model, number, done.target(number), rules, timeout))
             .collect();
         self.arrays(py, &steps)
     }
 
-    /// Takes a step of the only walker, with a level. Returns observation, reward, terminated, truncated, row, time, distance, covered
+    /// Takes a step of the only rollout, with a level. Returns observation, reward, terminated, truncated, row, time, distance, covered
     /// and displacement.
     #[expect(clippy::type_complexity, reason = "what a step has")]
     fn step_one<'py>(
@@ -233,14 +233,14 @@ impl ActionWalkers {
         self.check(0, level)?;
         let model = Arc::clone(&self.shared.opened.model);
         let target = Target::Level(level as usize);
-        let step = self.walkers.step(&model, 0, target, self.rules, self.timeout);
+        let step = self.rollouts.step(&model, 0, target, self.rules, self.timeout);
         let width = self.columns.len();
         let mut seen = Vec::with_capacity(width);
         let mut displaced = Vec::with_capacity(width);
         self.look(0, &mut seen, &mut displaced);
         let row = self.row(0);
         self.shared.lost_pages.check(py)?;
-        let WalkerStep { reward, terminated, truncated, distance, covered } = step;
+        let RolloutStep { reward, terminated, truncated, distance, covered } = step;
         let time = self.shared.opened.times[row as usize];
         let seen = owned(py, seen, &[width])?;
         let displaced = owned(py, displaced, &[width])?;

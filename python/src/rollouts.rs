@@ -32,30 +32,31 @@ impl SeenColumn {
     }
 }
 
+/// A rollout: where it is, and its random numbers.
 #[derive(Serialize, Deserialize)]
-struct Walker {
+struct RolloutState {
     member: usize,
     at: TransitionIndex,
     rng: Rng,
     steps: u64,
-    /// Whether the next step begins another rollout.
+    /// Whether the rollout is over. The next step then begins it again.
     over: bool,
     /// Distance from the state before to the recorded one that replaces it.
     distance: f32,
 }
 
 /// Rollouts through ensemble members of a model. They observe recorded rows, and no action changes them.
-#[pyclass(module = "calib_rl._calib")]
-pub(crate) struct Walkers {
+#[pyclass(module = "calib_rl._calib", name = "Walkers")]
+pub(crate) struct PyRollouts {
     shared: Arc<SharedModel>,
-    walks: Vec<Walker>,
+    rollouts: Vec<RolloutState>,
     columns: Vec<SeenColumn>,
     reward: SeenColumn,
     /// Steps after which a rollout is over; 0 for no limit.
     most: u64,
 }
 
-impl Walkers {
+impl PyRollouts {
     pub(crate) fn new(
         shared: Arc<SharedModel>,
         members: Vec<usize>,
@@ -63,10 +64,10 @@ impl Walkers {
         reward: SeenColumn,
         most: u64,
     ) -> Self {
-        let walks = members
+        let rollouts = members
             .into_iter()
             .enumerate()
-            .map(|(number, member)| Walker {
+            .map(|(number, member)| RolloutState {
                 member,
                 at: TransitionIndex(0),
                 rng: rng(0, number),
@@ -75,20 +76,20 @@ impl Walkers {
                 distance: 0.0,
             })
             .collect();
-        Self { shared, walks, columns, reward, most }
+        Self { shared, rollouts, columns, reward, most }
     }
 
-    /// Appends the observation of walker `number` to `seen`. Returns its reward, row and time.
+    /// Appends the observation of rollout `number` to `seen`. Returns its reward, row and time.
     fn look(&self, number: usize, seen: &mut Vec<f32>) -> (f64, i64, i64) {
-        let row = self.shared.knn().transitions().next(self.walks[number].at).get();
+        let row = self.shared.knn().transitions().next(self.rollouts[number].at).get();
         let state = self.shared.states().row(row);
         seen.extend(self.columns.iter().map(|column| column.value(state) as f32));
         (self.reward.value(state), row as i64, self.shared.time(row))
     }
 
-    /// Returns the observations of all walkers, in the order of [`step`](Self::step). A walker that has just begun has no reward.
+    /// Returns the observations of all rollouts, in the order of [`step`](Self::step). A rollout that has just begun has no reward.
     fn arrays<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Bound<'py, PyTuple>> {
-        let count = self.walks.len();
+        let count = self.rollouts.len();
         let mut seen = Vec::with_capacity(count * self.columns.len());
         let mut rewards = Vec::with_capacity(count);
         let mut rows = Vec::with_capacity(count);
@@ -100,8 +101,8 @@ impl Walkers {
             times.push(time);
         }
         self.shared.check(py)?;
-        let over: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
-        let distances: Vec<f32> = self.walks.iter().map(|walker| walker.distance).collect();
+        let over: Vec<bool> = self.rollouts.iter().map(|rollout| rollout.over).collect();
+        let distances: Vec<f32> = self.rollouts.iter().map(|rollout| rollout.distance).collect();
         let arrays = [
             owned(py, seen, &[count, self.columns.len()])?,
             owned(py, rewards, &[count])?,
@@ -114,7 +115,7 @@ impl Walkers {
     }
 }
 
-/// Returns which of `count` walkers are marked: all of them without `which`.
+/// Returns which of `count` rollouts are marked: all of them without `which`.
 pub(crate) fn marked(which: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<bool>> {
     let which = match which {
         Some(which) => copied::<bool>(which, "which", &[1])?.0,
@@ -124,20 +125,20 @@ pub(crate) fn marked(which: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult
     Ok(which)
 }
 
-/// Refuses a number of `what` that differs from the number of walkers.
+/// Refuses a number of `what` that differs from the number of rollouts.
 pub(crate) fn require_each(given: usize, what: &str, count: usize) -> PyResult<()> {
     if given == count {
         return Ok(());
     }
-    Err(errors::value(format!("{given} {what} for {count} walkers")))
+    Err(errors::value(format!("{given} {what} for {count} rollouts")))
 }
 
-/// Returns the random numbers of walker `number`.
+/// Returns the random numbers of rollout `number`.
 fn rng(seed: u64, number: usize) -> Rng {
     Seed::new(seed).child("environment").number(number as u64).rng()
 }
 
-impl Walker {
+impl RolloutState {
     fn begin(&mut self, shared: &SharedModel) {
         let member = shared.knn().member(self.member);
         self.at = member.nth(self.rng.below(member.len()));
@@ -155,69 +156,69 @@ impl Walker {
 }
 
 #[pymethods]
-impl Walkers {
-    /// Returns the place of every walker and its random numbers, as text.
+impl PyRollouts {
+    /// Returns the place of every rollout and its random numbers, as text.
     fn state(&self) -> PyResult<String> {
-        serde_json::to_string(&self.walks).map_err(errors::unusable)
+        serde_json::to_string(&self.rollouts).map_err(errors::unusable)
     }
 
-    /// Restores the state of other walkers through the same ensemble members.
+    /// Restores the state of other rollouts through the same ensemble members.
     fn restore(&mut self, state: &str) -> PyResult<()> {
-        let walks: Vec<Walker> = serde_json::from_str(state).map_err(errors::unusable)?;
+        let rollouts: Vec<RolloutState> = serde_json::from_str(state).map_err(errors::unusable)?;
         let transitions = self.shared.knn().transitions().len();
-        let members = walks.iter().map(|walker| walker.member);
-        if members.ne(self.walks.iter().map(|walker| walker.member))
-            || walks.iter().any(|walker| walker.at.get() >= transitions)
+        let members = rollouts.iter().map(|rollout| rollout.member);
+        if members.ne(self.rollouts.iter().map(|rollout| rollout.member))
+            || rollouts.iter().any(|rollout| rollout.at.get() >= transitions)
         {
-            return Err(errors::value("the state is of walkers through another model"));
+            return Err(errors::value("the state is of rollouts through another model"));
         }
-        self.walks = walks;
+        self.rollouts = rollouts;
         Ok(())
     }
 
-    /// Seeds walker i with `seeds[i]`, unless that is `None`.
+    /// Seeds rollout i with `seeds[i]`, unless that is `None`.
     fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
-        require_each(seeds.len(), "seeds", self.walks.len())?;
-        for (walker, seed) in self.walks.iter_mut().zip(seeds) {
+        require_each(seeds.len(), "seeds", self.rollouts.len())?;
+        for (rollout, seed) in self.rollouts.iter_mut().zip(seeds) {
             if let Some(seed) = seed {
-                walker.rng = rng(seed, 0);
+                rollout.rng = rng(seed, 0);
             }
         }
         Ok(())
     }
 
-    /// Begins rollouts of all walkers, or of those where `which` is true. Returns their observations.
+    /// Begins all rollouts, or those where `which` is true. Returns their observations.
     #[pyo3(signature = (which=None))]
     fn reset<'py>(
         &mut self,
         py: Python<'py>,
         which: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
-        let which = marked(which, self.walks.len())?;
-        for (walker, _) in self.walks.iter_mut().zip(&which).filter(|(_, begins)| **begins) {
-            walker.begin(&self.shared);
+        let which = marked(which, self.rollouts.len())?;
+        for (rollout, _) in self.rollouts.iter_mut().zip(&which).filter(|(_, begins)| **begins) {
+            rollout.begin(&self.shared);
         }
         self.arrays(py, &which)
     }
 
-    /// Takes a step of every walker. Returns observations `float32 [n, c]`, rewards `float64 [n]`, whether rollouts are over
-    /// `bool [n]`, rows and times `int64 [n]`, and distances `float32 [n]`. A walker whose rollout was over begins another one, and
-    /// has no reward for that step.
+    /// Takes a step of every rollout. Returns observations `float32 [n, c]`, rewards `float64 [n]`, whether rollouts are over
+    /// `bool [n]`, rows and times `int64 [n]`, and distances `float32 [n]`. A rollout that was over begins again, and has no
+    /// reward for that step.
     fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let begun: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
+        let begun: Vec<bool> = self.rollouts.iter().map(|rollout| rollout.over).collect();
         let shared = Arc::clone(&self.shared);
         let most = self.most;
-        for walker in &mut self.walks {
-            if walker.over {
-                walker.begin(&shared);
+        for rollout in &mut self.rollouts {
+            if rollout.over {
+                rollout.begin(&shared);
             } else {
-                walker.step(&shared, most);
+                rollout.step(&shared, most);
             }
         }
         self.arrays(py, &begun)
     }
 
-    /// Takes a step of the first walker alone. Returns its observation `float32 [c]`, reward, whether it is over,
+    /// Takes a step of the first rollout alone. Returns its observation `float32 [c]`, reward, whether it is over,
     /// row, time and distance.
     fn step_one<'py>(
         &mut self,
@@ -225,12 +226,12 @@ impl Walkers {
     ) -> PyResult<(Bound<'py, PyAny>, f64, bool, i64, i64, f32)> {
         let shared = Arc::clone(&self.shared);
         let most = self.most;
-        let Some(walker) = self.walks.first_mut() else {
-            return Err(errors::value("there is no walker"));
+        let Some(rollout) = self.rollouts.first_mut() else {
+            return Err(errors::value("there is no rollout"));
         };
-        walker.step(&shared, most);
-        let over = walker.over;
-        let distance = walker.distance;
+        rollout.step(&shared, most);
+        let over = rollout.over;
+        let distance = rollout.distance;
         let mut seen = Vec::with_capacity(self.columns.len());
         let (reward, row, time) = self.look(0, &mut seen);
         self.shared.check(py)?;

@@ -5,7 +5,7 @@ use crate::{Drift, Environment, Outcome};
 
 /// An agent's rollout in one ensemble member of a model.
 #[derive(Clone, Debug)]
-pub struct Walk<'a> {
+pub struct NeighborRollout<'a> {
     model: &'a ActionModel,
     member: usize,
     at: At,
@@ -18,7 +18,7 @@ pub struct Walk<'a> {
     drift: Drift,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> NeighborRollout<'a> {
     fn new(model: &'a ActionModel, member: usize) -> Self {
         Self {
             model,
@@ -33,7 +33,7 @@ impl<'a> Walk<'a> {
 }
 
 impl Ensemble for ActionModel {
-    type Walk<'a> = Walk<'a>;
+    type Rollout<'a> = NeighborRollout<'a>;
 
     fn kind(&self) -> ActionModelKind {
         ActionModelKind::Neighbors
@@ -43,13 +43,13 @@ impl Ensemble for ActionModel {
         self.tables.len()
     }
 
-    fn walk(&self, member: usize) -> Walk<'_> {
+    fn rollout(&self, member: usize) -> NeighborRollout<'_> {
         assert!(member < self.members(), "a member of the ensemble");
-        Walk::new(self, member)
+        NeighborRollout::new(self, member)
     }
 }
 
-impl ModelEnvironment for Walk<'_> {
+impl ModelEnvironment for NeighborRollout<'_> {
     fn coverage(&self) -> Coverage {
         self.coverage
     }
@@ -67,7 +67,7 @@ impl ModelEnvironment for Walk<'_> {
     }
 }
 
-impl Environment for Walk<'_> {
+impl Environment for NeighborRollout<'_> {
     fn actions(&self) -> usize {
         self.model.log.levels()
     }
