@@ -2,6 +2,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use calib_agent::{AgentConfig, Part};
 use calib_control::ControlConfig;
+use calib_core::Seed;
 use calib_data::{DataConfig, Description, PreprocessConfig, TimeRange};
 use calib_dynamics::{DynamicsConfig, NOISE_VERSION, Noise};
 use calib_model::{ModelFamily, RolloutConfig, StartKind};
@@ -68,6 +69,11 @@ pub struct Study {
 }
 
 impl Study {
+    /// Returns the root of the seeds of all rollouts.
+    pub fn seed_of_rollouts(&self) -> Seed {
+        Seed::new(self.seed).child("rollout")
+    }
+
     /// Returns the noise that rollouts add to the predictions of the study's network, if any.
     pub fn rollout_noise(&self) -> Option<Noise> {
         let noise = self.dynamics.noise;

@@ -6,7 +6,7 @@ use calib_base::{
     cost::{StepCost, processor_secs},
     log::context::RunContext,
 };
-use calib_core::{Frames, Monitor, RowIndex, Seed};
+use calib_core::{Frames, Monitor, RowIndex};
 use calib_dynamics::{LANES, predict};
 use calib_files::ScratchPlace;
 use calib_model::{
@@ -108,7 +108,7 @@ pub(super) fn expect(
     let study = job.study();
     let model = &*model.model;
     let monitor = context.silent().progress();
-    let seed = Seed::new(study.seed).child("rollout");
+    let seed = study.seed_of_rollouts();
     let search = Search { place: &ScratchPlace::Memory, monitor: &monitor };
     // A network with a hidden state would first process the states before a later row.
     let first = [RowIndex::new(0)];
@@ -186,7 +186,7 @@ fn neighbors_secs(
         Err(reason) if reason.was_cancelled() => return Err(reason),
         Err(_) => return Ok(None),
     };
-    let seed = Seed::new(study.seed).child("rollout");
+    let seed = study.seed_of_rollouts();
     let weights = study.model.weights()?;
     let member = model.member(0);
     let starts = start_states(&member, StartSource::Random, 1, seed)?;

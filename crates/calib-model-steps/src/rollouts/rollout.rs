@@ -14,7 +14,7 @@ use calib_base::{
     outcome::{Freshness, NoPlan, Outcome, StepResult},
     output::{Printer, bytes, count, counted},
 };
-use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
+use calib_core::{Frames, Normalised, RowIndex, Timestamp};
 use calib_data::table::Table;
 use calib_files::Fingerprint;
 use calib_model::{JumpStatistics, Rolling, RolloutConfig, Search, Trajectory};
@@ -153,7 +153,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, Step
         }
         deployment => deployment?,
     };
-    let seed = Seed::new(study.seed).child("rollout");
+    let seed = study.seed_of_rollouts();
     let (held_out, fingerprint) = deployment
         .as_ref()
         .filter(|_| study.starts_follow_from_deployment())
@@ -273,7 +273,7 @@ fn roll_out(
     let place = search_place(&*model.model, directory);
     let search = Search { place: &place, monitor: &progress };
     let given = starts.of_members(config.rollouts, search)?;
-    let seed = Seed::new(study.seed).child("rollout");
+    let seed = study.seed_of_rollouts();
     let rolling = Rolling { steps: config.steps, weights: study.model.weights()?, seed };
     let all: Vec<Vec<Trajectory>> = given
         .iter()

@@ -90,8 +90,7 @@ impl StreamParameters {
     /// # Errors
     /// Returns an error if the weights of neighbours are not valid.
     pub fn of(study: &Study, span: Span) -> Result<Self, StepError> {
-        let seed = Seed::new(study.seed).child("rollout");
-        Ok(Self { span, weights: study.model.weights()?, seed })
+        Ok(Self { span, weights: study.model.weights()?, seed: study.seed_of_rollouts() })
     }
 }
 
@@ -203,9 +202,8 @@ impl Members {
         let paths = job.layout();
         let mut described = Vec::new();
         let configured = study.sweep_starts();
-        let rollout_seed = Seed::new(study.seed).child("rollout");
-        let starts =
-            Starts::new(&configured, &study.data, model, dataset.held_out.as_ref(), rollout_seed)?;
+        let seed = study.seed_of_rollouts();
+        let starts = Starts::new(&configured, &study.data, model, dataset.held_out.as_ref(), seed)?;
         let inputs = (
             model_files::content(&model.manifest)?,
             (study.model.weights, study.model.temperature),
