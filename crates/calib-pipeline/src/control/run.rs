@@ -121,6 +121,31 @@ fn up_to_date(directory: &Path) -> String {
     format!("{} is up to date", directory.display())
 }
 
+/// The model that agents are trained in.
+struct TrainingModel {
+    model: ActionModel,
+    /// The files of its networks, if it is stored.
+    networks: Option<NetworkFiles>,
+    /// The seed of all random numbers for agents in it.
+    seed: Seed,
+}
+
+impl TrainingModel {
+    /// Opens the model of the study, or builds it.
+    fn open_or_build(
+        job: &Job,
+        config: &ControlConfig,
+        log: &ActionLog,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        Ok(Self {
+            model: model::open_or_build(job, config, log, printer)?,
+            networks: model::network_files(job, config, log)?,
+            seed: model::seed(job.study().seed),
+        })
+    }
+}
+
 /// Makes the runs of a share, which a later command without a share judges. That command tries failed settings again,
 /// so failures here are only warnings.
 fn run_share(
@@ -132,14 +157,11 @@ fn run_share(
     units: &RunFiles,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    let seed = model::seed(job.study().seed);
-    let model = model::open_or_build(job, config, log, printer)?;
-    let networks = model::network_files(job, config, log)?;
-    let networks = networks.as_ref();
+    let opened = TrainingModel::open_or_build(job, config, log, printer)?;
     let own = agents.own();
     let program = agents.of_program(&log.names);
     let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
-    let runs = swept(config, &model, networks, acting, seed, units, printer)?.runs;
+    let runs = swept(config, &opened, acting, units, printer)?.runs;
     let mut failures = Vec::new();
     if let Some(program) = program {
         printer.say_all(&program.reasons());
@@ -248,18 +270,15 @@ fn judged(
 ) -> Result<JudgedSettings, StepError> {
     let study = job.study();
     let progress = printer.progress();
-    let seed = model::seed(study.seed);
-    let model = model::open_or_build(job, config, &log, printer)?;
-    let networks = model::network_files(job, config, &log)?;
-    let networks = networks.as_ref();
-    let held_out = held_out::judged(job, config, &log, &model, held_out, printer)?;
+    let opened = TrainingModel::open_or_build(job, config, &log, printer)?;
+    let (model, seed) = (&opened.model, opened.seed);
+    let held_out = held_out::judged(job, config, &log, model, held_out, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
     let own = agents.own();
     let program = agents.of_program(&names);
     let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
-    let SweptSettings { runs, constants } =
-        swept(config, &model, networks, acting, seed, units, printer)?;
+    let SweptSettings { runs, constants } = swept(config, &opened, acting, units, printer)?;
     printer.say_all(&program.as_ref().map_or_else(Vec::new, ProgramAgents::reasons));
     let decisions = model.log();
     let default = agents.default(config);
@@ -278,12 +297,12 @@ fn judged(
         verdict.doubts.push(Doubt::DefaultFailed);
     }
     let failures = program.as_ref().map_or_else(Vec::new, ProgramAgents::failures);
-    let described = described(&model, config.model.distance, &names)?;
+    let described = described(model, config.model.distance, &names)?;
     // The last quarter of a run, in which the agent has learned what it will.
     let kept = config.steps.div_ceil(4).min(MOST_TOLD_STEPS);
     let span = config.run_length();
-    let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
-    let rows = recorded_rows(&last, &model, config.start);
+    let last = trajectory(model, acting, verdict.chosen, span, kept, seed, &progress)?;
+    let rows = recorded_rows(&last, model, config.start);
     let conduct = (!last.run.diverged).then(|| conduct(&last, &rows, &names, &described, config));
     if let Some(program) = program
         && let Err(reason) = program.finish()
@@ -351,13 +370,13 @@ struct SweepInputs<'a> {
 /// runs.
 fn swept(
     config: &ControlConfig,
-    model: &ActionModel,
-    networks: Option<&NetworkFiles>,
+    opened: &TrainingModel,
     agents: &dyn ActingAgents,
-    seed: Seed,
     units: &RunFiles,
     printer: &Printer,
 ) -> Result<SweptSettings, StepError> {
+    let TrainingModel { model, networks, seed } = opened;
+    let (networks, seed) = (networks.as_ref(), *seed);
     let progress = printer.progress();
     let budget = RunBudget { runs: config.runs, span: config.run_length() };
     let question = SweepInputs {
