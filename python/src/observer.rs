@@ -10,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-use calib_core::Monitor;
+use calib_core::{Monitor, locked};
 use calib_pipeline::{
     Observer, Printer, Remark, Shown,
     output::{Lines, ResultPart, harmless},
@@ -44,7 +44,7 @@ struct State {
 
 impl Watch {
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.state)
     }
 
     pub(crate) fn stop(&self) {

@@ -10,13 +10,14 @@ use std::{
     panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
     process,
     sync::{
-        Arc, Mutex, OnceLock, PoisonError,
+        Arc, Mutex, OnceLock,
         atomic::{AtomicBool, Ordering},
     },
     thread::Builder,
     time::Duration,
 };
 
+use calib_core::locked;
 use calib_pipeline::{Printer, StepError};
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -89,7 +90,7 @@ fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if !is_forked() {
         return work();
     }
-    let mut own = OWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut own = locked(&OWN);
     let here = process::id();
     if own.as_ref().is_none_or(|(process, _)| *process != here) {
         match ThreadPoolBuilder::new().build() {

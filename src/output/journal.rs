@@ -4,10 +4,10 @@ use std::{
     fs::File,
     io::{self, Read as _, Write as _},
     path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
-use calib_core::Monitor;
+use calib_core::{Monitor, locked};
 use calib_pipeline::{
     Context as _, Observer, Remark, Shown, StepError, Stopwatch, ensure,
     output::{Lines, ResultPart, Stage, harmless},
@@ -81,9 +81,8 @@ fn keep_in(file: &Mutex<File>, kind: &str, text: &str) {
         format!("{now:.3} {kind:<7} {}\n", harmless(line, Lines::One))
     });
     let lines: String = lines.collect();
-    let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
     // A full disk must not stop the work.
-    let _ = file.write_all(lines.as_bytes());
+    let _ = locked(file).write_all(lines.as_bytes());
 }
 
 /// Opens or creates a journal. Nothing is appended to any other file that has content.
@@ -145,12 +144,12 @@ impl Observer for Journal {
     }
 
     fn stage(&self, stage: Stage) {
-        *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = Some(stage);
+        *locked(&self.stage) = Some(stage);
     }
 
     fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
         let shown = if self.verbosity == Verbosity::Quiet { Shown::No } else { shown };
-        let stage = *self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        let stage = *locked(&self.stage);
         let file = self.file.clone();
         let keep =
             file.map(|file| -> KeepLine { Box::new(move |line| keep_in(&file, "info", line)) });

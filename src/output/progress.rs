@@ -1,10 +1,6 @@
-use std::{
-    io::IsTerminal as _,
-    sync::{Mutex, PoisonError},
-    time::Duration,
-};
+use std::{io::IsTerminal as _, sync::Mutex, time::Duration};
 
-use calib_core::Monitor;
+use calib_core::{Monitor, locked};
 use calib_pipeline::{
     Shown, Stopwatch,
     output::{Stage, duration},
@@ -148,7 +144,7 @@ impl Monitor for ProgressMonitor {
         self.bar.set_prefix(task.to_owned());
         let kept = self.kept.as_ref().map(|(lines, _)| lines);
         for lines in self.plain.as_ref().into_iter().chain(kept) {
-            lines.lock().unwrap_or_else(PoisonError::into_inner).begin(task);
+            locked(lines).begin(task);
         }
     }
 

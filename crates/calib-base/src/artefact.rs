@@ -4,9 +4,10 @@ use std::{
     collections::BTreeMap,
     ops::{Deref, DerefMut},
     path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, MutexGuard},
 };
 
+use calib_core::locked;
 use calib_data::table::{RESULTS_KEY, Table};
 pub use calib_files::Below;
 use calib_files::{
@@ -195,7 +196,7 @@ pub fn fingerprint_once(path: &Path) -> Result<Fingerprint, FileError> {
 /// Locks the fingerprints of the files that this process has read.
 fn known_fingerprints() -> MutexGuard<'static, BTreeMap<FileStat, Fingerprint>> {
     static READ: Mutex<BTreeMap<FileStat, Fingerprint>> = Mutex::new(BTreeMap::new());
-    READ.lock().unwrap_or_else(PoisonError::into_inner)
+    locked(&READ)
 }
 
 /// Whether all files of a complete directory are as they were written.

@@ -2,13 +2,13 @@
 
 use std::{
     sync::{
-        Mutex, MutexGuard, PoisonError,
+        Mutex, MutexGuard,
         atomic::{AtomicU64, Ordering},
     },
     time::Duration,
 };
 
-use calib_core::Monitor;
+use calib_core::{Monitor, locked};
 use calib_study::StepKind;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -114,7 +114,7 @@ struct TimedTask {
 
 impl TaskLimitMonitor<'_> {
     fn task(&self) -> MutexGuard<'_, TimedTask> {
-        self.task.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.task)
     }
 }
 

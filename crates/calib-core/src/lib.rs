@@ -10,6 +10,7 @@
 //! - [`Transitions`], [`TransitionIndex`], [`RowIndex`]: pairs of successive rows of one segment.
 //! - [`Seed`], [`Rng`]: named, derived randomness that is stable across platforms and releases.
 //! - [`Monitor`], [`Cancelled`]: progress and cancellation, seen from inside long work.
+//! - [`locked()`]: a lock that a panic of another thread does not close.
 //! - [`Stream`], [`RowStream`]: the states that an agent sees. Replay and rollout look the same to
 //!   it.
 //! - [`number()`], [`setting`], [`percent`], [`count`], [`exact`]: numbers formatted for readers.
@@ -31,6 +32,7 @@
 mod column;
 mod frames;
 mod index;
+mod locked;
 mod monitor;
 mod number;
 mod seed;
@@ -43,6 +45,7 @@ mod transition;
 pub use column::{Bounds, Column, ColumnKind, Normalised, Normaliser, Physical};
 pub use frames::{Frames, FramesError};
 pub use index::{RowIndex, TransitionIndex};
+pub use locked::locked;
 pub use monitor::{Cancelled, Monitor, Silent};
 pub use number::{
     count, exact, factor, is_many_times, number, numbers_apart, percent, rounded, setting, whole,

@@ -10,7 +10,7 @@ use std::{
     },
 };
 
-use calib_core::{Bounds, Monitor, Period, Timestamp};
+use calib_core::{Bounds, Monitor, Period, Timestamp, locked};
 use rayon::prelude::*;
 
 use crate::{
@@ -241,8 +241,7 @@ impl Scan<'_> {
             self.conflicts[position as usize].store(true, Relaxed);
         }
         if channel.contradictions.count > 0 {
-            let mut found = self.contradictions.lock().unwrap_or_else(PoisonError::into_inner);
-            found.insert(index, channel.contradictions.clone());
+            locked(&self.contradictions).insert(index, channel.contradictions.clone());
         }
         let has_words = !channel.not_numbers.words.is_empty();
         let sparse = channel.sparse.take();

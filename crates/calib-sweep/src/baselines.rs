@@ -2,14 +2,14 @@
 
 use std::{
     collections::{BTreeMap, HashMap},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use calib_agent::{
     AgentConfig, CurveRule, FittedPredictor, Fitter, Scores, SimplePredictor, score_predictions,
     with_traces,
 };
-use calib_core::{Cancelled, Frames, Monitor, RowStream, Stream};
+use calib_core::{Cancelled, Frames, Monitor, RowStream, Stream, locked};
 use calib_files::{Fingerprint, Fingerprinter};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -193,10 +193,6 @@ fn wanted_beside(
 ) -> Option<WantedPredictor> {
     let is_alike = other.gamma == agent.gamma && other.traces == agent.traces;
     is_alike.then_some((other.baseline?, column))
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A simple predictor of a sensor, with its coefficients. Inputs are normalised states, outputs normalised returns.

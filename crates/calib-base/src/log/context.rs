@@ -4,9 +4,10 @@ use std::{
     collections::BTreeMap,
     ops::Deref,
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
+use calib_core::locked;
 use calib_study::{Job, StepKind};
 
 use crate::{
@@ -83,24 +84,23 @@ impl RunContext {
     pub fn expect(&self, step: StepKind, part: &Job, cost: StepCost) {
         let model = part.model().map(str::to_owned);
         let deployment = part.deployment().map(str::to_owned);
-        let mut expected = self.expected.lock().unwrap_or_else(PoisonError::into_inner);
-        expected.push(ExpectedStep { step, model, deployment, cost });
+        locked(&self.expected).push(ExpectedStep { step, model, deployment, cost });
     }
 
     /// Returns the recorded costs.
     pub fn expected(&self) -> Vec<ExpectedStep> {
-        self.expected.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        locked(&self.expected).clone()
     }
 
     /// Returns a log below `root` that was opened before.
     pub(crate) fn opened(&self, root: &Path, directory: &Path) -> Option<Prepared> {
-        let opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        let opened = locked(&self.opened);
         if opened.root == root { opened.logs.get(directory).cloned() } else { None }
     }
 
     /// Stores a log that was opened.
     pub(crate) fn remember(&self, root: &Path, directory: &Path, log: &Prepared) {
-        let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut opened = locked(&self.opened);
         // States of stand-in logs are in memory, so only those of one log are kept.
         if opened.root != root || self.stands_in().is_some() {
             *opened = Opened { root: root.to_owned(), logs: BTreeMap::new() };

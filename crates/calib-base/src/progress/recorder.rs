@@ -11,7 +11,7 @@ use std::{
     time::Duration,
 };
 
-use calib_core::Monitor;
+use calib_core::{Monitor, locked};
 use calib_files::{Below, remove_note, remove_temporaries, write_note};
 use calib_study::{Job, StepKind};
 
@@ -113,7 +113,7 @@ impl Recorder {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.state)
     }
 
     /// Writes a note soon, then every second, until the command is over.

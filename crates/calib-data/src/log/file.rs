@@ -4,9 +4,10 @@ use std::{
     collections::BTreeSet,
     ops::Range,
     path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
+use calib_core::locked;
 use calib_files::{FileError, HeldFile};
 use pl::SerReader as _;
 use polars::prelude as pl;
@@ -259,7 +260,7 @@ impl LogFile {
 
     /// Checks the pages of `fields` that have not been checked yet: the reader ignores their checksums.
     fn check_pages(&self, parquet: &Parquet, fields: &[usize]) -> Result<(), DataError> {
-        let mut checked = parquet.checked.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut checked = locked(&parquet.checked);
         let left: BTreeSet<&str> = fields
             .iter()
             .filter(|field| !checked.contains(field))

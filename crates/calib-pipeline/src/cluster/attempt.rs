@@ -4,10 +4,11 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process,
-    sync::{Mutex, PoisonError},
+    sync::Mutex,
     time::Duration,
 };
 
+use calib_core::locked;
 use calib_files::{file_name, host_name, read_sealed_json, write_sealed_json};
 use serde::{Deserialize, Serialize};
 
@@ -74,7 +75,7 @@ impl AttemptFile {
 
     /// Whether this is the first attempt.
     pub(crate) fn is_first(&self) -> bool {
-        self.attempt.lock().unwrap_or_else(PoisonError::into_inner).before == 0
+        locked(&self.attempt).before == 0
     }
 
     pub(crate) fn begins(&self, pass: &str) {
@@ -103,7 +104,7 @@ impl AttemptFile {
 
     /// Writes a change to the record. Write errors are ignored, because a full disk must not stop the computation.
     fn change(&self, edit: impl FnOnce(&mut Attempt)) {
-        let mut attempt = self.attempt.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut attempt = locked(&self.attempt);
         edit(&mut attempt);
         let _ = write_sealed_json(&self.path, &*attempt);
     }

@@ -2,11 +2,12 @@
 
 use std::{
     path::PathBuf,
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, MutexGuard},
     time::Duration,
 };
 
 use calib_base::clock::Stopwatch;
+use calib_core::locked;
 use calib_sweep::{SweepError, Unit, UnitRuns, UnitSink};
 
 use crate::cluster::results::{self, Completeness, Header, ShardResults, UnitsInOrder};
@@ -66,7 +67,7 @@ impl ShardSink {
     }
 
     fn locked(&self) -> MutexGuard<'_, KeptResults> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.kept)
     }
 
     /// Writes the results. Adds results that another attempt at the same shard has written since. Results that both

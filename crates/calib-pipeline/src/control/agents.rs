@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, PoisonError},
 };
 
 use calib_base::StepError;
@@ -10,7 +10,7 @@ use calib_control::{
     ActingAgents, Actor, AgentConfig, AgentRun, ControlConfig, ControlError, Ending, Environment,
     Outcome, RunLength, run_agent,
 };
-use calib_core::{Monitor, Rng, Seed};
+use calib_core::{Monitor, Rng, Seed, locked};
 use calib_files::Fingerprint;
 use calib_study::Job;
 use calib_sweep::{Candidate, ProgramStopped, candidates, written};
@@ -339,11 +339,6 @@ impl ActingAgents for ProgramAgents<'_> {
     fn has_failed(&self, candidate: usize) -> bool {
         locked(&self.failures).contains_key(&candidate)
     }
-}
-
-/// Locks a mutex, even if a thread panicked while holding it.
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Returns the run of an agent that could not take a step.

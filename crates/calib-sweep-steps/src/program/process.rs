@@ -6,14 +6,14 @@ use std::{
     io::{BufRead as _, BufReader, Read, Write as _},
     process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio},
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex,
         mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel},
     },
     thread,
     time::Duration,
 };
 
-use calib_core::Monitor;
+use calib_core::{Monitor, locked};
 use calib_sweep::ProgramStopped;
 
 #[cfg(target_os = "linux")]
@@ -197,7 +197,7 @@ impl<'p> Process<'p> {
     }
 
     fn said(&self) -> String {
-        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let said = locked(&self.said);
         String::from_utf8_lossy(&said).into_owned()
     }
 }
@@ -265,7 +265,7 @@ fn read_lines(output: ChildStdout, longest: usize, lines: &SyncSender<Vec<u8>>) 
 fn listen(mut errors: impl Read, said: &Mutex<Vec<u8>>, _ending: &Sender<()>) {
     let mut buffer = [0; 4096];
     while let Ok(read @ 1..) = errors.read(&mut buffer) {
-        let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut said = locked(said);
         said.extend_from_slice(&buffer[..read]);
         let old = said.len().saturating_sub(SAID_BYTES);
         said.drain(..old);
