@@ -14,6 +14,7 @@
 //! - [`Stream`], [`RowStream`]: the states that an agent sees. Replay and rollout look the same to
 //!   it.
 //! - [`number()`], [`setting`], [`percent`], [`count`], [`exact`]: numbers formatted for readers.
+//! - [`abridged_list()`]: the first of many names in a sentence.
 //!
 //! ```
 //! use calib_core::{RowIndex, Seed, Segments, Transitions};
@@ -29,6 +30,7 @@
 //! # Ok::<(), calib_core::SegmentError>(())
 //! ```
 
+mod abridged_list;
 mod column;
 mod frames;
 mod index;
@@ -42,6 +44,7 @@ mod stream;
 mod time;
 mod transition;
 
+pub use abridged_list::abridged_list;
 pub use column::{Bounds, Column, ColumnKind, Normalised, Normaliser, Physical};
 pub use frames::{Frames, FramesError};
 pub use index::{RowIndex, TransitionIndex};

@@ -1,5 +1,7 @@
 use std::ops::Range;
 
+use calib_core::abridged_list;
+
 use crate::{
     Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Sensors, Size,
     axes::other_axes,
@@ -302,9 +304,7 @@ impl Draft<'_> {
             .map(|&channel| quoted(&sketch.channels[channel].name))
             .collect();
         if !others.is_empty() {
-            let more = if others.len() > NAMED { ", …" } else { "" };
-            let shown = others.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ");
-            text.comment(&format!("could be as well: {shown}{more}"));
+            text.comment(&format!("could be as well: {}", abridged_list(&others, NAMED)));
         }
         let fit = match self.windows {
             0 | 1 => "one window of the held-out period".to_owned(),

@@ -1,5 +1,6 @@
 //! The causes of rows that contradict each other, and what to do about each.
 
+use calib_core::abridged_list;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -82,6 +83,5 @@ impl ContradictionCause {
 
 /// Lists the first of some values.
 fn named(values: &[String]) -> String {
-    let more = if values.len() > NAMED { ", …" } else { "" };
-    format!("{}{more}", values.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", "))
+    abridged_list(values, NAMED)
 }

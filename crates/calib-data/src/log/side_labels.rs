@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use calib_core::abridged_list;
+
 use super::{
     column_aliases::{REMARKS, names_plants, plain},
     file::FieldKind,
@@ -104,11 +106,9 @@ pub(crate) fn mixed<'a>(
             let labels = tags[0].1;
             let words = labels.first.iter().chain(&labels.other);
             let words: Vec<&str> = words.map(String::as_str).collect();
-            let more = if tags.len() > NAMED { ", …" } else { "" };
-            let names: Vec<&str> = tags.iter().take(NAMED).map(|tag| tag.0).collect();
             format!(
-                "{}{more} {} samples of several {column:?}, such as {}: if these are different devices, choose one with data.where = {{ {column:?} = {:?} }}",
-                names.join(", "),
+                "{} {} samples of several {column:?}, such as {}: if these are different devices, choose one with data.where = {{ {column:?} = {:?} }}",
+                abridged_list(tags.iter().map(|tag| tag.0), NAMED),
                 if tags.len() == 1 { "has" } else { "have" },
                 words.join(" and "),
                 words[0]

@@ -6,6 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_core::abridged_list;
 use calib_files::FileError;
 
 use super::{file::LogFile, partitioned_file::PartitionedFile};
@@ -82,10 +83,7 @@ pub(super) fn without_empty(
 /// Lists the first of some files.
 fn named(files: &[PartitionedFile]) -> String {
     const NAMED: usize = 3;
-    let names: Vec<String> =
-        files.iter().take(NAMED).map(|file| file.path.display().to_string()).collect();
-    let more = if files.len() > NAMED { ", …" } else { "" };
-    format!("{}{more}", names.join(", "))
+    abridged_list(files.iter().map(|file| file.path.display()), NAMED)
 }
 
 fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {

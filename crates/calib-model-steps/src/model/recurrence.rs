@@ -1,6 +1,7 @@
 //! Whether rollouts of a member return to rows that they have visited: the text about it.
 
 use calib_base::output::{about, count, percent, rounded};
+use calib_core::abridged_list;
 use calib_data::format_time;
 use calib_knn::{ClosedClasses, Recurrence};
 use calib_report::{Cell, Table};
@@ -56,10 +57,9 @@ pub(crate) fn lines(member: &MemberRecurrence, transitions: usize) -> [String; 2
 }
 
 fn closed(classes: &ClosedClasses) -> String {
-    let sizes: Vec<String> = classes.largest.iter().take(3).map(|&size| count(size)).collect();
-    let more = if classes.count > 3 { ", …" } else { "" };
+    let sizes = abridged_list(classes.largest.iter().map(|&size| count(size)), 3);
     let noun = if classes.count == 1 { "part of the log" } else { "separate parts of the log" };
-    format!("rollouts end in {} {noun} ({}{more} transitions)", classes.count, sizes.join(", "))
+    format!("rollouts end in {} {noun} ({sizes} transitions)", classes.count)
 }
 
 fn done(member: &MemberRecurrence) -> String {

@@ -5,6 +5,7 @@ use calib_base::{
     output::{Printer, count},
 };
 use calib_control::{ControlConfig, LEAST_LEVELS};
+use calib_core::abridged_list;
 
 use super::log::ActionLog;
 
@@ -54,16 +55,12 @@ fn told(names: &[String], counts: &[usize], config: &ControlConfig) -> Option<St
         several => format!("{} actions were", count(several)),
     };
     let steps = count(counts.iter().sum());
-    let examples: Vec<String> = hardly
-        .iter()
-        .take(NAMED)
-        .map(|&action| format!("{} ({} of {steps})", names[action], counts[action]))
-        .collect();
-    let more = if hardly.len() > NAMED { ", …" } else { "" };
+    let examples =
+        hardly.iter().map(|&action| format!("{} ({} of {steps})", names[action], counts[action]));
     Some(format!(
-        "{counted} hardly ever taken: {}{more}. Models know little of what follows. If slips of the log are the reason, correct them there, or add \
+        "{counted} hardly ever taken: {}. Models know little of what follows. If slips of the log are the reason, correct them there, or add \
          their values to data.missing_values if no column has them otherwise. If not, {}",
-        examples.join(", "),
+        abridged_list(examples, NAMED),
         fewer_actions(config)
     ))
 }
