@@ -1,5 +1,6 @@
 //! Finds numbers that loggers write for a missing value, such as -200, -999.9 or 9999.
 
+use calib_core::abridged_list;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -69,16 +70,14 @@ impl Sentinel {
     /// Describes the finding in words.
     pub fn told(&self) -> String {
         const NAMED: usize = 3;
-        let named: Vec<&str> = self.channels.iter().take(NAMED).map(String::as_str).collect();
-        let more = if self.channels.len() > NAMED { ", …" } else { "" };
         let channels = if self.channels.len() == 1 { "channel" } else { "channels" };
         format!(
-            "{} stands {} times ({:.2} %) far away from all other values of {} {channels} ({}{more})",
+            "{} stands {} times ({:.2} %) far away from all other values of {} {channels} ({})",
             self.value,
             self.count,
             100.0 * self.share,
             self.channels.len(),
-            named.join(", ")
+            abridged_list(&self.channels, NAMED)
         )
     }
 }

@@ -5,7 +5,7 @@ use calib_control::{
     ChangedDecisions, ColumnFindings, ControlConfig, DecisionRows, LaggedDecisions, RewardRow,
     RowsWithoutReward, TerminalCells, UnendedGaps,
 };
-use calib_core::{Frames, Period};
+use calib_core::{Frames, Period, abridged_list};
 use calib_data::{ChannelProfile, DropReason, Profile, Resample, Sentinel, format_time};
 
 /// Up to one decision in this many may count as the action of a terminal's row without a warning. Our choice: with a
@@ -88,12 +88,10 @@ fn dropped_columns(channels: &[ChannelProfile]) -> Option<String> {
     }
     let columns = counted(named.len(), "column");
     let are = if named.len() == 1 { "is" } else { "are" };
-    let more = if named.len() > NAMED { ", …" } else { "" };
-    named.truncate(NAMED);
     Some(format!(
-        "{columns} of the log {are} no part of the state, so that agents do not see them: {}{more}. Put them into data.exclude if they need not, and otherwise \
+        "{columns} of the log {are} no part of the state, so that agents do not see them: {}. Put them into data.exclude if they need not, and otherwise \
          raise preprocess.max_missing for missing values, or name a column of text in preprocess.one_hot",
-        named.join(", ")
+        abridged_list(&named, NAMED)
     ))
 }
 
