@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import re
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from decimal import Decimal
 from numbers import Real
@@ -12,6 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ._errors import CalibError
 
 # Names that pandas gives to row numbers: to an index that it wrote to Parquet, and to a column without a heading in a CSV file.
 _WRITTEN_INDEX = re.compile(r"__index_level_\d+__")
@@ -38,9 +41,13 @@ def table_of(log: Any, times: str | None = None) -> Table | None:
 
     Returns:
         The table. ``None`` if ``log`` is not a table.
+
+    Raises:
+        CalibError: Two columns of a frame have the same name, or a column has that of an index of other times.
     """
     if _is_frame(log, "pandas"):
-        indexed = _without_index(log)
+        _refuse_equal_names(log)
+        indexed = _without_index(log, times)
         numbers = [name for name in indexed.columns if name != times and _are_row_numbers(str(name), indexed[name])]
         return Table(indexed.drop(columns=numbers) if numbers else indexed, [_told(str(name)) for name in numbers])
     if not hasattr(log, "__arrow_c_stream__"):
@@ -71,8 +78,24 @@ def _is_frame(log: Any, module: str) -> bool:
     return library is not None and isinstance(log, getattr(library, "DataFrame", ()))
 
 
-def _without_index(frame: Any) -> Any:
-    """Returns a pandas frame whose index is a column if it has times or names, and is left out if it numbers the rows."""
+def _refuse_equal_names(frame: Any) -> None:
+    """Refuses a pandas frame with two columns of one name, which other libraries cannot read.
+
+    Raises:
+        CalibError: There are two. Names are compared as texts.
+    """
+    names = [str(name) for name in frame.columns]
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twice is not None:
+        raise CalibError(f"the frame has more than one column {twice!r}; give each a name of its own, or leave all but one out")
+
+
+def _without_index(frame: Any, times: str | None) -> Any:
+    """Returns a pandas frame whose index is a column if it has times or names, and is left out if it numbers the rows.
+
+    Raises:
+        CalibError: A column has the name of an index of other times, and is not the column ``times``.
+    """
     import pandas
 
     index = frame.index
@@ -87,7 +110,13 @@ def _without_index(frame: Any) -> Any:
         return plain
     if index.name is None and pandas.api.types.is_numeric_dtype(index.dtype):
         return plain
-    return _with_column(plain, "time" if index.name is None else index.name, index)
+    name = "time" if index.name is None else index.name
+    if isinstance(index, pandas.DatetimeIndex) and name in plain.columns and name != times and not pandas.Index(plain[name]).equals(index):
+        raise CalibError(
+            f"the frame has a column {name!r} whose values are not those of its index of times, which gets the same name; rename the one that is not "
+            f"the time, or take the column with data={{'timestamp': {name!r}}}"
+        )
+    return _with_column(plain, name, index)
 
 
 def _with_column(frame: Any, name: Any, values: Any) -> Any:

@@ -116,6 +116,26 @@ def test_an_index_of_times_is_the_time(name: str | None) -> None:
     assert list(indexed.columns) == ["level", "valve", "reward"], "the frame of the user stays as it is"
 
 
+def test_an_index_and_a_column_of_one_name_agree() -> None:
+    indexed = tank().set_index("time").rename_axis(None)
+    seconds = indexed.assign(time=np.arange(float(ROWS)))
+    with pytest.raises(calib_rl.CalibError, match="a column 'time' whose values are not those of its index of times"):
+        table_of(seconds)
+    for frame, times in ((indexed.assign(time=indexed.index), None), (seconds, "time")):
+        table = table_of(frame, times)
+        assert table is not None and (table.columns["time"].to_numpy() == frame["time"].to_numpy()).all()
+    labelled = tank().set_index(np.array([f"row {number}" for number in range(ROWS)]))
+    table = table_of(labelled)
+    assert table is not None and table.columns["time"].tolist() == tank()["time"].tolist(), "labels are no times"
+
+
+@pytest.mark.parametrize("other", ["level", "0"])
+def test_a_column_that_comes_twice_is_named(other: str) -> None:
+    twice = tank().assign(level2=0.0).set_axis(["time", "level" if other == "level" else 0, "valve", "reward", other], axis=1)
+    with pytest.raises(calib_rl.CalibError, match=f"more than one column '{other}'; give each a name of its own"):
+        table_of(twice)
+
+
 def test_row_numbers_are_no_sensors(tmp_path: Path) -> None:
     log = tank()
     some = log.drop(index=[3, 4, 90])
