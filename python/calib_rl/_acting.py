@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
 from ._checks import opened, position, whole
+from ._errors import CalibError
 from ._model import physical_values
 
 if TYPE_CHECKING:
@@ -92,6 +94,8 @@ class ActionModel:
 
     def __init__(self, native: _calib.ActionModel) -> None:
         self._native = native
+        # What tells this model from one that is later built in the same folder.
+        self._digest = _digest_of(self.path)
 
     @staticmethod
     def open(folder: str | os.PathLike[str]) -> ActionModel:
@@ -299,6 +303,35 @@ class ActionModel:
             f"<calib_rl.ActionModel: {self.members} members of {self._native.transitions:,} transitions, {len(self.actions)} actions, "
             f"{self.k} neighbours, {len(self.columns)} columns>"
         )
+
+
+def _digest_of(folder: Path) -> str | None:
+    """Returns the digest of the manifest in a model's folder, or ``None`` if there is none."""
+    try:
+        return hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+def require_own_folder(model: ActionModel, is_read_again: bool) -> None:
+    """Refuses a model whose folder holds another one by now.
+
+    Args:
+        model: The model. It stays readable whatever becomes of its folder.
+        is_read_again: Whether other processes open the folder.
+
+    Raises:
+        CalibError: It holds another model, or none, and is read again.
+    """
+    there = _digest_of(model.path)
+    if there == model._digest or (there is None and not is_read_again):
+        return
+    if there is None:
+        raise CalibError(f"{model.path} has no model any more, which other processes would open; build it again, or take processes=1")
+    raise CalibError(
+        f"{model.path} holds another model than the one that was opened, because one was built there again; take ActionModel.open({os.fspath(model.path)!r}), "
+        "and give build_model a folder of its own for each log"
+    )
 
 
 def acting_model(value: Any) -> ActionModel:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from ._acting import ActionModel, acting_model
+from ._acting import ActionModel, acting_model, require_own_folder
 from ._checks import LARGEST_SEED, position, share, whole
 from ._errors import CalibError, CalibWarning
 from ._kinds import ModelKind
@@ -118,6 +118,8 @@ def tune(
     model = acting_model(model)
     if (told := model._native.only_action) is not None:
         raise CalibError(told)
+    number = whole(processes, "processes", 1) if processes is not None else os.cpu_count() or 1
+    require_own_folder(model, number > 1)
     steps = whole(total_timesteps, "total_timesteps", 1)
     limits = {
         "most_uncovered": None if most_uncovered is None else share(most_uncovered, "most_uncovered"),
@@ -134,7 +136,7 @@ def tune(
         runs=whole(runs, "runs", 1),
         seed=whole(seed, "seed", most=LARGEST_SEED),
         environment=_environment(environment, model, kinds),
-        processes=whole(processes, "processes", 1) if processes is not None else os.cpu_count() or 1,
+        processes=number,
         progress=progress,
     )
     if folder is not None:

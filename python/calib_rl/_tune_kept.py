@@ -51,13 +51,14 @@ class Kept:
         labels: Sequence[str],
         environment: Mapping[str, Any],
     ) -> None:
-        self._folder = made_folder(Path(folder), "results")
+        # An agent may change the working folder.
+        self._folder = made_folder(Path(folder).absolute(), "results")
         self._settings: list[str | None] = [None] * len(settings)
         unstable = []
         try:
             self._common = [
                 _FORMAT,
-                hashlib.sha256((model.path / "manifest.json").read_bytes()).hexdigest(),
+                model._digest,
                 identity(make_agent, "make_agent"),
                 identity(dict(environment), "environment"),
             ]

@@ -7,6 +7,7 @@ import functools
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -473,6 +474,50 @@ def test_an_edited_result_is_made_again(acting: calib_rl.ActionModel, tmp_path: 
     with warnings.catch_warnings():
         warnings.simplefilter("error", calib_rl.CalibWarning)
         assert tuned().runs == first.runs
+
+
+def test_a_model_that_was_built_again_is_refused(tmp_path: Path) -> None:
+    from test_acting import tank
+
+    def built(log: Any) -> calib_rl.ActionModel:
+        model: calib_rl.ActionModel = calib_rl.build_model(log, tmp_path / "model", actions=["valve0"], reward="reward", timeout=40)
+        return model
+
+    def tuned(model: calib_rl.ActionModel, **arguments: Any) -> calib_rl.Tuned:
+        return run(Always, {"action": [0, 2]}, model, folder=tmp_path / "units", **arguments)
+
+    first = built(tank())
+    results = tuned(first)
+    assert tuned(built(tank())).runs == results.runs == tuned(first).runs, "the same log gives the same model"
+    other = built(tank().with_columns(-polars.col("reward")))
+    for arguments in ({}, {"processes": 2}):
+        with pytest.raises(calib_rl.CalibError, match=r"holds another model than the one that was opened.*ActionModel.open\('.*a folder of its own"):
+            tuned(first, **arguments)
+    again = tuned(other)
+    assert again.runs == run(Always, {"action": [0, 2]}, other).runs
+    assert [one["mean_return"] for one in again.runs] == pytest.approx([-one["mean_return"] for one in results.runs])
+
+
+def test_a_model_whose_folder_is_gone_stays_readable(tmp_path: Path) -> None:
+    from test_acting import tank
+
+    model = calib_rl.build_model(tank(), tmp_path / "model", actions=["valve0"], reward="reward", timeout=40)
+    shutil.rmtree(tmp_path / "model")
+    assert len(run(Always, {"action": [0]}, model, folder=tmp_path / "units").runs) == 4
+    with pytest.raises(calib_rl.CalibError, match="has no model any more.*build it again, or take processes=1"):
+        run(Always, {"action": [0]}, model, processes=2)
+
+
+def test_an_agent_may_change_the_working_folder(acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Moves(Always):
+        def learn(self, total_timesteps: int) -> None:
+            super().learn(total_timesteps)
+            os.chdir(tmp_path)
+
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    run(Moves, {"action": [0]}, acting, folder="units")
+    assert len(list((tmp_path / "work" / "units").iterdir())) == 4 and not (tmp_path / "units").exists()
 
 
 def test_one_is_singular(acting: calib_rl.ActionModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
