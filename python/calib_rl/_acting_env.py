@@ -41,6 +41,7 @@ class _Actions:
     def __init__(self, model: ActionModel, wanted: ActionKind | AnySpace | None, live: bool, model_kind: ModelKind) -> None:
         levels = np.array([action.values for action in model.actions], np.float64)
         low, high = np.array(list(model.action_columns.values()), np.float64).T
+        self.names = list(model.action_columns)
         self.live, self.low, self.high = live, low, high
         self.range = np.where(high > low, high - low, 1.0)
         self.values, self.levels = levels, levels / self.range
@@ -94,7 +95,7 @@ class _Actions:
         except (TypeError, ValueError):
             values = np.full((1, len(self.low)), np.nan)
         if not np.isfinite(values).all():
-            raise ValueError(f"an action is {actions}, which is no number: the agent has diverged")
+            raise ValueError(f"an action is {actions}, which is no number: {self._why_not_finite(values)}")
         values = self._rows(values)
         return values if self.live else self._nearest(values)
 
@@ -108,6 +109,16 @@ class _Actions:
         if actions.ndim != 2 or actions.shape[1] != columns:
             raise ValueError(f"an action has the shape {actions.shape[1:]}, expected ({columns},), a number for each column of actions")
         return actions
+
+    def _why_not_finite(self, values: NDArray[np.float64]) -> str:
+        """Returns why an agent sets values that are no numbers, for an error."""
+        if values.ndim == 2 and values.shape[1] == len(self.low):
+            wrong = ~np.isfinite(values).all(axis=0)
+            # Some agents scale what they set by its range.
+            if (self.low[wrong] == self.high[wrong]).all():
+                name = self.names[int(wrong.argmax())]
+                return f"{name} has one value in the log, so that an agent may divide by its range of 0; leave it out of actions= when you build the model"
+        return "the agent has diverged"
 
     def _nearest(self, values: NDArray[np.float64]) -> NDArray[np.int64]:
         shares = values[:, None, :] / self.range

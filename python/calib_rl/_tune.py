@@ -22,7 +22,7 @@ from ._checks import LARGEST_SEED, position, share, whole
 from ._errors import CalibError, CalibWarning
 from ._kinds import ModelKind
 from ._tune_kept import Kept
-from ._tune_settings import Failure, Grid, Names, Setting, counted, settings_of
+from ._tune_settings import Failure, Grid, Names, Setting, counted, settings_of, short
 from ._tune_workers import Worker, message_for
 from ._tuned import Tuned, uncovered
 
@@ -168,10 +168,7 @@ def tune(
     compared = [settings[place] for place in alive]
     remarks = _cut_off(every_run)
     if alike_so_far:
-        alike = (
-            f"all {len(settings)} settings got the same returns in every training run: either no setting changes what the agent does, or agents do not begin "
-            f"to learn within total_timesteps={steps}; raise it above n_steps (2,048 in PPO) and learning_starts, or lower these"
-        )
+        alike = _alike(len(settings), steps, work)
         doubts.insert(0, alike)
         # Before the other reasons: after the headline and what the choice gets, and in `why` after what the headline means.
         advice[2:] = [alike, *advice[2:4]]
@@ -215,6 +212,22 @@ def _are_alike(runs: list[dict[str, Any]], settings: int) -> bool:
     return settings > 1 and all(len(different) == 1 for different in got.values())
 
 
+def _alike(settings: int, steps: int, work: _Work) -> str:
+    """Returns the doubt about settings that all have the same returns."""
+    alike = (
+        f"all {settings} settings got the same returns in every training run: either no setting changes what the agent does, or agents do not begin "
+        f"to learn within total_timesteps={steps}; raise it above n_steps (2,048 in PPO) and learning_starts, or lower these"
+    )
+    space = work.environment.get("action_space")
+    if space != "box" and type(space).__name__ != "Box":
+        return alike
+    name, (low, high) = next(iter(work.model.action_columns.items()))
+    return (
+        f"{alike}; or what the agent sets is always nearest to the same action, as that of PPO, which begins around 0 with a spread of 1, where {name} goes "
+        f"from {short(low)} to {short(high)}: lay gymnasium.wrappers.RescaleAction(env, -1.0, 1.0) over env in make_agent"
+    )
+
+
 def _cut_off(runs: list[dict[str, Any]]) -> list[str]:
     """Returns a remark about episodes that agents reset before their end, or an empty list."""
     cut, whole_ones = sum(run["cut_off"] for run in runs), sum(run["episodes"] for run in runs)
@@ -253,10 +266,13 @@ def _environment(environment: Any, model: ActionModel, kinds: Sequence[ModelKind
     for name in given:
         if name not in known:
             raise ValueError(f"environment has {name!r}, expected arguments of calib_rl.gym.make: {', '.join(known)}")
-    # Making a network environment would train networks, and checks nothing more, except that they refuse `live`.
-    kind: ModelKind = "network" if given.get("live") and "network" in kinds else "neighbors"
+    if given.get("live") and "network" in kinds:
+        raise ValueError(
+            "environment: live searches among recorded settings, and a network knows levels alone; give kinds=['neighbors', 'increments'], or leave live out"
+        )
+    # Making a network environment would train networks, and checks nothing more.
     try:
-        make(model, kind=kind, **given).close()
+        make(model, **given).close()
     except (TypeError, ValueError, IndexError) as error:
         raise ValueError(f"environment: {error}") from error
     return given
@@ -346,7 +362,8 @@ class _Work:
                 elif self.kept is not None:
                     self.kept.write(units[place], came)
                 if self.progress:
-                    print(f"{done} of {len(missing)}: {self.labels[units[place].candidate]}, {units[place].kind}, member {units[place].member}", file=sys.stderr)
+                    which = f"{self.labels[units[place].candidate]}, {units[place].kind}, member {units[place].member}"
+                    print(f"{done} of {len(missing)}: {which}{', failed' if 'error' in came else ''}", file=sys.stderr)
 
         if min(self.processes, len(missing)) <= 1:
             for place in missing:

@@ -382,6 +382,18 @@ def test_an_action_has_a_number_for_each_column(continuous: calib_rl.ActionModel
         many.step(np.zeros((3, columns + 1)))
 
 
+def test_an_action_without_a_range_is_named(tmp_path: Path) -> None:
+    fixed = tank(columns=2).with_columns(polars.lit(0.5).alias("valve1"))
+    model = calib_rl.build_model(fixed, tmp_path, actions=["valve0", "valve1"], reward="reward", timeout=40)
+    env = calib_rl.gym.make(model, action_space="box")
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match="valve1 has one value in the log.*leave it out of actions="):
+        env.step([0.5, np.nan])
+    for action in ([np.nan, 0.5], [np.nan, np.nan]):
+        with pytest.raises(ValueError, match="which is no number: the agent has diverged"):
+            env.step(action)
+
+
 @pytest.mark.parametrize("place", [-1, 1_000])
 def test_a_place_in_multi_discrete_is_one_of_its_levels(continuous: calib_rl.ActionModel, place: int) -> None:
     both = calib_rl.gym.make(continuous, action_space="multi_discrete")

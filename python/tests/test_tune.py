@@ -520,6 +520,11 @@ def test_an_agent_may_change_the_working_folder(acting: calib_rl.ActionModel, tm
     assert len(list((tmp_path / "work" / "units").iterdir())) == 4 and not (tmp_path / "units").exists()
 
 
+def test_progress_names_what_failed(acting: calib_rl.ActionModel, capsys: pytest.CaptureFixture[str]) -> None:
+    run(Always, {"action": [9]}, acting, progress=True)
+    assert [line.endswith(", failed") for line in capsys.readouterr().err.splitlines()] == [False, False, True, False]
+
+
 def test_one_is_singular(acting: calib_rl.ActionModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def tuned(**arguments: Any) -> tuple[str, str]:
         page = run(Always, {"limit": [10]}, acting, progress=True, folder=tmp_path / "units", **arguments).report(tmp_path / "page.html")
@@ -786,6 +791,20 @@ def test_settings_that_all_get_the_same_name_a_cause(acting: calib_rl.ActionMode
     assert "total_timesteps=100; raise it above n_steps" in tuned.advice[2] and len(tuned.advice) <= 5
     assert tuned.why()[3] == tuned.advice[2], "after what the headline means"
     assert not any("got the same returns" in doubt for doubt in run(Always, {"action": [0, 2]}, acting).doubts)
+
+
+def test_settings_that_set_the_same_action_name_its_range(acting: calib_rl.ActionModel) -> None:
+    class AroundZero(Always):
+        action: Any
+
+        def learn(self, total_timesteps: int) -> None:
+            self.action = np.random.uniform(-1.0, 0.2, 1)
+            super().learn(total_timesteps)
+
+    for space in ("box", gymnasium.spaces.Box(0.0, 1.0, (1,))):
+        tuned = run(AroundZero, {"value": [1, 2]}, acting, environment={"action_space": space})
+        assert "where valve0 goes from 0 to 1: lay gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)" in tuned.doubts[0]
+    assert "RescaleAction" not in run(Always, {"value": [1, 2]}, acting).doubts[0]
 
 
 def test_a_default_and_its_twin_are_not_all_settings(acting: calib_rl.ActionModel) -> None:
