@@ -121,7 +121,7 @@ def build_model(
               then read like a log on the command line. It replaces only files that calib wrote there before.
             - a path to logs: read where they are.
             - an array of normalised states ``[n, d]``, real numbers of any type and layout: copied once, as ``float32``.
-        folder: Where the study, the log and the results go. Tables and paths need it.
+        folder: Where the study, the log and the results go. Tables and paths need it. The same call with another log replaces the log and the model there.
         segments: For an array: number of rows of each unbroken segment. Default: all rows are one segment.
         actions: Columns of the action in each row, for agents that act. The model is then a model with actions. The whole log is read, unless ``data=``
             says otherwise. All other columns of numbers are the state, except ``reward``, ``terminal`` and the columns in ``data={"exclude": [...]}``.
@@ -140,8 +140,8 @@ def build_model(
         The model: memory-mapped from ``folder``, or in memory if it is of an array. An `ActionModel` if there are ``actions``.
 
     Raises:
-        CalibError: A value of an array is NaN or infinite. A log is wrong, or has only one action. ``folder/log.parquet`` exists, and
-            calib did not write it. ``folder`` is a file, or cannot be written to.
+        CalibError: A value of an array is NaN or infinite. A log is wrong, or has only one action. Two columns of a frame have one name, or a column
+            has that of the index and other times. ``folder/log.parquet`` exists, and calib did not write it. ``folder`` is a file, or cannot be written to.
         StudyError: A section is not valid. Nothing is written then.
         FileExistsError: ``folder`` has a model of other arguments, or a study that calib did not write there. A study of a call that failed is replaced.
         ImportError: A frame of pandas needs pyarrow or polars. Nothing is written then.

@@ -85,7 +85,8 @@ def tune(
 
     Raises:
         CalibError: The log of the model has only one action, so that there is nothing to choose. The folder is a file, cannot be made, or cannot be
-            written to where results are missing. Several processes need networks, and these cannot be stored.
+            written to where results are missing. Several processes need networks, and these cannot be stored. The folder of the model holds another
+            model than when this one was opened, or none, and several processes need it.
         ValueError: There is no setting, or one occurs twice. An argument is outside its range. No environment can be made with ``environment``.
         TypeError: An argument is of another type. ``make_agent`` cannot be given to other processes.
         KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call continues.

@@ -70,7 +70,7 @@ class Tuned:
         """The settings, best first.
 
         Returns:
-            A frame with the columns `setting`, `mean_rank`, `worst_rank`, `mean_return`, `uncovered` and `chosen_again`, and one for each hyperparameter,
+            A frame of polars, or of pandas if polars is not installed. It has the columns `setting`, `mean_rank`, `worst_rank`, `mean_return`, `uncovered` and `chosen_again`, and one for each hyperparameter,
             under its name. The name ends in ``_value`` if it would otherwise be one of these. A value is empty if the setting does not have it.
         """
         rows = self._rows()
@@ -91,7 +91,7 @@ class Tuned:
         """Results of every setting in every ensemble member and run.
 
         Returns:
-            `runs` as a frame, without the returns of episodes.
+            `runs` as such a frame, without the returns of episodes.
         """
         labels = Names(self.settings).labels
         names = ["setting", "kind", "member", "run", "mean_return", "episodes", "terminals", "cut_off", "uncovered"]
