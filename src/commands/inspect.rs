@@ -1,4 +1,6 @@
-use calib_data::{DataConfig, FEW_CONTRADICT, PartProfile, PreprocessConfig, Profile, ShownClock};
+use calib_data::{
+    DataConfig, FEW_CONTRADICT, PartProfile, PreprocessConfig, Profile, ShownClock, unused_exclude,
+};
 use calib_pipeline::{
     Descriptions, Inspection, Job, Outcome, Printer, Request, StepError, data_of, ensure,
     inspect_deployments, on_this_machine,
@@ -162,9 +164,7 @@ fn show_log(profile: &Profile, clock: &ShownClock, printer: &Printer) -> Result<
     }
     let doubts = [profile.frozen_doubt(), profile.late_changes(), profile.nothing_to_score()];
     doubts.iter().flatten().for_each(|doubt| printer.warn(doubt));
-    for pattern in &profile.unused_excludes {
-        printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
-    }
+    profile.unused_excludes.iter().for_each(|entry| printer.warn(&unused_exclude(entry)));
     Ok(())
 }
 

@@ -245,6 +245,31 @@ fn rewards_that_stand_for_a_missing_value_are_told() {
 }
 
 #[test]
+fn a_reward_that_never_changes_is_told() {
+    let same = "the reward is 2 in every row, and no episode ends in a terminal";
+    let told = with_terminals(|_| "2,0".to_owned()).calib(&["inspect", "study.toml"]).stderr();
+    assert!(told.contains(same), "{told}");
+    let ends = with_terminals(|row| format!("2,{}", usize::from(row % 10 == 9)));
+    let told = ends.calib(&["inspect", "study.toml"]).stderr();
+    assert!(!told.contains(same), "the length of an episode counts: {told}");
+}
+
+#[test]
+fn what_an_inspection_shows_is_told_of_agents_that_act_too() {
+    let place = pump(|row| row_of_pump(row, row % 2));
+    let row = |row: usize| {
+        let flow = if (50..150).contains(&row) { 433 } else { 400 + 37 * row % 97 };
+        format!("2024-03-01 0{}:{:02}:00,{},{flow},{}\n", row / 60, row % 60, row % 7, row / 2 % 2)
+    };
+    let rows: String = (0..300).map(row).collect();
+    place.write("log.csv", &format!("timestamp,level,flow,pump\n{rows}"));
+    let set = "data.exclude=['flwo']";
+    let told = place.calib(&["control", "study.toml", "--dry-run", "--set", set]).stderr();
+    assert!(told.contains("data.exclude = \"flwo\" matches no channel"), "{told}");
+    assert!(told.contains("are constant for long: flow for "), "{told}");
+}
+
+#[test]
 fn terminals_without_a_reward_are_told() {
     let place =
         with_terminals(|row| if row % 10 == 9 { ",1".to_owned() } else { "2,0".to_owned() });

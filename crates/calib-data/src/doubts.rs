@@ -145,6 +145,11 @@ pub fn without_times(period_secs: f64, files: usize) -> String {
     )
 }
 
+/// Returns the warning for an entry of `data.exclude` that matches no channel, so that it leaves nothing out.
+pub fn unused_exclude(entry: &str) -> String {
+    format!("data.exclude = \"{entry}\" matches no channel")
+}
+
 impl Profile {
     /// What is said of channels that are dropped because most rows have no value of them, where several files at the same time or tags are not on
     /// one clock. Files that follow each other are of one clock.

@@ -91,7 +91,7 @@ pub use config::{
     PreprocessConfig, Reduce, Resample, Shape, TimeRange,
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
-pub use doubts::{contradicted_period, long_gap, many_gaps, without_times};
+pub use doubts::{contradicted_period, long_gap, many_gaps, unused_exclude, without_times};
 pub use error::DataError;
 pub use import::{Dropped, Imported, import};
 pub use log::{BadRowsFound, ContradictionCause, Declared, log_files, text_left_alone};

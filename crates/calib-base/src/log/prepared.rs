@@ -7,7 +7,9 @@ use std::{
 };
 
 use calib_core::{Frames, Normaliser, Period};
-use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed, without_times};
+use calib_data::{
+    DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed, unused_exclude, without_times,
+};
 use calib_files::{FileStat, Fingerprint, LOCK, ScratchPlace, remove_empty_folder, remove_file};
 use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
@@ -151,6 +153,7 @@ fn warn(profile: &Profile, printer: &Printer) {
     if profile.without_times {
         printer.warn(&without_times(profile.period_secs, profile.files));
     }
+    profile.unused_excludes.iter().for_each(|entry| printer.warn(&unused_exclude(entry)));
     if !profile.bad_rows.is_none() {
         printer.warn(&format!(
             "{} cannot be read and are left out, such as {}",

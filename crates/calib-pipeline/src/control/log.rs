@@ -23,7 +23,8 @@ use super::{
     counting,
     held_out_period::HeldOutRows,
     log_warnings::{
-        codes_for_missing, left_out, tell_columns, tell_decisions, tell_missing_rewards,
+        codes_for_missing, doubts, tell_columns, tell_constant_reward, tell_decisions,
+        tell_missing_rewards,
     },
 };
 
@@ -39,8 +40,7 @@ pub(crate) struct ActionLog {
     pub(crate) period: Period,
     /// Sentences on outlying action values that count as missing.
     pub(crate) outlying: Vec<String>,
-    /// Sentences on the parts of the log that are left out, and on numbers that may stand for a missing value. `calib inspect` reports these in
-    /// its own words.
+    /// Warnings that `calib inspect` reports in its own words.
     doubts: Vec<String>,
     /// The state columns that are channels of the log, and no features.
     pub(super) sensors: Vec<String>,
@@ -124,6 +124,7 @@ pub(super) fn read_with_rest(
     let set_points = set_points(config, &names, &recorded.values);
     let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
     tell_missing_rewards(config, frames, &rows, printer);
+    tell_constant_reward(&rows, printer);
     let period = decision_period(config, dataset.period);
     tell_decisions(config, frames, &rows, period, printer);
     let (levels, settings) = levels_of(&rows.acted, config)?;
@@ -162,7 +163,7 @@ pub(super) fn read_with_rest(
         set_points,
     };
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
-    let mut doubts = left_out(&dataset.profile, resample, frames, &found.gaps);
+    let mut doubts = doubts(&dataset.profile, resample, frames, &found.gaps);
     doubts.extend(codes);
     let sensors = columns.iter().filter(|column| column.kind == ColumnKind::Sensor);
     let sensors = sensors.map(|column| column.name.clone()).collect();
@@ -432,7 +433,7 @@ fn settings_told(
 }
 
 impl ActionLog {
-    /// Warns about the parts of the log that are left out, and about numbers that may stand for a missing value.
+    /// Gives the warnings that `calib inspect` reports in its own words.
     pub(super) fn tell_doubts(&self, printer: &Printer) {
         for told in &self.doubts {
             printer.warn(told);

@@ -2,11 +2,13 @@
 
 use calib_base::output::{Printer, count, counted, percent, span};
 use calib_control::{
-    ChangedDecisions, ColumnFindings, ControlConfig, DecisionRows, LaggedDecisions, RewardRow,
-    RowsWithoutReward, TerminalCells, UnendedGaps,
+    ChangedDecisions, ColumnFindings, ControlConfig, DecisionRows, Ending, LaggedDecisions,
+    RewardRow, RowsWithoutReward, TerminalCells, UnendedGaps,
 };
 use calib_core::{Frames, Period, abridged_list};
-use calib_data::{ChannelProfile, DropReason, Profile, Resample, Sentinel, format_time};
+use calib_data::{
+    ChannelProfile, DropReason, Profile, Resample, Sentinel, format_time, unused_exclude,
+};
 
 /// Up to one decision in this many may count as the action of a terminal's row without a warning. Our choice: with a
 /// lag of two rows this affects one decision per episode.
@@ -37,9 +39,9 @@ pub(super) fn tell_columns(
     }
 }
 
-/// Returns sentences on the parts of a log that are left out: rows with a repeated or missing time, and steps over
-/// gaps. `calib inspect` reports these in its own words.
-pub(super) fn left_out(
+/// Returns sentences on columns that agents do not see or that the study fails to leave out, rows with a repeated or missing time, steps over
+/// gaps, and frozen sensors. `calib inspect` reports these in its own words.
+pub(super) fn doubts(
     profile: &Profile,
     resample: Option<Resample>,
     frames: &Frames,
@@ -61,6 +63,8 @@ pub(super) fn left_out(
         let first = format_time(frames.timestamps()[first]);
         told.push(many_gaps(gaps, &first, profile.sampled_period_secs, resample));
     }
+    told.extend(profile.unused_excludes.iter().map(|entry| unused_exclude(entry)));
+    told.extend(profile.frozen_doubt());
     told
 }
 
@@ -201,6 +205,18 @@ pub(super) fn codes_for_missing(
         }
     }
     Sentinel::doubt(&found)
+}
+
+/// Warns about a reward that is the same in every row of a log without terminals: all behaviour gets the same return.
+pub(super) fn tell_constant_reward(rows: &DecisionRows, printer: &Printer) {
+    let mut rewards = rows.rewards.iter().copied().filter(|reward| !reward.is_nan());
+    let Some(first) = rewards.next() else { return };
+    if rewards.all(|reward| reward == first) && !rows.endings.contains(&Ending::Terminal) {
+        printer.warn(&format!(
+            "the reward is {first} in every row, and no episode ends in a terminal: all behaviour gets the same return, so that no setting can be better. \
+             Name what the agent should achieve with control.reward, or the column of terminals with control.terminal"
+        ));
+    }
 }
 
 /// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows, or after them if they are those of

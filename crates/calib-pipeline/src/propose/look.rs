@@ -10,7 +10,7 @@ use calib_base::{
 };
 use calib_data::{
     BackwardSteps, ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT,
-    MaxAge, Resample, Sentinel, Sketch, format_time, sketch,
+    MaxAge, Resample, Sentinel, Sketch, format_time, sketch, unused_exclude,
 };
 use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors, many_left_out};
 
@@ -148,9 +148,7 @@ fn warn_of_reading(sketch: &Sketch, printer: &Printer) {
         printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
     }
     sketch.read_as.iter().for_each(|read_as| printer.warn(read_as));
-    for pattern in &sketch.unused_excludes {
-        printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
-    }
+    sketch.unused_excludes.iter().for_each(|entry| printer.warn(&unused_exclude(entry)));
     if let Some(example) = sketch.bad_rows.examples.first() {
         let lines = sketch.bad_rows.count as usize;
         let verbs = if lines == 1 { "cannot be read and is" } else { "cannot be read and are" };
