@@ -164,6 +164,8 @@ def build_model(
         raise TypeError(f"{stray[0]} is for models with actions; name the columns of what was done with actions=")
     if isinstance(actions, str):
         raise TypeError(f"actions is {actions!r}, expected a list of columns, such as [{actions!r}]")
+    if not (reward is None or isinstance(reward, str)):
+        reward = acting["reward"] = _terms(reward)
     data = sections.get("data")
     table = table_of(log, data.get("timestamp") if isinstance(data, Mapping) else None)
     is_path = isinstance(log, (str, os.PathLike))
@@ -207,6 +209,18 @@ def build_model(
 
 # The file for a table.
 _LOG = "log.parquet"
+
+
+def _terms(reward: Any) -> list[Mapping[str, Any]]:
+    """Returns the terms of a reward.
+
+    Raises:
+        TypeError: It is neither a column nor a sequence of terms.
+    """
+    terms = list(reward) if isinstance(reward, Sequence) else []
+    if not terms or not all(isinstance(term, Mapping) for term in terms):
+        raise TypeError(f"reward is {reward!r}, expected the name of a column, or terms, such as [{{'column': 'flow', 'weight': 1.0}}]")
+    return terms
 
 
 def _written(path: Path, sections: dict[str, Any], table: Table | None) -> Study:

@@ -333,6 +333,9 @@ def test_what_an_environment_refuses(acting: calib_rl.ActionModel, continuous: c
         env.step(3)
     with pytest.raises(TypeError, match="expected a list"):
         calib_rl.build_model(tank(), "nowhere", actions="valve0", reward="reward")
+    for reward in (["reward"], [], {"column": "reward"}, 3):
+        with pytest.raises(TypeError, match="^reward is .*, expected the name of a column, or terms"):
+            calib_rl.build_model(tank(), "nowhere", actions=["valve0"], reward=reward)
 
 
 def test_pessimism_ends_episodes(acting: calib_rl.ActionModel) -> None:
