@@ -296,13 +296,32 @@ class ActionModel:
         return physical_values(self._native.columns, states)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return ActionModel.open, (str(self.path),)
+        return _reopened, (str(self.path), self._digest)
 
     def __repr__(self) -> str:
         return (
             f"<calib_rl.ActionModel: {self.members} members of {self._native.transitions:,} transitions, {len(self.actions)} actions, "
             f"{self.k} neighbours, {len(self.columns)} columns>"
         )
+
+
+def _reopened(folder: str, digest: str | None) -> ActionModel:
+    """Opens a pickled model again, in this process or another.
+
+    Raises:
+        CalibError: The folder has no model, or another one than that which was pickled.
+    """
+    model = ActionModel.open(folder)
+    if digest is not None and model._digest != digest:
+        raise CalibError(_told_of_another(folder))
+    return model
+
+
+def _told_of_another(folder: str) -> str:
+    return (
+        f"{folder} holds another model than the one that was opened, because one was built there again; take ActionModel.open({folder!r}), "
+        "and give build_model a folder of its own for each log"
+    )
 
 
 def _digest_of(folder: Path) -> str | None:
@@ -328,10 +347,7 @@ def require_own_folder(model: ActionModel, is_read_again: bool) -> None:
         return
     if there is None:
         raise CalibError(f"{model.path} has no model any more, which other processes would open; build it again, or take processes=1")
-    raise CalibError(
-        f"{model.path} holds another model than the one that was opened, because one was built there again; take ActionModel.open({os.fspath(model.path)!r}), "
-        "and give build_model a folder of its own for each log"
-    )
+    raise CalibError(_told_of_another(os.fspath(model.path)))
 
 
 def acting_model(value: Any) -> ActionModel:

@@ -6,6 +6,7 @@ import copy
 import functools
 import json
 import os
+import pickle
 import re
 import shutil
 import subprocess
@@ -493,6 +494,9 @@ def test_a_model_that_was_built_again_is_refused(tmp_path: Path) -> None:
     for arguments in ({}, {"processes": 2}):
         with pytest.raises(calib_rl.CalibError, match=r"holds another model than the one that was opened.*ActionModel.open\('.*a folder of its own"):
             tuned(first, **arguments)
+    pickled = pickle.dumps(first)
+    with pytest.raises(calib_rl.CalibError, match="holds another model than the one that was opened"):
+        pickle.loads(pickled)
     again = tuned(other)
     assert again.runs == run(Always, {"action": [0, 2]}, other).runs
     assert [one["mean_return"] for one in again.runs] == pytest.approx([-one["mean_return"] for one in results.runs])
