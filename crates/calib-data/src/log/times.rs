@@ -37,7 +37,7 @@ pub(crate) fn no_timestamp(head: &Head, others: usize, data: &DataConfig) -> Dat
             likely.join(", "),
             shell_word(&format!("data.timestamp={first}"))
         ),
-        None => "no column looks like a time: name it with --set data.timestamp=NAME".to_owned(),
+        None => "no column looks like a time: set data.timestamp to its name (--set data.timestamp=NAME)".to_owned(),
     };
     let is_default = data.timestamp == DataConfig::default().timestamp;
     let split = if is_default { parts_of_dates(head) } else { Vec::new() };
@@ -50,7 +50,7 @@ pub(crate) fn no_timestamp(head: &Head, others: usize, data: &DataConfig) -> Dat
         )
     } else if likely.is_empty() {
         format!(
-            "{set}; or, if the log has no times, say how far its rows are apart, such as --set data.period_secs=60"
+            "{set}; or, if the log has no times, set data.period_secs to the seconds from row to row (--set data.period_secs=60)"
         )
     } else {
         set

@@ -295,7 +295,7 @@ fn a_log_without_times_has_numbered_rows_if_the_period_is_given() {
     }
     let mut data = folder.data();
     let told = refusal(&data);
-    let hint = "if the log has no times, say how far its rows are apart, such as --set data.period_secs=60";
+    let hint = "if the log has no times, set data.period_secs to the seconds from row to row (--set data.period_secs=60)";
     assert!(told.contains(hint), "{told}");
     data.period_secs = Some(10.0);
     let found = profile(&data);
