@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import re
 import sys
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from decimal import Decimal
@@ -106,24 +107,48 @@ def _without_index(frame: Any, times: str | None) -> Any:
     plain = frame.reset_index(drop=True)
     if index.nlevels > 1:
         for level in reversed(range(index.nlevels)):
-            plain = _with_column(plain, index.names[level] or f"level_{level}", index.get_level_values(level))
+            plain = _with_column(plain, index.names[level] or f"level_{level}", index.get_level_values(level), times)
         return plain
     if index.name is None and pandas.api.types.is_numeric_dtype(index.dtype):
         return plain
-    name = "time" if index.name is None else index.name
-    if isinstance(index, pandas.DatetimeIndex) and name in plain.columns and name != times and not pandas.Index(plain[name]).equals(index):
+    return _with_column(plain, "time" if index.name is None else index.name, index, times)
+
+
+def _with_column(frame: Any, name: Any, values: Any, times: str | None) -> Any:
+    """Returns the frame with a level of its index as another first column, unless it has a column of that name.
+
+    Raises:
+        CalibError: The level has times, and the column has others and is not the column ``times``.
+    """
+    import pandas
+
+    if name not in frame.columns:
+        frame.insert(0, name, values)
+    elif name != times and isinstance(values, pandas.DatetimeIndex) and not _has_times(frame[name], values):
         raise CalibError(
             f"the frame has a column {name!r} whose values are not those of its index of times, which gets the same name; rename the one that is not "
             f"the time, or take the column with data={{'timestamp': {name!r}}}"
         )
-    return _with_column(plain, name, index)
-
-
-def _with_column(frame: Any, name: Any, values: Any) -> Any:
-    """Returns the frame with another first column, unless it has a column of that name."""
-    if name not in frame.columns:
-        frame.insert(0, name, values)
     return frame
+
+
+def _has_times(column: Any, index: Any) -> bool:
+    """Whether a column has the times of an index, in any time zone: as times, as texts or as numbers since 1970."""
+    import pandas
+
+    times = pandas.to_datetime(index, utc=True)
+    units = ["s", "ms", "us", "ns"] if pandas.api.types.is_numeric_dtype(column.dtype) else [None]
+    for unit in units:
+        with warnings.catch_warnings():
+            # About texts without a common form.
+            warnings.simplefilter("ignore", UserWarning)
+            try:
+                read = pandas.to_datetime(pandas.Index(column), unit=unit, utc=True, errors="coerce")
+            except (TypeError, ValueError):
+                return False
+        if ((read == times) | (read.isna() & times.isna())).all():
+            return True
+    return False
 
 
 def _are_row_numbers(name: str, values: Any) -> bool:

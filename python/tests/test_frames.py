@@ -124,6 +124,21 @@ def test_an_index_and_a_column_of_one_name_agree() -> None:
     for frame, times in ((indexed.assign(time=indexed.index), None), (seconds, "time")):
         table = table_of(frame, times)
         assert table is not None and (table.columns["time"].to_numpy() == frame["time"].to_numpy()).all()
+    label = indexed.index.astype(str)
+    written = {
+        "texts": indexed.assign(time=label).rename_axis("time"),
+        "seconds": indexed.assign(time=(indexed.index - pandas.Timestamp(0)) // pandas.Timedelta("1s")),
+        "another zone": indexed.tz_localize("UTC").assign(time=indexed.index.tz_localize("UTC").tz_convert("Asia/Tokyo")),
+    }
+    for what, frame in written.items():
+        table = table_of(frame)
+        assert table is not None and table.columns["time"].tolist() == frame["time"].tolist(), what
+    for other in (label[::-1], ["none"] * ROWS, [True] * ROWS):
+        with pytest.raises(calib_rl.CalibError, match="a column 'time' whose values are not those of its index of times"):
+            table_of(indexed.assign(time=other))
+    levels = pandas.MultiIndex.from_arrays([indexed.index, range(ROWS)], names=["time", "run"])
+    with pytest.raises(calib_rl.CalibError, match="a column 'time' whose values are not those of its index of times"):
+        table_of(seconds.set_index(levels))
     labelled = tank().set_index(np.array([f"row {number}" for number in range(ROWS)]))
     table = table_of(labelled)
     assert table is not None and table.columns["time"].tolist() == tank()["time"].tolist(), "labels are no times"
