@@ -94,6 +94,8 @@ class ActionModel:
 
     def __init__(self, native: _calib.ActionModel) -> None:
         self._native = native
+        # Agents may change the working folder later.
+        self._path = Path(native.directory).absolute()
         # What tells this model from one that is later built in the same folder.
         self._digest = _digest_of(self.path)
 
@@ -141,7 +143,7 @@ class ActionModel:
     @property
     def path(self) -> Path:
         """The folder that the model lies in."""
-        return Path(self._native.directory).absolute()
+        return self._path
 
     @property
     def members(self) -> int:

@@ -8,7 +8,6 @@ import json
 import os
 import pickle
 import random
-import signal
 import sys
 import traceback
 from collections.abc import Callable, Mapping
@@ -232,8 +231,6 @@ def main(parent: int) -> None:
     Args:
         parent: The process that started this one, and stores the results.
     """
-    # Ctrl-C reaches every process of a terminal. The parent ends this one, and alone tells of it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent(parent)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     # The output of agents must not be taken for an answer.

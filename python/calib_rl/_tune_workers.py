@@ -47,8 +47,10 @@ class Worker:
     def __init__(self, message: str) -> None:
         # Each unit runs on one processor, so that its sums do not depend on other work.
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"), "1")
+        # Ctrl-C reaches every process of a terminal. The parent ends this one, and alone tells of it.
         # The imports take a second, after which the parent may be gone.
-        command = [sys.executable, "-c", "import os; parent = os.getppid(); from calib_rl._tune_unit import main; main(parent)"]
+        begin = "import os, signal; signal.signal(signal.SIGINT, signal.SIG_IGN); parent = os.getppid(); from calib_rl._tune_unit import main; main(parent)"
+        command = [sys.executable, "-c", begin]
         path = os.pathsep.join(folder for folder in sys.path if folder)
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8", env={**os.environ, **threads, "PYTHONPATH": path}
