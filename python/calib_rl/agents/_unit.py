@@ -64,35 +64,25 @@ def _record(unit: Unit, store: Path) -> dict[str, Any]:
     return record
 
 
-def _is_stored(unit: Unit, store: Path) -> bool:
-    """Whether the store has the run, with what its agent learned if that is kept.
-
-    Raises:
-        OSError: A file of it cannot be read.
-        ValueError: A file of it is damaged or was edited.
-    """
-    if not _record_file(unit, store).exists():
-        return False
-    record, state = _record(unit, store), _state_file(unit, store)
-    if not unit.keep_states:
-        return True
-    if record["state"] is None or not state.exists():
-        return False
-    if digest(state.read_bytes()) != record["state"]:
-        raise ValueError(f"{state} does not have the checksum of its record")
-    return True
-
-
 def unfinished(units: Sequence[Unit], store: Path) -> tuple[list[Unit], list[Path]]:
-    """Returns the runs that have to be made, and the records of those that were stored and are damaged or edited."""
+    """Returns the runs that have to be made, and the files of stored ones that are damaged or edited."""
     left, damaged = [], []
     for unit in units:
+        path = _record_file(unit, store)
         try:
-            if not _is_stored(unit, store):
-                left.append(unit)
+            is_stored = path.exists()
+            if is_stored:
+                learned = _record(unit, store)["state"]
+                if unit.keep_states:
+                    path = _state_file(unit, store)
+                    is_stored = learned is not None and path.exists()
+                    if is_stored and digest(path.read_bytes()) != learned:
+                        raise ValueError(f"{path} does not have the checksum of its record")
         except (OSError, ValueError):
+            is_stored = False
+            damaged.append(path)
+        if not is_stored:
             left.append(unit)
-            damaged.append(_record_file(unit, store))
     return left, damaged
 
 
