@@ -222,10 +222,14 @@ def _alike(settings: int, steps: int, work: _Work) -> str:
     space = work.environment.get("action_space")
     if space != "box" and type(space).__name__ != "Box":
         return alike
-    name, (low, high) = next(iter(work.model.action_columns.items()))
+    # An agent that begins around 0 with a spread of 1 reaches all of such a range. (Our choice.)
+    ranges = ((name, low, high) for name, (low, high) in work.model.action_columns.items() if not (-2.0 <= low <= -0.5 and 0.5 <= high <= 2.0))
+    if (wide := next(ranges, None)) is None:
+        return alike
+    name, low, high = wide
     return (
         f"{alike}; or what the agent sets is always nearest to the same action, as that of PPO, which begins around 0 with a spread of 1, where {name} goes "
-        f"from {short(low)} to {short(high)}: lay gymnasium.wrappers.RescaleAction(env, -1.0, 1.0) over env in make_agent"
+        f"from {short(low)} to {short(high)}: wrap env in gymnasium.wrappers.RescaleAction(env, -1.0, 1.0) in make_agent"
     )
 
 

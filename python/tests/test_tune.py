@@ -512,7 +512,9 @@ def test_a_model_whose_folder_is_gone_stays_readable(tmp_path: Path) -> None:
         run(Always, {"action": [0]}, model, processes=2)
 
 
-def test_an_agent_may_change_the_working_folder(acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_agent_may_change_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from test_acting import tank
+
     class Moves(Always):
         def learn(self, total_timesteps: int) -> None:
             super().learn(total_timesteps)
@@ -520,8 +522,11 @@ def test_an_agent_may_change_the_working_folder(acting: calib_rl.ActionModel, tm
 
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
-    run(Moves, {"action": [0]}, acting, folder="units")
+    model = calib_rl.build_model(tank(), "model", actions=["valve0"], reward="reward", timeout=40)
+    run(Moves, {"action": [0]}, model, folder="units")
     assert len(list((tmp_path / "work" / "units").iterdir())) == 4 and not (tmp_path / "units").exists()
+    assert Path.cwd() == tmp_path and model.path.is_dir()
+    assert len(run(Always, {"action": [0]}, model, processes=2).runs) == 4, "other processes open the model"
 
 
 def test_progress_names_what_failed(acting: calib_rl.ActionModel, capsys: pytest.CaptureFixture[str]) -> None:
@@ -797,7 +802,9 @@ def test_settings_that_all_get_the_same_name_a_cause(acting: calib_rl.ActionMode
     assert not any("got the same returns" in doubt for doubt in run(Always, {"action": [0, 2]}, acting).doubts)
 
 
-def test_settings_that_set_the_same_action_name_its_range(acting: calib_rl.ActionModel) -> None:
+def test_settings_that_set_the_same_action_name_its_range(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    from test_acting import tank
+
     class AroundZero(Always):
         action: Any
 
@@ -807,8 +814,13 @@ def test_settings_that_set_the_same_action_name_its_range(acting: calib_rl.Actio
 
     for space in ("box", gymnasium.spaces.Box(0.0, 1.0, (1,))):
         tuned = run(AroundZero, {"value": [1, 2]}, acting, environment={"action_space": space})
-        assert "where valve0 goes from 0 to 1: lay gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)" in tuned.doubts[0]
+        assert "where valve0 goes from 0 to 1: wrap env in gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)" in tuned.doubts[0]
     assert "RescaleAction" not in run(Always, {"value": [1, 2]}, acting).doubts[0]
+    around_zero = calib_rl.build_model(
+        tank().with_columns(polars.col("valve0") * 2.0 - 1.0), tmp_path, actions=["valve0"], reward="reward", timeout=40
+    )
+    alike = run(AroundZero, {"value": [1, 2]}, around_zero, environment={"action_space": "box"}).doubts[0]
+    assert "got the same returns" in alike and "RescaleAction" not in alike, "such an agent reaches the whole range"
 
 
 def test_a_default_and_its_twin_are_not_all_settings(acting: calib_rl.ActionModel) -> None:
