@@ -20,6 +20,10 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
     } else {
         let clock = ShownClock::of(&data, profile.utc);
         show_log(profile, &clock, printer)?;
+        // Of agents that act, the actions and the reward have been told too, in which fewer numbers count.
+        if inspection.control.is_none() {
+            profile.sentinel_doubt().iter().for_each(|doubt| printer.warn(doubt));
+        }
         let descriptions = match &job {
             Some(job) => Descriptions::of(job, profile)?,
             None => Descriptions::of_log(profile),
@@ -154,7 +158,6 @@ fn show_log(profile: &Profile, clock: &ShownClock, printer: &Printer) -> Result<
             }
         }
     }
-    profile.sentinel_doubt().iter().for_each(|doubt| printer.warn(doubt));
     if let Some(doubt) = calib_pipeline::in_future(profile.end) {
         printer.warn(&doubt);
     }

@@ -234,7 +234,14 @@ fn with_terminals(cells: impl Fn(usize) -> String) -> Place {
 fn rewards_that_stand_for_a_missing_value_are_told() {
     let code =
         |row: usize, gain: usize| if row % 10 == 9 { "-9999".to_owned() } else { gain.to_string() };
-    let dry = |place: &Place| place.calib(&["control", "study.toml", "--dry-run"]).stderr();
+    let dry = |place: &Place| {
+        let [dry, inspected] =
+            [&["control", "study.toml", "--dry-run"][..], &["inspect", "study.toml"]]
+                .map(|args| place.calib(args).stderr());
+        assert_eq!(dry.contains("-9999 stands"), inspected.contains("-9999 stands"), "{inspected}");
+        assert!(inspected.matches("-9999 stands").count() < 2, "said once: {inspected}");
+        dry
+    };
     let told = dry(&with_terminals(|row| format!("{},0", code(row, row % 3))));
     let part = "-9999 stands 4 times (10.00 %) far away from all other values of 1 channel (gain): if that stands for a missing value";
     assert!(told.contains(part), "{told}");
@@ -242,11 +249,14 @@ fn rewards_that_stand_for_a_missing_value_are_told() {
         format!("{},{}", code(row, row % 3), usize::from(row % 10 == 9))
     }));
     assert!(!penalty.contains("-9999"), "each is in a row with a terminal: {penalty}");
+    let dropout = dry(&with_terminals(|row| format!("{},{}", code(row, row % 3), code(row, 0))));
+    let part = "of 1 channel (gain): if that stands for a missing value, as loggers write it, set data.missing_values = [-9999] ";
+    assert!(dropout.contains(part), "a terminal of -9999 is none: {dropout}");
 }
 
 #[test]
 fn a_reward_that_never_changes_is_told() {
-    let same = "the reward is 2 in every row, and no episode ends in a terminal";
+    let same = "the reward is 2 for every decision, and no episode ends in a terminal";
     let told = with_terminals(|_| "2,0".to_owned()).calib(&["inspect", "study.toml"]).stderr();
     assert!(told.contains(same), "{told}");
     let ends = with_terminals(|row| format!("2,{}", usize::from(row % 10 == 9)));

@@ -30,9 +30,9 @@ impl Sentinel {
     /// Returns the number in a column of actions or rewards that probably stands for a missing value; `None` without
     /// one.
     ///
-    /// It is at least as far from all other values as these are wide, and occurs three times or more. Unlike in a
-    /// sensor, a negative hundred does not count, because it is a usual penalty, and the column may have few distinct
-    /// values, because actions and rewards often have. (Our choice.)
+    /// It is at least as far from all other values as these are wide, and occurs three times or more, and in one of
+    /// 50,000 values. Unlike in a sensor, -99 and a negative hundred do not count, because they are usual penalties,
+    /// and the column may have few distinct values, because actions and rewards often have. (Our choice.)
     pub fn of_decisions(column: &str, values: &[f64]) -> Option<Self> {
         let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
         let extremes = Extremes::of(&finite);
@@ -45,6 +45,14 @@ impl Sentinel {
             share: count as f64 / extremes.count as f64,
             channels: vec![column.to_owned()],
         })
+    }
+
+    /// Adds the occurrences of the same number in other channels.
+    pub fn merge(&mut self, other: Self) {
+        let values = self.count as f64 / self.share + other.count as f64 / other.share;
+        self.count += other.count;
+        self.share = self.count as f64 / values;
+        self.channels.extend(other.channels);
     }
 
     /// Whether this value is the number, possibly rounded to 32 bits.
@@ -225,10 +233,10 @@ fn decimal(value: f64) -> f64 {
 
 /// Whether people and programs usually write this number for a missing value of a sensor.
 fn looks_missing(value: f64) -> bool {
-    is_code(value) || value < 0.0 && value % 100.0 == 0.0
+    is_code(value) || value < 0.0 && (value % 100.0 == 0.0 || value == -99.0)
 }
 
-/// Whether this number has only nines, or is a limit of a number format.
+/// Whether this number has only nines, three or more, or is a limit of a number format.
 fn is_code(value: f64) -> bool {
     const LIMITS: [f64; 8] = [
         32_767.0,
@@ -242,8 +250,7 @@ fn is_code(value: f64) -> bool {
         999.25,
     ];
     let digits: String = value.abs().to_string().chars().filter(char::is_ascii_digit).collect();
-    let nines = digits.len() >= 3 || value < 0.0 && digits.len() == 2;
-    nines && digits.bytes().all(|digit| digit == b'9')
+    digits.len() >= 3 && digits.bytes().all(|digit| digit == b'9')
         || LIMITS.contains(&value)
         || value.abs() >= 1e9
 }
@@ -321,7 +328,9 @@ mod tests {
         assert_eq!(code(&wave(-5.0, 0.0, &[-9_999.0; 4])), Some((-9_999.0, 4)));
         assert_eq!(code(&[0.0, 50.0, 100.0, -999.0].repeat(9)), Some((-999.0, 9)), "a few levels");
         assert_eq!(code(&wave(-5.0, 0.0, &[-9_999.0; 2])), None, "seldom");
-        assert_eq!(code(&wave(-5.0, 0.0, &[-100.0; 9])), None, "a penalty");
+        for penalty in [-99.0, -100.0] {
+            assert_eq!(code(&wave(-5.0, 0.0, &[penalty; 9])), None, "a penalty");
+        }
         assert_eq!(code(&[0.0, 999.0].repeat(9)), None, "nothing to compare with");
         assert_eq!(code(&wave(-5.0, 0.0, &[f64::NEG_INFINITY; 9])), None, "told elsewhere");
         assert_eq!(code(&[]), None);
@@ -335,6 +344,17 @@ mod tests {
             "{told}"
         );
         assert_eq!(Sentinel::doubt(&[]), None);
+        let mut both =
+            Sentinel::of_decisions("reward", &[0.0, 1.0, 9_999.0].repeat(3)).expect("a code");
+        both.merge(
+            Sentinel::of_decisions("valve", &[0.0, 1.0, 0.5, 9_999.0, 9_999.0, 9_999.0])
+                .expect("a code"),
+        );
+        let told = both.told();
+        assert_eq!(
+            told,
+            "9999 stands 6 times (40.00 %) far away from all other values of 2 channels (reward, valve)"
+        );
     }
 
     #[test]

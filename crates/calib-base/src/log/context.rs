@@ -1,7 +1,7 @@
 //! The context that the steps of one command share.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     ops::Deref,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
@@ -23,6 +23,8 @@ pub struct RunContext {
     printer: Printer,
     opened: Arc<Mutex<Opened>>,
     expected: Arc<Mutex<Vec<ExpectedStep>>>,
+    /// The warnings of [`warn_once`](Self::warn_once).
+    told: Arc<Mutex<BTreeSet<String>>>,
     /// Number of rows that each row of the log represents, if it is a [stand-in](crate::log::stand_in) for another log.
     stand_in: Option<usize>,
 }
@@ -41,6 +43,7 @@ impl RunContext {
             printer: printer.clone(),
             opened: Arc::default(),
             expected: Arc::default(),
+            told: Arc::default(),
             stand_in: None,
         }
     }
@@ -60,7 +63,14 @@ impl RunContext {
     /// Returns the context for repeated work, which reports nothing.
     #[must_use]
     pub fn silent(&self) -> Self {
-        Self { printer: self.printer.silent(), ..self.clone() }
+        Self { printer: self.printer.silent(), told: Arc::default(), ..self.clone() }
+    }
+
+    /// Warns, unless the command has already given this warning. A log is read once for every deployment.
+    pub(crate) fn warn_once(&self, text: &str) {
+        if locked(&self.told).insert(text.to_owned()) {
+            self.printer.warn(text);
+        }
     }
 
     /// Returns the context for a stand-in log, each row of which represents `rows_each` rows.

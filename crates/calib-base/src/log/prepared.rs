@@ -143,19 +143,20 @@ pub fn look(
     let there = memory.or_else(memory::available);
     tell(data, context);
     let surveyed = calib_data::survey(data, &job.study().preprocess, &context.progress())?;
+    warn(surveyed.profile(), context);
     let (_, needed) = place.scratch(&surveyed, there, Writable::Yes)?;
     Ok(Known::Surveyed(Box::new(surveyed), needed))
 }
 
 /// Reports warnings about a log that matter to every later step.
-fn warn(profile: &Profile, printer: &Printer) {
-    printer.say_all(&profile.read_as);
+fn warn(profile: &Profile, context: &RunContext) {
+    context.say_all(&profile.read_as);
     if profile.without_times {
-        printer.warn(&without_times(profile.period_secs, profile.files));
+        context.warn_once(&without_times(profile.period_secs, profile.files));
     }
-    profile.unused_excludes.iter().for_each(|entry| printer.warn(&unused_exclude(entry)));
+    profile.unused_excludes.iter().for_each(|entry| context.warn_once(&unused_exclude(entry)));
     if !profile.bad_rows.is_none() {
-        printer.warn(&format!(
+        context.warn_once(&format!(
             "{} cannot be read and are left out, such as {}",
             counted(profile.bad_rows.count as usize, "line"),
             profile.bad_rows.examples.first().map_or("", String::as_str)
@@ -245,7 +246,7 @@ impl Place {
         job: &Job,
         data: &DataConfig,
         memory: Option<u64>,
-        printer: &Printer,
+        context: &RunContext,
     ) -> Result<Prepared, StepError> {
         plant_of_study::check_days(job)?;
         memory::check_log(data)?;
@@ -255,15 +256,15 @@ impl Place {
         // Measured before anything is read, because the log that is held by then is a part of the need.
         let there = memory.or_else(memory::available);
         let study = job.study();
-        tell(data, printer);
-        let surveyed = calib_data::survey(data, &study.preprocess, &printer.progress())?;
-        warn(surveyed.profile(), printer);
+        tell(data, context);
+        let surveyed = calib_data::survey(data, &study.preprocess, &context.progress())?;
+        warn(surveyed.profile(), context);
         // Refuse before anything is written.
         self.scratch(&surveyed, there, Writable::Yes)?;
         let claim = if job.policy().is_dry() { None } else { self.claim()? };
         let writable = if claim.is_some() { Writable::Yes } else { Writable::No };
         let (place, _) = self.scratch(&surveyed, there, writable)?;
-        let dataset = surveyed.load(&place, &printer.progress())?;
+        let dataset = surveyed.load(&place, &context.progress())?;
         let Some(claim) = claim else { return Ok(Prepared { dataset, states: None }) };
         self.keep(&claim, job, dataset)
     }

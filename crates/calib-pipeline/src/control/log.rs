@@ -11,7 +11,9 @@ use calib_control::{
     Ending, Levels, OutlyingActions, RewardRow, Settings, StartRows, Starts, Term,
 };
 use calib_core::{Bounds, Column, ColumnKind, Frames, Period, RowIndex, States};
-use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
+use calib_data::{
+    DataConfig, DataError, Dataset, Resample, Surveyed, TextFound, entry_of, format_time,
+};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_model_steps::represent::Material;
 use calib_stats::SortedValues;
@@ -42,6 +44,8 @@ pub(crate) struct ActionLog {
     pub(crate) outlying: Vec<String>,
     /// Warnings that `calib inspect` reports in its own words.
     doubts: Vec<String>,
+    /// The warning about numbers that may stand for a missing value.
+    codes: Option<String>,
     /// The state columns that are channels of the log, and no features.
     pub(super) sensors: Vec<String>,
 }
@@ -128,26 +132,7 @@ pub(super) fn read_with_rest(
     let period = decision_period(config, dataset.period);
     tell_decisions(config, frames, &rows, period, printer);
     let (levels, settings) = levels_of(&rows.acted, config)?;
-    let columns =
-        Columns { actions: &levels.of_rows, rewards: &rows.rewards, endings: &rows.endings };
-    let states = rows.states(frames.states())?;
-    let mut decisions = Decisions::new(states, &rows.segments, columns, levels.values.len())?;
-    let mut fingerprint = fingerprint(&dataset.fingerprint, &levels, &rows.rewards, &rows.endings);
-    if config.every > 1 || config.reward_row == RewardRow::Same {
-        let numbers = rows.rows.iter().map(|&row| row as f64);
-        fingerprint = with_numbers(&fingerprint, b"rows 1", numbers);
-    }
-    if let Some(settings) = settings {
-        decisions = decisions.with_settings(settings)?;
-        let numbers = rows.acted.iter().flatten().copied();
-        fingerprint = with_numbers(&fingerprint, b"settings 1", numbers);
-    }
-    if let Some(probabilities) = &rows.probabilities {
-        let decided = decisions.with_probabilities(probabilities);
-        decisions = decided.map_err(|error| of_probability(config, frames, &rows, error))?;
-        let own = decisions.probabilities().unwrap_or_default().iter().copied();
-        fingerprint = with_numbers(&fingerprint, b"probabilities 1", own);
-    }
+    let (decisions, fingerprint) = decided(config, &dataset, &rows, &levels, settings)?;
     let actions =
         (0..levels.values.len()).map(|level| levels.name(level, &config.actions)).collect();
     let columns = dataset.normaliser.columns();
@@ -163,14 +148,54 @@ pub(super) fn read_with_rest(
         set_points,
     };
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
-    let mut doubts = doubts(&dataset.profile, resample, frames, &found.gaps);
-    doubts.extend(codes);
+    let doubts = doubts(&dataset.profile, resample, frames, &found.gaps);
     let sensors = columns.iter().filter(|column| column.kind == ColumnKind::Sensor);
     let sensors = sensors.map(|column| column.name.clone()).collect();
-    let log = ActionLog { decisions, names, fingerprint, times, period, outlying, doubts, sensors };
+    let log = ActionLog {
+        decisions,
+        names,
+        fingerprint,
+        times,
+        period,
+        outlying,
+        doubts,
+        codes,
+        sensors,
+    };
     let rest = dataset.held_out.zip(dataset.held_out_fingerprint);
     let recorded = recorded.held_out;
     Ok((log, rest.map(|(frames, states)| HeldOutRows { frames, states, recorded })))
+}
+
+/// Returns the decisions of these rows, and the fingerprint of all inputs of a model of them.
+fn decided(
+    config: &ControlConfig,
+    dataset: &Dataset,
+    rows: &DecisionRows,
+    levels: &Levels,
+    settings: Option<Settings>,
+) -> Result<(Decisions, Fingerprint), StepError> {
+    let columns =
+        Columns { actions: &levels.of_rows, rewards: &rows.rewards, endings: &rows.endings };
+    let states = rows.states(dataset.train.states())?;
+    let mut decisions = Decisions::new(states, &rows.segments, columns, levels.values.len())?;
+    let mut fingerprint = fingerprint(&dataset.fingerprint, levels, &rows.rewards, &rows.endings);
+    if config.every > 1 || config.reward_row == RewardRow::Same {
+        let numbers = rows.rows.iter().map(|&row| row as f64);
+        fingerprint = with_numbers(&fingerprint, b"rows 1", numbers);
+    }
+    if let Some(settings) = settings {
+        decisions = decisions.with_settings(settings)?;
+        let numbers = rows.acted.iter().flatten().copied();
+        fingerprint = with_numbers(&fingerprint, b"settings 1", numbers);
+    }
+    if let Some(probabilities) = &rows.probabilities {
+        let decided = decisions.with_probabilities(probabilities);
+        decisions = decided.map_err(|error| of_probability(config, &dataset.train, rows, error))?;
+        let own = decisions.probabilities().unwrap_or_default().iter().copied();
+        fingerprint = with_numbers(&fingerprint, b"probabilities 1", own);
+    }
+    Ok((decisions, fingerprint))
 }
 
 /// Returns the log files of a study without the columns that are no part of the state.
@@ -433,9 +458,17 @@ fn settings_told(
 }
 
 impl ActionLog {
-    /// Gives the warnings that `calib inspect` reports in its own words.
+    /// Gives the warnings that `calib inspect` reports in its own words, and those about numbers that may stand for a missing value.
     pub(super) fn tell_doubts(&self, printer: &Printer) {
         for told in &self.doubts {
+            printer.warn(told);
+        }
+        self.tell_codes(printer);
+    }
+
+    /// Warns about numbers that may stand for a missing value.
+    pub(super) fn tell_codes(&self, printer: &Printer) {
+        if let Some(told) = &self.codes {
             printer.warn(told);
         }
     }

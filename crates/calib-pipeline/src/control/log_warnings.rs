@@ -181,8 +181,7 @@ fn long_lag(lag: usize, lagged: LaggedDecisions) -> Option<String> {
 }
 
 /// Returns the warning about numbers, such as -9999, that may stand for a missing value in the state, the actions or the reward. `recorded`
-/// has the values of the columns [`ControlConfig::columns`]. If each such number is in a row with a terminal, it is probably a penalty, and not
-/// told.
+/// has the values of the columns [`ControlConfig::columns`].
 pub(super) fn codes_for_missing(
     profile: &Profile,
     config: &ControlConfig,
@@ -190,31 +189,45 @@ pub(super) fn codes_for_missing(
 ) -> Option<String> {
     let mut found = profile.sentinels.clone();
     let columns = config.columns();
-    let terminal = columns.iter().position(|name| config.terminal.as_ref() == Some(name));
+    let terminals = config.terminal.as_ref().and_then(|terminal| {
+        columns.iter().position(|name| name == terminal).map(|place| &recorded[place])
+    });
     for (name, values) in columns.iter().zip(recorded) {
         let is_told = found.iter().any(|sentinel| sentinel.channels.contains(name));
-        let Some(code) = Sentinel::of_decisions(name, values).filter(|_| !is_told) else {
+        if is_told || config.terminal.as_ref() == Some(name) {
             continue;
-        };
-        let is_penalty = terminal.is_some_and(|terminal| {
-            let mut rows = values.iter().zip(&recorded[terminal]);
-            rows.all(|(&value, &ended)| !code.is(value) || ended != 0.0)
-        });
-        if !is_penalty {
-            found.push(code);
+        }
+        let Some(code) = Sentinel::of_decisions(name, values) else { continue };
+        if terminals.is_some_and(|terminals| is_penalty(&code, values, terminals)) {
+            continue;
+        }
+        match found.iter_mut().find(|sentinel| sentinel.is(code.value)) {
+            Some(same) => same.merge(code),
+            None => found.push(code),
         }
     }
     Sentinel::doubt(&found)
 }
 
-/// Warns about a reward that is the same in every row of a log without terminals: all behaviour gets the same return.
+/// Whether all rows with this number are terminals, so that it is probably a penalty. A dropout may write the number as the terminal too.
+fn is_penalty(code: &Sentinel, values: &[f64], terminals: &[f64]) -> bool {
+    let mut ended = values.iter().zip(terminals).filter(|(value, _)| code.is(**value));
+    ended.all(|(_, &ended)| !ended.is_nan() && ended != 0.0 && !code.is(ended))
+}
+
+/// Warns about a reward that is the same for every decision in a log without terminals: all behaviour gets the same return.
 pub(super) fn tell_constant_reward(rows: &DecisionRows, printer: &Printer) {
-    let mut rewards = rows.rewards.iter().copied().filter(|reward| !reward.is_nan());
+    // No decision of a segment led to its first row.
+    let mut rewards = rows
+        .segments
+        .iter()
+        .flat_map(|segment| rows.rewards[segment.rows()].iter().skip(1))
+        .filter(|reward| !reward.is_nan());
     let Some(first) = rewards.next() else { return };
     if rewards.all(|reward| reward == first) && !rows.endings.contains(&Ending::Terminal) {
         printer.warn(&format!(
-            "the reward is {first} in every row, and no episode ends in a terminal: all behaviour gets the same return, so that no setting can be better. \
-             Name what the agent should achieve with control.reward, or the column of terminals with control.terminal"
+            "the reward is {first} for every decision, and no episode ends in a terminal: all behaviour gets the same return, so that no setting can be \
+             better. Name what the agent should achieve with control.reward, or the column of terminals with control.terminal"
         ));
     }
 }
