@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Agent, AgentConfig, ControlError, Decisions, Importance, Outcome,
+    Agent, AgentConfig, ControlError, Decisions, Ending, Importance, Outcome,
     evaluation::FittedQ,
     importance::{episodes, estimate, log_ratios},
 };
@@ -22,6 +22,9 @@ pub struct FittedQValue {
     pub passes: usize,
     /// Whether the values had converged by then. Otherwise more passes would give another value.
     pub converged: bool,
+    /// Whether rewards of the size of the recorded ones can add up to the value, give or take a tenth. Actions that the log hardly has in a state
+    /// keep values near 0, and a policy that chooses them looks as if it got 0 there.
+    pub possible: bool,
 }
 
 impl FittedQValue {
@@ -44,16 +47,54 @@ impl FittedQValue {
             .map(|rows| vec![1.0 / log.levels() as f64; rows * log.levels()]);
         let mut fitted = FittedQ::fit(log, &after, gamma, timeout, monitor)?;
         let value = fitted.mean_over(starts, &first);
-        Ok(Self::new(value, &fitted))
+        Ok(Self::new(value, &fitted, &ReturnRange::new(log, gamma, timeout)))
     }
 
     /// Creates the record of fitted values whose mean over the start states is `value`.
-    fn new(value: f64, fitted: &FittedQ) -> Self {
+    fn new(value: f64, fitted: &FittedQ, range: &ReturnRange) -> Self {
         Self {
             value: if value.is_finite() { value } else { f64::NEG_INFINITY },
             passes: fitted.passes(),
             converged: value.is_finite() && fitted.has_converged(),
+            possible: value.is_finite() && range.has_about(value),
         }
+    }
+}
+
+/// The discounted returns that episodes can have if every reward lies between the smallest and the largest recorded one.
+struct ReturnRange {
+    lowest: f64,
+    highest: f64,
+    /// The largest size of a reward.
+    reward: f64,
+}
+
+impl ReturnRange {
+    fn new(log: &Decisions, gamma: f64, timeout: usize) -> Self {
+        let rewards = log.rewards().iter().copied().map(f64::from);
+        let least = rewards.clone().fold(f64::INFINITY, f64::min);
+        let largest = rewards.fold(f64::NEG_INFINITY, f64::max);
+        let steps = timeout as f64;
+        let [shortest, longest] = if gamma < 1.0 {
+            let discounted = (1.0 - gamma.powf(steps)) / (1.0 - gamma);
+            [discounted, 1.0 / (1.0 - gamma)]
+        } else {
+            [steps, steps]
+        };
+        // A terminal may follow the first step.
+        let shortest = if log.endings().contains(&Ending::Terminal) { 1.0 } else { shortest };
+        Self {
+            lowest: (least * shortest).min(least * longest),
+            highest: (largest * shortest).max(largest * longest),
+            reward: least.abs().max(largest.abs()),
+        }
+    }
+
+    /// Whether `value` lies in the range, give or take a tenth of its ends and of a reward.
+    fn has_about(&self, value: f64) -> bool {
+        const SLACK: f64 = 0.1;
+        value >= self.lowest - SLACK * (self.lowest.abs() + self.reward)
+            && value <= self.highest + SLACK * (self.highest.abs() + self.reward)
     }
 }
 
@@ -164,7 +205,8 @@ fn candidate_values(
         };
         SampledValues { importance, doubly_robust }
     });
-    Ok(CandidateValues { fitted_q: FittedQValue::new(value, &fitted), sampled })
+    let range = ReturnRange::new(log, gamma, timeout);
+    Ok(CandidateValues { fitted_q: FittedQValue::new(value, &fitted, &range), sampled })
 }
 
 /// Returns an agent that learned from `updates` recorded transitions.
@@ -197,4 +239,22 @@ fn policies<'a>(agent: &mut Agent, states: impl Iterator<Item = &'a [f32]>) -> V
         all.extend_from_slice(agent.policy());
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::tests::corridor;
+
+    #[test]
+    fn values_that_no_episode_can_have_are_impossible() {
+        // Every step gets -1, and a terminal may follow the first one.
+        let log = corridor();
+        let range = ReturnRange::new(&log, 0.95, 100);
+        let possible = [-19.9, -5.0, -1.0].map(|value| range.has_about(value));
+        assert_eq!(possible, [true; 3], "up to 20 discounted steps");
+        assert_eq!([-30.0, -0.5, 3.0].map(|value| range.has_about(value)), [false; 3]);
+        let undiscounted = ReturnRange::new(&log, 1.0, 100);
+        assert!(undiscounted.has_about(-100.0) && !undiscounted.has_about(-120.0));
+    }
 }

@@ -23,6 +23,9 @@ pub(crate) const FAILED: &str = "failed";
 /// Marks a value by fitted Q evaluation that did not converge.
 const NOT_CONVERGED: &str = "*";
 
+/// Stands for a value by fitted Q evaluation that no episode can have.
+pub(super) const IMPOSSIBLE: &str = "impossible";
+
 impl Told for ControlEvaluation {
     fn outcome(&self) -> Outcome {
         if self.verdict.is_supported() { Outcome::Done } else { Outcome::Negative }
@@ -233,19 +236,25 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     }
     let table = table(&header, &rows);
     let shown = order.iter().filter_map(|&candidate| evaluation.fitted_q_evaluation.get(candidate));
-    match note(shown) {
-        Some(note) => format!("{table}\n{note}"),
-        None => table,
-    }
+    [vec![table], notes(&shown.collect::<Vec<_>>())].concat().join("\n")
 }
 
-/// Returns a line below the table that explains the mark, if one of the values has it.
-fn note<'a>(mut shown: impl Iterator<Item = &'a FittedQValue>) -> Option<String> {
-    let any = shown.any(|fitted| fitted.value.is_finite() && !fitted.converged);
-    any.then(|| {
+/// Returns lines below the table that explain what the values by fitted Q evaluation have instead of a number or behind it.
+fn notes(shown: &[&FittedQValue]) -> Vec<String> {
+    let mut notes = Vec::new();
+    if shown.iter().any(|fitted| fitted.value.is_finite() && !fitted.converged && fitted.possible) {
         let passes = FittedQValue::MOST_PASSES;
-        format!("{NOT_CONVERGED} fitted Q evaluation did not converge within {passes} passes")
-    })
+        notes.push(format!(
+            "{NOT_CONVERGED} fitted Q evaluation did not converge within {passes} passes"
+        ));
+    }
+    if shown.iter().any(|fitted| fitted.value.is_finite() && !fitted.possible) {
+        notes.push(format!(
+            "{IMPOSSIBLE}: no episode can have the value of fitted Q evaluation, given the recorded rewards. The log hardly has the actions that \
+             the setting takes"
+        ));
+    }
+    notes
 }
 
 /// Returns "chosen" or "default", or an empty text for other settings.
@@ -269,10 +278,12 @@ pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
     }
 }
 
-/// Formats a value by fitted Q evaluation, with a mark if it did not converge.
+/// Formats a value by fitted Q evaluation, with a mark if it did not converge, unless no episode can have it.
 fn fitted_q(fitted: &FittedQValue) -> String {
     if !fitted.value.is_finite() {
         "diverged".to_owned()
+    } else if !fitted.possible {
+        IMPOSSIBLE.to_owned()
     } else if fitted.converged {
         number(fitted.value)
     } else {
@@ -316,16 +327,17 @@ mod tests {
 
     #[test]
     fn values_that_did_not_converge_have_a_mark_with_a_note() {
-        let settled = FittedQValue { value: 43.4, passes: 20, converged: true };
+        let settled = FittedQValue { value: 43.4, passes: 20, converged: true, possible: true };
         let drifting = FittedQValue { passes: 160, converged: false, ..settled };
-        let diverged = FittedQValue { value: f64::NEG_INFINITY, ..drifting };
+        let diverged = FittedQValue { value: f64::NEG_INFINITY, possible: false, ..drifting };
+        let beyond = FittedQValue { possible: false, ..settled };
         assert_eq!(
-            [settled, drifting, diverged].map(|value| fitted_q(&value)),
-            ["43.4", "43.4*", "diverged"]
+            [settled, drifting, diverged, beyond].map(|value| fitted_q(&value)),
+            ["43.4", "43.4*", "diverged", "impossible"]
         );
-        assert_eq!(note([settled, diverged].iter()), None);
-        let told = note([settled, drifting].iter());
-        let expected = "* fitted Q evaluation did not converge within 160 passes";
-        assert_eq!(told.as_deref(), Some(expected));
+        assert!(notes(&[&settled, &diverged]).is_empty());
+        let told = notes(&[&settled, &drifting]);
+        assert_eq!(told, ["* fitted Q evaluation did not converge within 160 passes"]);
+        assert!(notes(&[&beyond])[0].starts_with("impossible: no episode can have"));
     }
 }
