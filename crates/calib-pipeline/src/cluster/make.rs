@@ -20,8 +20,9 @@ use calib_files::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, StoredUnits, UnitRuns};
 use calib_sweep_steps::sweep::{
-    KnownUnits, ResultSource, cost::MeasuredPasses, groups::StudyGroup, memory::agents_of,
-    planned::PlannedSweep, setting::SweepContext, unit_store,
+    KnownUnits, ResultSource, candidates::require_predicting, cost::MeasuredPasses,
+    groups::StudyGroup, memory::agents_of, planned::PlannedSweep, setting::SweepContext,
+    unit_store,
 };
 
 use crate::cluster::{
@@ -79,6 +80,7 @@ pub(crate) fn plan(
     options: &ClusterPlanOptions,
     context: &RunContext,
 ) -> Result<StepResult<ClusterPlan, ClusterDryPlan>, StepError> {
+    require_predicting(job.study())?;
     ensure!(
         !job.study().agent.is_external(),
         "agent.kind = \"external\": a plan does not carry the program to other machines; run `{}` where it is",

@@ -19,10 +19,13 @@ pub fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
 }
 
 /// Refuses a study whose agents act, which other commands tune.
-pub(crate) fn require_predicting(study: &Study) -> Result<(), StepError> {
+///
+/// # Errors
+/// If the agents of the study act.
+pub fn require_predicting(study: &Study) -> Result<(), StepError> {
     ensure!(
         !study.is_of_acting_agents(),
-        "the agents of this study act ([control], and no sweep.sensors); `calib control` tunes them"
+        "the agents of this study act ([control], and no sweep.sensors); `calib control` tunes them, on several machines with --share 0/2 and so on"
     );
     Ok(())
 }

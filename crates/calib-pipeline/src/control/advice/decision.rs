@@ -61,7 +61,7 @@ impl Advice<'_> {
                     ""
                 };
                 format!(
-                    "First by {rank} is {chosen}{ahead}: the setting for a trial that can do no harm. Why not to deploy it is listed below."
+                    "First by {rank} is {chosen}{ahead}. If you have a trial in which nothing can be harmed, begin with this one. Why not to deploy it is listed below."
                 )
             };
             (

@@ -10,6 +10,18 @@ use crate::control::held_out_period::period_name;
 
 const ONE_MEMBER: &str = "one ensemble member gives no interval: nothing shows that the choice is better than the default, random actions, a constant action or what was recorded";
 
+/// Up to this number of recorded episodes, the best of them says little. Our choice.
+const FEW_EPISODES: f64 = 10.0;
+
+/// Returns the number of recorded episodes if these are few, and otherwise an empty text.
+fn few_recorded(episodes: f64) -> String {
+    if episodes < FEW_EPISODES {
+        format!(" (the log has only {} of them)", number(episodes))
+    } else {
+        String::new()
+    }
+}
+
 /// A reason why the log does not support a choice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reason {
@@ -101,9 +113,10 @@ impl Advice<'_> {
             ),
             Doubt::AboveRecorded { promised, best } => (
                 format!(
-                    "the model promises {} per episode, and no recorded episode got more than {}: nothing in the record shows that so much is possible",
+                    "the model promises {} per episode, and no recorded episode got more than {}{}: nothing in the record shows that so much is possible",
                     number(*promised),
-                    number(*best)
+                    number(*best),
+                    few_recorded(self.verdict.behaviour.episodes)
                 ),
                 "record better episodes, or try the choice where it can do no harm".to_owned(),
             ),

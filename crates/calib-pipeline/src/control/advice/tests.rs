@@ -57,10 +57,15 @@ fn a_setting_is_named_where_nothing_should_be_deployed() {
     assert_eq!(ahead.headline, "Deploy nothing on this evidence.");
     let named = "First by mean rank is a=2";
     assert!(ahead.plain.starts_with(&format!("{named}, and clearly ahead")), "{ahead:?}");
-    assert!(ahead.plain.contains("for a trial that can do no harm"), "{ahead:?}");
+    assert!(
+        ahead
+            .plain
+            .contains("If you have a trial in which nothing can be harmed, begin with this one."),
+        "{ahead:?}"
+    );
     let behind = decision(&json!([promise, alike]), STUDY);
     assert_eq!((behind.support, &behind.headline), (Support::Unsupported, &ahead.headline));
-    assert!(behind.plain.starts_with(&format!("{named}: the setting for")), "{behind:?}");
+    assert!(behind.plain.starts_with(&format!("{named}. If you have a trial")), "{behind:?}");
     let arbitrary = decision(&json!([promise, { "reason": "not_told_apart" }]), STUDY);
     assert!(arbitrary.plain.starts_with("First by mean rank is a=2."), "{arbitrary:?}");
     let kept = decision(&json!([alike]), PYTHON);
