@@ -235,8 +235,13 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
         header.push("doubly robust");
     }
     let table = table(&header, &rows);
+    let more = match evaluation.candidates.len() - order.len() {
+        0 => None,
+        more => Some(format!("and {} in the report", counted(more, "more setting"))),
+    };
     let shown = order.iter().filter_map(|&candidate| evaluation.fitted_q_evaluation.get(candidate));
-    [vec![table], notes(&shown.collect::<Vec<_>>())].concat().join("\n")
+    let notes = notes(&shown.collect::<Vec<_>>());
+    [table].into_iter().chain(more).chain(notes).collect::<Vec<_>>().join("\n")
 }
 
 /// Returns lines below the table that explain what the values by fitted Q evaluation have instead of a number or behind it.
