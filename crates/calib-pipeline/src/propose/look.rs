@@ -10,7 +10,7 @@ use calib_base::{
 };
 use calib_data::{
     BackwardSteps, ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT,
-    MaxAge, Resample, Sentinel, Sketch, format_time, sketch, unused_exclude,
+    MaxAge, Resample, Sentinel, Sketch, sketch, unused_exclude,
 };
 use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors, many_left_out};
 
@@ -255,8 +255,8 @@ fn backward(sketch: &Sketch) -> Option<String> {
              the times of some are wrong: correct these, or the states around them mix",
             count(*steps as usize),
             first.file,
-            format_time(first.from),
-            format_time(first.to)
+            sketch.clock.shown(first.from),
+            sketch.clock.shown(first.to)
         )
     })
 }
