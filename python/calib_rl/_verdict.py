@@ -421,6 +421,18 @@ class ControlVerdict:
         periods: list[dict[str, Any]] = self.summary.get("held_out", [])
         return periods
 
+    @property
+    def log_warnings(self) -> list[str]:
+        """The warnings about the log, one sentence or more each; empty if there are none.
+
+        Examples:
+            >>> from calib_rl._study import _example_acting_study
+            >>> isinstance(_example_acting_study().control(progress=False).log_warnings, list)
+            True
+        """
+        warnings: list[str] = self.summary.get("log_warnings", [])
+        return warnings
+
     def runs(self) -> Any:
         """Read the runs behind the verdict.
 

@@ -90,6 +90,7 @@ impl TunedPage {
             decision: Some(self.decision),
             findings: self.findings,
             warnings: self.warnings,
+            texts: Vec::new(),
             figures,
             tables,
             command: self.command,

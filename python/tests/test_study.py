@@ -111,6 +111,7 @@ def test_agents_that_act_get_the_verdict_of_the_command_line(tmp_path: Path) -> 
     for name in ("verdict.json", "runs.parquet"):
         assert (verdict.path / name).read_bytes() == (theirs / "study-results" / "control" / name).read_bytes(), name
     assert verdict.path == study.results / "control" and verdict.report.is_file()
+    assert verdict.log_warnings == verdict.summary.get("log_warnings", [])
     assert verdict.choice["step_size"] in (0.03, 0.3) and len(verdict.runs()) == 2 * 2 * 3
     assert verdict.advice[0] == verdict.summary["decision"]["headline"] and verdict.advice[0] in verdict._repr_html_()
     assert str(verdict).startswith(verdict.advice[0]) and study.control(progress=False).summary == verdict.summary

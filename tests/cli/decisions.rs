@@ -209,6 +209,9 @@ fn actions_that_are_recorded_when_they_change_are_told_and_held() {
                 changes, set data.resample = \"last\" with data.period_secs, and data.max_age_secs";
     assert!(told.contains(part), "{told}");
     inspected.succeeds_with(&["10 transitions in 10 episodes"]);
+    // Times are told on the clock of the study, which is an hour ahead of UTC in winter.
+    let local = place.on_study("inspect", &["--set=data.time_zone=Europe/Berlin"]).stderr();
+    assert!(local.contains(part), "{local}");
     let held = ["--set=data.resample=last", "--set=data.period_secs=60"];
     let long = place.on_study("inspect", &[&held[..], &["--set=data.max_age_secs=300"]].concat());
     assert!(!long.stderr().contains("no action"), "{}", long.stderr());
@@ -277,6 +280,41 @@ fn what_an_inspection_shows_is_told_of_agents_that_act_too() {
     let told = place.calib(&["control", "study.toml", "--dry-run", "--set", set]).stderr();
     assert!(told.contains("data.exclude = \"flwo\" matches no channel"), "{told}");
     assert!(told.contains("are constant for long: flow for "), "{told}");
+}
+
+#[test]
+fn warnings_about_the_log_are_in_the_verdict_and_its_report() {
+    let place = pump(|row| {
+        let gain = if row == 20 { String::new() } else { (row % 3).to_string() };
+        format!("2024-03-01 00:{row:02}:00,{},{gain},{}\n", row % 7, (row + 1) % 2)
+    });
+    place.edit("log.csv", "level,pump", "level,gain,pump");
+    place.edit_study("[{ column = \"pump\", weight = -1 }]", "\"gain\"");
+    let warning = "1 row has no reward though an action leads there, the first at 2024-03-01 00:20:00: an episode ends before each. Rewards are \
+                   never filled in";
+    let ran = place.calib(&["control", "study.toml", "--json"]);
+    assert_eq!(ran.stderr().matches(warning).count(), 1, "{}", ran.stderr());
+    let json = ran.json(&[0, 1]);
+    assert_eq!(json["log_warnings"], serde_json::json!([warning]));
+    assert_eq!(json["decision_secs"], 60.0);
+    let page = place.read("study-results/control/report.html");
+    for part in [
+        "About the log",
+        "1 row has no reward though an action leads there",
+        "What an episode is",
+        "The reward of a step is the column gain.",
+        "from one decision to the next it is 1 min",
+    ] {
+        assert!(page.contains(part), "{part} is missing");
+    }
+    // The states are the same, so the runs stay and only the warnings are others.
+    let typo = ["control", "study.toml", "--json", "--set", "data.exclude=['flwo']"];
+    let again = place.calib(&typo);
+    assert!(again.stderr().contains("is up to date"), "{}", again.stderr());
+    let unused = "data.exclude = \"flwo\" matches no channel";
+    assert_eq!(again.json(&[0, 1])["log_warnings"], serde_json::json!([warning, unused]));
+    let verdict = place.read_json("study-results/control/verdict.json");
+    assert_eq!(verdict["log_warnings"], serde_json::json!([warning, unused]));
 }
 
 #[test]

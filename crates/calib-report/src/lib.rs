@@ -32,7 +32,7 @@ pub use figures::{
     PeriodUse, RankCurve, RecordedFigure, RecordedLevel, RecordedPeriod, RolloutFigure,
     RolloutGrid, RolloutRow, Samples, Sensitivity, Trajectory,
 };
-pub use overview::{Decision, Overview, OverviewFigure, Support};
+pub use overview::{Decision, Overview, OverviewFigure, OverviewText, Support};
 pub use report::{
     Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile, Grade,
     HeldOutResult, JumpStatistics, PartRow, Reason, Recommendation, Report, Reproduction,

@@ -18,12 +18,27 @@ pub struct Overview {
     pub findings: Vec<String>,
     /// Warnings to read before relying on the findings.
     pub warnings: Vec<String>,
+    /// Sections of text after the findings.
+    pub texts: Vec<OverviewText>,
     /// The charts.
     pub figures: Vec<OverviewFigure>,
     /// The tables.
     pub tables: Vec<Table>,
     /// Command that makes the page again.
     pub command: String,
+}
+
+/// A section of text.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OverviewText {
+    /// Name of the section in links, another one for each section of the page.
+    pub id: &'static str,
+    /// Title of the section.
+    pub title: &'static str,
+    /// The text.
+    pub paragraphs: Vec<String>,
+    /// A list below it, with one sentence or more in each item.
+    pub items: Vec<String>,
 }
 
 /// The decision of a report, shown as a card.

@@ -1,10 +1,12 @@
 //! State columns that count up evenly, such as a row or episode number. Their states never recur.
 
-use calib_base::{StepError, output::Printer};
+use calib_base::StepError;
 use calib_core::Monitor;
 use calib_data::{
     ChannelProfile, DataConfig, FEW_VALUES, PreprocessConfig, Surveyed, counts_on_evenly, entry_of,
 };
+
+use super::log_warnings::LogWarnings;
 
 /// Number of columns that are read at once.
 const AT_ONCE: usize = 8;
@@ -18,24 +20,20 @@ const SLACK: f64 = 2.0;
 pub(super) fn survey(
     mut data: DataConfig,
     preprocess: &PreprocessConfig,
-    printer: &Printer,
+    warnings: &mut LogWarnings<'_>,
     monitor: &dyn Monitor,
 ) -> Result<Surveyed, StepError> {
     let surveyed = calib_data::survey(&data, preprocess, monitor)?;
     let counting = counting_columns(&surveyed, monitor)?;
     let (numbers, others): (Vec<String>, Vec<String>) =
         counting.into_iter().partition(|name| is_without_name(name));
-    for name in &others {
-        printer.warn(&counting_told(name));
-    }
+    warnings.give(others.iter().map(|name| counting_told(name)));
     if numbers.is_empty() {
         return Ok(surveyed);
     }
-    for name in &numbers {
-        printer.warn(&numbers_told(name));
-        // The entry is a name, and must not be read as a pattern.
-        data.exclude.push(entry_of(name, |_| false));
-    }
+    warnings.give(numbers.iter().map(|name| numbers_told(name)));
+    // The entries are names, and must not be read as patterns.
+    data.exclude.extend(numbers.iter().map(|name| entry_of(name, |_| false)));
     Ok(calib_data::survey(&data, preprocess, monitor)?)
 }
 

@@ -19,6 +19,11 @@ pub struct ControlEvaluation {
     /// Summary of the log.
     #[serde(flatten)]
     pub(super) log: ActionLogSummary,
+    /// Warnings about the log, in sentences.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) log_warnings: Vec<String>,
+    /// Time from one decision to the next, in seconds.
+    pub(super) decision_secs: f64,
     /// Mean reward of a recorded step.
     pub(super) mean_reward: f64,
     /// The held-out periods, in the order of time.
@@ -122,6 +127,11 @@ impl ControlEvaluation {
             support.doubt_about_held_out(period.deployment.as_deref(), period.uncovered)
         }));
         Self { held_out, ..self }
+    }
+
+    /// Returns the same verdict with these warnings about its log.
+    pub(super) fn with_log_warnings(self, log_warnings: Vec<String>) -> Self {
+        Self { log_warnings, ..self }
     }
 
     /// Whether a program failed with some settings, so that the next command tries them again.

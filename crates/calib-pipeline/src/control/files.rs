@@ -41,7 +41,7 @@ struct ControlFacts {
 }
 
 impl Facts for ControlFacts {
-    const FORMAT: u32 = 15;
+    const FORMAT: u32 = 16;
     const STEP: StepKind = StepKind::Control;
 
     fn key(&self) -> &str {

@@ -218,8 +218,9 @@ pub(super) fn judged(
 /// What a command says if the held-out periods of a kept verdict are others.
 pub(super) const ONLY_HELD_OUT: &str = "only the held-out periods have changed";
 
-/// Brings a kept verdict up to date: judges the held-out periods again if there are others, and writes the report again
-/// if files are damaged. No agent depends on the periods, so the runs stay.
+/// Brings a kept verdict up to date: judges the held-out periods again if there are others, takes over the warnings about
+/// the log if these are others, and writes the report again if files are damaged. No agent depends on either, so the runs
+/// stay.
 ///
 /// # Errors
 /// As [`judged`], or if the verdict cannot be written.
@@ -232,9 +233,12 @@ pub(super) fn brought_up_to_date(
     printer: &Printer,
 ) -> Result<ControlEvaluation, StepError> {
     let KeptVerdict { mut evaluation, is_listed, .. } = kept;
-    if is_listed && others.is_none() {
+    // For example, an entry of data.exclude that matches no column changes no state.
+    let log_warnings = log.warnings(config);
+    if is_listed && others.is_none() && evaluation.log_warnings == log_warnings {
         return Ok(evaluation);
     }
+    evaluation = evaluation.with_log_warnings(log_warnings);
     if let Some(others) = others {
         printer.say(&format!("{ONLY_HELD_OUT}: no agent is trained again"));
         let model = model::open_or_build(job, config, log, printer)?;

@@ -10,9 +10,9 @@ use calib_control::{
     ActionModel, ColumnFindings, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
     Ending, Levels, OutlyingActions, RewardRow, Settings, StartRows, Starts, Term,
 };
-use calib_core::{Bounds, Column, ColumnKind, Frames, Period, RowIndex, States};
+use calib_core::{Bounds, Column, ColumnKind, Period, RowIndex, States};
 use calib_data::{
-    DataConfig, DataError, Dataset, Resample, Surveyed, TextFound, entry_of, format_time,
+    DataConfig, DataError, Dataset, Resample, ShownClock, Surveyed, TextFound, entry_of,
 };
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_model_steps::represent::Material;
@@ -25,9 +25,10 @@ use super::{
     counting,
     held_out_period::HeldOutRows,
     log_warnings::{
-        codes_for_missing, doubts, tell_columns, tell_constant_reward, tell_decisions,
-        tell_missing_rewards,
+        LogWarnings, RowTimes, changed_decisions, codes_for_missing, constant_reward,
+        decisions_line, doubts, missing_rewards, odd_columns,
     },
+    rare,
 };
 
 /// A log of decisions, read from the files of a study.
@@ -42,6 +43,8 @@ pub(crate) struct ActionLog {
     pub(crate) period: Period,
     /// Sentences on outlying action values that count as missing.
     pub(crate) outlying: Vec<String>,
+    /// Warnings that were printed when the log was read, those of `outlying` among them.
+    given: Vec<String>,
     /// Warnings that `calib inspect` reports in its own words.
     doubts: Vec<String>,
     /// The warning about numbers that may stand for a missing value.
@@ -101,7 +104,7 @@ pub(super) fn read_with_rest(
     config: &ControlConfig,
     printer: &Printer,
 ) -> Result<(ActionLog, Option<HeldOutRows>), StepError> {
-    let preprocess = &job.study().preprocess;
+    let study = job.study();
     let data = DataConfig { held_out: None, ..data_of_states(job, config)? };
     ensure!(
         !matches!(data.resample, Some(Resample::Mean | Resample::Linear)),
@@ -111,7 +114,8 @@ pub(super) fn read_with_rest(
     printer.say(&format!("reading {}", data.path.0.join(", ")));
     let progress = printer.progress();
     let resample = data.resample;
-    let surveyed = counting::survey(data, preprocess, printer, &progress)?;
+    let mut warnings = LogWarnings::new(printer);
+    let surveyed = counting::survey(data, &study.preprocess, &mut warnings, &progress)?;
     let names = config.columns();
     let mut recorded =
         surveyed.recorded(&names, &progress).map_err(|error| named(config, error))?;
@@ -119,20 +123,25 @@ pub(super) fn read_with_rest(
     require_memory(&surveyed)?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let frames = &dataset.train;
-    tell_texts(config, &recorded.texts, printer);
+    let clock = ShownClock::of(&study.data, dataset.profile.utc);
+    let times = RowTimes::new(&clock, frames.timestamps());
+    warnings.give(texts_among_numbers(config, &recorded.texts));
     let found = ColumnFindings::new(config, &recorded.values, frames.segments());
-    tell_columns(config, resample, frames, &found, printer);
-    let outlying = without_outlying(config, frames, &mut recorded.values, printer);
+    warnings.give(odd_columns(config, resample, times, &found));
+    let outlying = without_outlying(config, times, &mut recorded.values);
+    warnings.give(outlying.iter().cloned());
     let codes = codes_for_missing(&dataset.profile, config, &recorded.values);
     let constants = constants(&names, &recorded.values);
     let set_points = set_points(config, &names, &recorded.values);
     let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
-    tell_missing_rewards(config, frames, &rows, printer);
-    tell_constant_reward(&rows, printer);
+    warnings.give(missing_rewards(config, times, &rows));
+    warnings.give(constant_reward(&rows));
     let period = decision_period(config, dataset.period);
-    tell_decisions(config, frames, &rows, period, printer);
+    decisions_line(config, &rows, period).iter().for_each(|line| printer.say(line));
+    warnings.give(changed_decisions(times, &rows));
     let (levels, settings) = levels_of(&rows.acted, config)?;
-    let (decisions, fingerprint) = decided(config, &dataset, &rows, &levels, settings)?;
+    let (decisions, fingerprint) = decided(config, &dataset, &rows, &levels, settings)
+        .map_err(|error| of_probability(config, times, &rows, error))?;
     let actions =
         (0..levels.values.len()).map(|level| levels.name(level, &config.actions)).collect();
     let columns = dataset.normaliser.columns();
@@ -147,8 +156,8 @@ pub(super) fn read_with_rest(
         constants,
         set_points,
     };
+    let doubts = doubts(&dataset.profile, resample, times, &found.gaps);
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
-    let doubts = doubts(&dataset.profile, resample, frames, &found.gaps);
     let sensors = columns.iter().filter(|column| column.kind == ColumnKind::Sensor);
     let sensors = sensors.map(|column| column.name.clone()).collect();
     let log = ActionLog {
@@ -158,6 +167,7 @@ pub(super) fn read_with_rest(
         times,
         period,
         outlying,
+        given: warnings.into_given(),
         doubts,
         codes,
         sensors,
@@ -174,7 +184,7 @@ fn decided(
     rows: &DecisionRows,
     levels: &Levels,
     settings: Option<Settings>,
-) -> Result<(Decisions, Fingerprint), StepError> {
+) -> Result<(Decisions, Fingerprint), ControlError> {
     let columns =
         Columns { actions: &levels.of_rows, rewards: &rows.rewards, endings: &rows.endings };
     let states = rows.states(dataset.train.states())?;
@@ -190,8 +200,7 @@ fn decided(
         fingerprint = with_numbers(&fingerprint, b"settings 1", numbers);
     }
     if let Some(probabilities) = &rows.probabilities {
-        let decided = decisions.with_probabilities(probabilities);
-        decisions = decided.map_err(|error| of_probability(config, &dataset.train, rows, error))?;
+        decisions = decisions.with_probabilities(probabilities)?;
         let own = decisions.probabilities().unwrap_or_default().iter().copied();
         fingerprint = with_numbers(&fingerprint, b"probabilities 1", own);
     }
@@ -215,7 +224,7 @@ fn decision_period(config: &ControlConfig, period: Period) -> Period {
 /// Adds the time to an error about a probability.
 fn of_probability(
     config: &ControlConfig,
-    frames: &Frames,
+    times: RowTimes<'_>,
     rows: &DecisionRows,
     error: ControlError,
 ) -> StepError {
@@ -223,7 +232,7 @@ fn of_probability(
         ControlError::NoProbability { row, got } => StepError::message(format!(
             "control.probability = \"{}\": at {} the probability of the action that was taken is {got}, expected above 0, up to 1",
             config.probability.as_deref().unwrap_or_default(),
-            format_time(frames.timestamps()[rows.rows[row]])
+            times.shown(rows.rows[row])
         )),
         error => error.into(),
     }
@@ -241,34 +250,32 @@ fn levels_of(
     Ok((levels, Some(settings)))
 }
 
-/// Warns about columns that hold text, such as the mode of a controller instead of its output.
-fn tell_texts(config: &ControlConfig, texts: &[TextFound], printer: &Printer) {
-    for TextFound { column, example, rows } in texts {
-        printer.warn(&format!(
+/// Returns warnings about columns that hold text, such as the mode of a controller instead of its output.
+fn texts_among_numbers(config: &ControlConfig, texts: &[TextFound]) -> Vec<String> {
+    let told = texts.iter().map(|TextFound { column, example, rows }| {
+        format!(
             "{column} (control.{}) holds text in {} of the log, such as {example:?}: text counts as missing. Write it as a number in the log \
              if it is a value",
             config.key_of(column),
             counted(*rows as usize, "row")
-        ));
-    }
+        )
+    });
+    told.collect()
 }
 
-/// Marks outlying values of continuous actions as missing, and reports them. Levels up to such values would be actions
-/// that were never taken. The action columns are the first of `recorded`.
+/// Marks outlying values of continuous actions as missing, and returns warnings about them. Levels up to such values
+/// would be actions that were never taken. The action columns are the first of `recorded`.
 fn without_outlying(
     config: &ControlConfig,
-    frames: &Frames,
+    times: RowTimes<'_>,
     recorded: &mut [Vec<f64>],
-    printer: &Printer,
 ) -> Vec<String> {
     let Some(levels) = config.levels else { return Vec::new() };
     let columns = config.actions.iter().zip(recorded);
     let told = columns.filter_map(|(name, values)| {
         let found = OutlyingActions::of_column(values, levels)?;
-        let at = format_time(frames.timestamps()[found.rows[0]]);
-        let told = outlying_told(name, &found, &at);
+        let told = outlying_told(name, &found, &times.shown(found.rows[0]));
         found.rows.iter().for_each(|&row| values[row] = f64::NAN);
-        printer.warn(&told);
         Some(told)
     });
     told.collect()
@@ -471,6 +478,13 @@ impl ActionLog {
         if let Some(told) = &self.codes {
             printer.warn(told);
         }
+    }
+
+    /// Returns all warnings about the log, in the order in which they are printed.
+    pub(super) fn warnings(&self, config: &ControlConfig) -> Vec<String> {
+        let rare = rare::hardly_taken(self, config);
+        let told = self.given.iter().chain(&self.doubts).chain(&self.codes);
+        told.cloned().chain(rare).collect()
     }
 
     /// Returns the training data of a representation: the states, along the episodes.

@@ -5,38 +5,79 @@ use calib_control::{
     ChangedDecisions, ColumnFindings, ControlConfig, DecisionRows, Ending, LaggedDecisions,
     RewardRow, RowsWithoutReward, TerminalCells, UnendedGaps,
 };
-use calib_core::{Frames, Period, abridged_list};
+use calib_core::{Period, Timestamp, abridged_list};
 use calib_data::{
-    ChannelProfile, DropReason, Profile, Resample, Sentinel, format_time, unused_exclude,
+    ChannelProfile, DropReason, Profile, Resample, Sentinel, ShownClock, unused_exclude,
 };
 
 /// Up to one decision in this many may count as the action of a terminal's row without a warning. Our choice: with a
 /// lag of two rows this affects one decision per episode.
 const LAGGED_TO_ONE: usize = 20;
 
-/// Warns about missing actions, an odd column of terminals, and a lag that is longer than many episodes.
-pub(super) fn tell_columns(
-    config: &ControlConfig,
-    resample: Option<Resample>,
-    frames: &Frames,
-    found: &ColumnFindings,
-    printer: &Printer,
-) {
-    let times = frames.timestamps();
-    if let Some(&first) = found.without_action.first() {
-        let first = format_time(times[first]);
-        printer.warn(&missing_actions(found.without_action.len(), &first, resample));
+/// The warnings that a command gives while it reads a log. Each is printed as soon as it is found, because an error may
+/// follow that it explains. The verdict keeps all of them.
+pub(super) struct LogWarnings<'a> {
+    printer: &'a Printer,
+    given: Vec<String>,
+}
+
+impl<'a> LogWarnings<'a> {
+    /// Returns a list that prints on `printer`.
+    pub(super) fn new(printer: &'a Printer) -> Self {
+        Self { printer, given: Vec::new() }
     }
-    if let Some(name) = &config.terminal {
-        let first_empty = found.terminal.first_empty.map(|row| format_time(times[row]));
-        let odd = odd_terminals(name, &found.terminal, first_empty.as_deref());
-        for told in &odd {
-            printer.warn(told);
+
+    /// Prints these warnings, and keeps them.
+    pub(super) fn give(&mut self, warnings: impl IntoIterator<Item = String>) {
+        for warning in warnings {
+            self.printer.warn(&warning);
+            self.given.push(warning);
         }
     }
-    if let Some(told) = long_lag(config.lag, found.lagged) {
-        printer.warn(&told);
+
+    /// Returns the warnings that were given, in order.
+    pub(super) fn into_given(self) -> Vec<String> {
+        self.given
     }
+}
+
+/// The times of the rows of a log, on the clock of its study.
+#[derive(Clone, Copy)]
+pub(super) struct RowTimes<'a> {
+    clock: &'a ShownClock,
+    times: &'a [Timestamp],
+}
+
+impl<'a> RowTimes<'a> {
+    /// Returns the `times` of all rows on `clock`.
+    pub(super) fn new(clock: &'a ShownClock, times: &'a [Timestamp]) -> Self {
+        Self { clock, times }
+    }
+
+    /// Formats the time of a row.
+    pub(super) fn shown(&self, row: usize) -> String {
+        self.clock.shown(self.times[row])
+    }
+}
+
+/// Returns warnings about missing actions, an odd column of terminals, and a lag that is longer than many episodes.
+pub(super) fn odd_columns(
+    config: &ControlConfig,
+    resample: Option<Resample>,
+    times: RowTimes<'_>,
+    found: &ColumnFindings,
+) -> Vec<String> {
+    let mut told = Vec::new();
+    if let Some(&first) = found.without_action.first() {
+        let rows = found.without_action.len();
+        told.push(missing_actions(rows, &times.shown(first), resample));
+    }
+    if let Some(name) = &config.terminal {
+        let first_empty = found.terminal.first_empty.map(|row| times.shown(row));
+        told.extend(odd_terminals(name, &found.terminal, first_empty.as_deref()));
+    }
+    told.extend(long_lag(config.lag, found.lagged));
+    told
 }
 
 /// Returns sentences on columns that agents do not see or that the study fails to leave out, rows with a repeated or missing time, steps over
@@ -44,13 +85,13 @@ pub(super) fn tell_columns(
 pub(super) fn doubts(
     profile: &Profile,
     resample: Option<Resample>,
-    frames: &Frames,
+    times: RowTimes<'_>,
     gaps: &UnendedGaps,
 ) -> Vec<String> {
     let mut told: Vec<String> = dropped_columns(&profile.channels).into_iter().collect();
     let repeated = profile.duplicates.identical + profile.duplicates.conflicting;
     if let Some(first) = profile.duplicates.examples.first().filter(|_| repeated > 0) {
-        told.push(repeated_times(repeated as usize, &format_time(*first)));
+        told.push(repeated_times(repeated as usize, &times.clock.shown(*first)));
     }
     if profile.null_timestamps > 0 {
         told.push(format!(
@@ -60,7 +101,7 @@ pub(super) fn doubts(
         ));
     }
     if let Some(first) = gaps.first.filter(|_| gaps.are_many()) {
-        let first = format_time(frames.timestamps()[first]);
+        let first = times.shown(first);
         told.push(many_gaps(gaps, &first, profile.sampled_period_secs, resample));
     }
     told.extend(profile.unused_excludes.iter().map(|entry| unused_exclude(entry)));
@@ -215,31 +256,33 @@ fn is_penalty(code: &Sentinel, values: &[f64], terminals: &[f64]) -> bool {
     ended.all(|(_, &ended)| !ended.is_nan() && ended != 0.0 && !code.is(ended))
 }
 
-/// Warns about a reward that is the same for every decision in a log without terminals: all behaviour gets the same return.
-pub(super) fn tell_constant_reward(rows: &DecisionRows, printer: &Printer) {
+/// Returns the warning about a reward that is the same for every decision in a log without terminals: all behaviour gets
+/// the same return.
+pub(super) fn constant_reward(rows: &DecisionRows) -> Option<String> {
     // No decision of a segment led to its first row.
     let mut rewards = rows
         .segments
         .iter()
         .flat_map(|segment| rows.rewards[segment.rows()].iter().skip(1))
         .filter(|reward| !reward.is_nan());
-    let Some(first) = rewards.next() else { return };
-    if rewards.all(|reward| reward == first) && !rows.endings.contains(&Ending::Terminal) {
-        printer.warn(&format!(
+    let first = rewards.next()?;
+    let is_constant = rewards.all(|reward| reward == first);
+    (is_constant && !rows.endings.contains(&Ending::Terminal)).then(|| {
+        format!(
             "the reward is {first} for every decision, and no episode ends in a terminal: all behaviour gets the same return, so that no setting can be \
              better. Name what the agent should achieve with control.reward, or the column of terminals with control.terminal"
-        ));
-    }
+        )
+    })
 }
 
-/// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows, or after them if they are those of
-/// the actions.
-pub(super) fn tell_missing_rewards(
+/// Returns warnings about rows whose reward is missing or infinite: no agent can learn from it, and episodes end before such rows, or after
+/// them if they are those of the actions.
+pub(super) fn missing_rewards(
     config: &ControlConfig,
-    frames: &Frames,
+    times: RowTimes<'_>,
     rows: &DecisionRows,
-    printer: &Printer,
-) {
+) -> Vec<String> {
+    let mut told = Vec::new();
     let (leads, side) = match config.reward_row {
         RewardRow::Next => ("leads", "before"),
         RewardRow::Same => ("is taken", "after"),
@@ -248,10 +291,10 @@ pub(super) fn tell_missing_rewards(
         &rows.without_reward;
     if let Some(&first) = missing.first() {
         let lost = lost_terminals(*missing_terminals, *terminals);
-        printer.warn(&format!(
+        told.push(format!(
             "{} no reward though an action {leads} there, the first at {}: an episode ends {side} each. Rewards are never filled in{lost}",
             rows_have(missing.len()),
-            format_time(frames.timestamps()[first])
+            times.shown(first)
         ));
     }
     if let Some(&first) = infinite.first() {
@@ -259,12 +302,13 @@ pub(super) fn tell_missing_rewards(
             1 => "1 reward is".to_owned(),
             many => format!("{} rewards are", count(many)),
         };
-        printer.warn(&format!(
+        told.push(format!(
             "{counted} infinite or too large for single precision (beyond 3.4e38), the first at {}: an episode ends {side} each. Correct the \
              log, or give the column a smaller weight in control.reward",
-            format_time(frames.timestamps()[first])
+            times.shown(first)
         ));
     }
+    told
 }
 
 /// Returns the part of the message on terminals in rows without a reward. Empty if there are none.
@@ -286,38 +330,39 @@ fn rows_have(rows: usize) -> String {
     format!("{} {}", counted(rows, "row"), if rows == 1 { "has" } else { "have" })
 }
 
-/// Reports how often agents decide, if not in every row, and whether the plant was operated like that.
-pub(super) fn tell_decisions(
+/// Returns a line on how often agents decide; `None` if they decide in every row.
+pub(super) fn decisions_line(
     config: &ControlConfig,
-    frames: &Frames,
     rows: &DecisionRows,
     period: Period,
-    printer: &Printer,
-) {
-    if config.every == 1 {
-        return;
-    }
+) -> Option<String> {
+    (config.every > 1).then(|| {
+        format!(
+            "{} of {} rows ({}): steps and timeouts count decisions",
+            counted(rows.changed.decisions, "decision"),
+            count(config.every),
+            span(period.as_secs())
+        )
+    })
+}
+
+/// Returns the warning about decisions of several rows during which another action was set. `None` if there are none.
+pub(super) fn changed_decisions(times: RowTimes<'_>, rows: &DecisionRows) -> Option<String> {
     let ChangedDecisions { count: changed, decisions, first } = rows.changed;
-    printer.say(&format!(
-        "{} of {} rows ({}): steps and timeouts count decisions",
-        counted(decisions, "decision"),
-        count(config.every),
-        span(period.as_secs())
-    ));
-    if let Some(first) = first {
-        printer.warn(&format!(
-            "in {} of the decisions ({} of {}) another action was set before the next one, first at {}: the action of the first row counts. Set \
-             control.every to the number of rows for which actions are held, or to 1",
-            percent(changed as f64 / decisions as f64),
-            count(changed),
-            count(decisions),
-            format_time(frames.timestamps()[first])
-        ));
-    }
+    let first = times.shown(first?);
+    Some(format!(
+        "in {} of the decisions ({} of {}) another action was set before the next one, first at {first}: the action of the first row counts. Set \
+         control.every to the number of rows for which actions are held, or to 1",
+        percent(changed as f64 / decisions as f64),
+        count(changed),
+        count(decisions)
+    ))
 }
 
 #[cfg(test)]
 mod tests {
+    use calib_data::DataConfig;
+
     use super::*;
 
     #[test]
@@ -384,6 +429,16 @@ mod tests {
         assert!(told.contains("with data.resample = \"last\""), "{told}");
         let clocked = many_gaps(&gaps, "noon", 60.0, Some(Resample::Last));
         assert!(clocked.ends_with("raise data.max_age_secs, or data.period_secs"), "{clocked}");
+    }
+
+    #[test]
+    fn times_are_shown_on_the_clock_of_the_study() {
+        let time_zone = Some("Europe/Berlin".to_owned());
+        let data = DataConfig { time_zone, ..DataConfig::default() };
+        let clock = ShownClock::of(&data, true);
+        let noon = [Timestamp::from_micros(1_709_294_400_000_000)];
+        let times = RowTimes::new(&clock, &noon);
+        assert_eq!(times.shown(0), "2024-03-01 13:00:00");
     }
 
     #[test]

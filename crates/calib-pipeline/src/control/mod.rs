@@ -21,6 +21,7 @@ mod page;
 mod plan;
 mod ranking;
 mod rare;
+mod reward_words;
 mod run;
 mod section;
 mod show;

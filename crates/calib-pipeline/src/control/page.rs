@@ -5,17 +5,22 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use calib_base::StepError;
-use calib_control::{Distance, Importance};
+use calib_base::{
+    StepError,
+    output::{count, span},
+};
+use calib_control::{ControlConfig, Distance, Importance, RewardRow};
 use calib_files::write_atomically;
 use calib_model_steps::{
     represent::{decisions, report_table},
     rollouts::figures as drawn,
 };
-use calib_report::{Cell, Overview, Table};
+use calib_report::{Cell, Overview, OverviewText, Table};
 use calib_study::{Job, StepKind};
 
-use super::{advice::rank_name, evaluation::ControlEvaluation, figures, show};
+use super::{
+    advice::rank_name, evaluation::ControlEvaluation, figures, reward_words::reward_told, show,
+};
 
 const PAGE: &str = "report.html";
 
@@ -44,6 +49,7 @@ pub(super) fn write(
         decision: Some(evaluation.advise(|advice| advice.decision())),
         findings: evaluation.advise(|advice| advice.findings()),
         warnings: evaluation.warnings(),
+        texts: episode(job, evaluation).into_iter().chain(about_log(evaluation)).collect(),
         figures: figures.into_iter().map(|(_, figure)| figure).collect(),
         tables: [
             vec![candidates(evaluation), actions(evaluation)],
@@ -57,6 +63,61 @@ pub(super) fn write(
     let html = page.html();
     write_atomically(&path(directory), |file| file.write_all(html.as_bytes()))?;
     Ok(names)
+}
+
+/// Returns the section that says what a reward, a decision and an episode are.
+fn episode(job: &Job, evaluation: &ControlEvaluation) -> Option<OverviewText> {
+    let config = job.study().control.as_ref()?;
+    Some(OverviewText {
+        id: "episode",
+        title: "What an episode is",
+        paragraphs: vec![episode_told(config, evaluation.decision_secs)],
+        items: Vec::new(),
+    })
+}
+
+/// Returns sentences on what agents of a study do and get. `decision_secs` is the time from one decision to the next.
+fn episode_told(config: &ControlConfig, decision_secs: f64) -> String {
+    let row = match config.reward_row {
+        RewardRow::Next if config.reward.columns().any(|name| config.actions.contains(name)) => {
+            "the row that the step led to, and actions in the row before it"
+        }
+        RewardRow::Next => "the row that the step led to",
+        RewardRow::Same => "the row of its action",
+    };
+    let decisions = match config.every {
+        1 => format!(
+            "Agents decide in every row, and from one decision to the next it is {}.",
+            span(decision_secs)
+        ),
+        every => format!(
+            "Agents decide once every {} rows (control.every), and from one decision to the next it is {}. The rewards of these rows are summed.",
+            count(every),
+            span(decision_secs)
+        ),
+    };
+    let end = match &config.terminal {
+        Some(terminal) => {
+            format!("An episode ends in a row in which {terminal} is not 0 (control.terminal).")
+        }
+        None => "No episode ends in a terminal, because the study names none.".to_owned(),
+    };
+    format!(
+        "{} It is read in {row}. {decisions} {end} In the models an episode is cut after {} decisions (control.timeout), which are {}.",
+        reward_told(&config.reward),
+        count(config.timeout),
+        span(decision_secs * config.timeout as f64)
+    )
+}
+
+/// Returns the section with the warnings about the log, if there are any.
+fn about_log(evaluation: &ControlEvaluation) -> Option<OverviewText> {
+    (!evaluation.log_warnings.is_empty()).then(|| OverviewText {
+        id: "log",
+        title: "About the log",
+        paragraphs: Vec::new(),
+        items: evaluation.log_warnings.clone(),
+    })
 }
 
 /// Returns the table of tested representations, if neighbours are measured in one.
@@ -172,4 +233,35 @@ fn maps(evaluation: &ControlEvaluation) -> Vec<Table> {
             best: None,
         }
     }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(keys: &str) -> String {
+        let config: ControlConfig = toml::from_str(keys).expect("valid");
+        episode_told(&config, 60.0)
+    }
+
+    #[test]
+    fn an_episode_is_told_in_words() {
+        assert_eq!(
+            told("reward = 'gain'\ntimeout = 50"),
+            "The reward of a step is the column gain. It is read in the row that the step led to. Agents decide in every row, and from one \
+             decision to the next it is 1 min. No episode ends in a terminal, because the study names none. In the models an episode is cut after \
+             50 decisions (control.timeout), which are 50 min."
+        );
+        let dosed = told("actions = ['dose']\nreward = [{ column = 'dose', weight = -1 }]");
+        let part = "is -1 × dose. It is read in the row that the step led to, and actions in the row before it. ";
+        assert!(dosed.contains(part), "{dosed}");
+        let steps = told("reward_row = 'same'\nevery = 3\nterminal = 'trip'");
+        for part in [
+            "It is read in the row of its action. ",
+            "Agents decide once every 3 rows (control.every), and",
+            "An episode ends in a row in which trip is not 0 (control.terminal).",
+        ] {
+            assert!(steps.contains(part), "{steps}");
+        }
+    }
 }

@@ -273,7 +273,8 @@ fn judged(
     let opened = TrainingModel::open_or_build(job, config, &log, printer)?;
     let (model, seed) = (&opened.model, opened.seed);
     let held_out = held_out::judged(job, config, &log, model, held_out, printer)?;
-    let ActionLog { names, fingerprint, .. } = log;
+    let log_warnings = log.warnings(config);
+    let ActionLog { names, fingerprint, period, .. } = log;
     let observed = model.starts().clone();
     let own = agents.own();
     let program = agents.of_program(&names);
@@ -316,6 +317,8 @@ fn judged(
         off_policy_values(decisions, &observed, own, config.steps, config.timeout, &progress)?;
     let evaluation = ControlEvaluation {
         log: described,
+        log_warnings,
+        decision_secs: period.as_secs(),
         mean_reward: decisions.mean_reward(),
         held_out: Vec::new(),
         worst_return: model.worst_return(),

@@ -15,6 +15,7 @@ pub(super) fn write(path: &Path, judged: &JudgedStudies) -> Result<(), StepError
         decision: None,
         findings: findings(judged.validity()),
         warnings: show::notes(judged),
+        texts: Vec::new(),
         figures: figures::all(judged).into_iter().map(|(_, figure)| figure).collect(),
         tables: all_tables(judged),
         command: judged.command.clone(),

@@ -8,7 +8,7 @@ use super::{
     tables::table,
     text::prose,
 };
-use crate::{Overview, OverviewFigure};
+use crate::{Overview, OverviewFigure, OverviewText};
 
 /// Returns the caption of a figure, unless it equals that of the previous figure.
 fn own_caption(figures: &[OverviewFigure], number: usize) -> &str {
@@ -25,8 +25,17 @@ impl Overview {
 }
 
 fn html_of(overview: &Overview) -> String {
-    let Overview { title, subtitle, decision, findings, warnings, figures, tables, command } =
-        overview;
+    let Overview {
+        title,
+        subtitle,
+        decision,
+        findings,
+        warnings,
+        texts,
+        figures,
+        tables,
+        command,
+    } = overview;
     let mut sections = vec![Section {
         id: "findings",
         title: "What was found",
@@ -50,6 +59,7 @@ fn html_of(overview: &Overview) -> String {
             }
         },
     }];
+    sections.extend(texts.iter().map(section_of_text));
     if !figures.is_empty() {
         let parts = figures.iter().enumerate();
         let parts = parts.map(|(number, figure)| SectionEntry {
@@ -89,6 +99,17 @@ fn html_of(overview: &Overview) -> String {
     let body = html! { pre { code { (command) } } };
     sections.push(Section { id: "reproduce", title: "Reproduce", parts: Vec::new(), body });
     document(title, subtitle.as_deref(), "Skip to what was found", &sections)
+}
+
+fn section_of_text(text: &OverviewText) -> Section {
+    let &OverviewText { id, title, ref paragraphs, ref items } = text;
+    let body = html! {
+        @for paragraph in paragraphs { p { (prose(paragraph)) } }
+        @if !items.is_empty() {
+            ul { @for item in items { li { (prose(item)) } } }
+        }
+    };
+    Section { id, title, parts: Vec::new(), body }
 }
 
 fn figure_id(number: usize) -> String {
