@@ -283,6 +283,19 @@ fn what_an_inspection_shows_is_told_of_agents_that_act_too() {
 }
 
 #[test]
+fn rows_of_an_hour_that_clocks_showed_twice_are_told_as_such() {
+    let place = pump(|row| {
+        let [hour, minute] = [row / 2, row % 2 * 30];
+        format!("2024-10-27 {hour:02}:{minute:02}:00,{},{}\n", row % 7, row / 3 % 2)
+    });
+    let args = ["--dry-run", "--set=data.time_zone=Europe/Berlin", "--set=data.period_secs=1800"];
+    let told = place.on_study("control", &args).stderr();
+    let part = "2 rows have a time of an hour that clocks showed twice or never (data.time_zone), which no other row decides, and are left out";
+    assert!(told.contains(part), "{told}");
+    assert!(!told.contains("no time and"), "every row has a time: {told}");
+}
+
+#[test]
 fn warnings_about_the_log_are_in_the_verdict_and_its_report() {
     let place = pump(|row| {
         let gain = if row == 20 { String::new() } else { (row % 3).to_string() };

@@ -93,19 +93,37 @@ pub(super) fn doubts(
     if let Some(first) = profile.duplicates.examples.first().filter(|_| repeated > 0) {
         told.push(repeated_times(repeated as usize, &times.clock.shown(*first)));
     }
-    if profile.null_timestamps > 0 {
-        told.push(format!(
-            "{} no time and {} left out: write one into every row of the log",
-            rows_have(profile.null_timestamps as usize),
-            if profile.null_timestamps == 1 { "is" } else { "are" }
-        ));
-    }
+    told.extend(rows_without_time(profile.null_timestamps, profile.undecided_times));
     if let Some(first) = gaps.first.filter(|_| gaps.are_many()) {
         let first = times.shown(first);
         told.push(many_gaps(gaps, &first, profile.sampled_period_secs, resample));
     }
     told.extend(profile.unused_excludes.iter().map(|entry| unused_exclude(entry)));
     told.extend(profile.frozen_doubt());
+    told
+}
+
+/// Returns warnings about rows that are left out because they have no time. Of `rows` such rows, `undecided` have one, of an
+/// hour in which `data.time_zone` cannot place it.
+fn rows_without_time(rows: u64, undecided: u64) -> Vec<String> {
+    let are = |rows: u64| if rows == 1 { "is" } else { "are" };
+    let mut told = Vec::new();
+    let empty = rows.saturating_sub(undecided);
+    if empty > 0 {
+        told.push(format!(
+            "{} no time and {} left out: write one into every row of the log",
+            rows_have(empty as usize),
+            are(empty)
+        ));
+    }
+    if undecided > 0 {
+        told.push(format!(
+            "{} a time of an hour that clocks showed twice or never (data.time_zone), which no other row decides, and {} left out: write the \
+             times of the log with their offset from UTC, or correct data.time_zone if it is not the clock of the log",
+            rows_have(undecided as usize),
+            are(undecided)
+        ));
+    }
     told
 }
 
@@ -429,6 +447,23 @@ mod tests {
         assert!(told.contains("with data.resample = \"last\""), "{told}");
         let clocked = many_gaps(&gaps, "noon", 60.0, Some(Resample::Last));
         assert!(clocked.ends_with("raise data.max_age_secs, or data.period_secs"), "{clocked}");
+    }
+
+    #[test]
+    fn rows_of_an_hour_that_came_twice_have_a_time() {
+        assert!(rows_without_time(0, 0).is_empty());
+        let empty = rows_without_time(3, 0);
+        assert_eq!(
+            empty,
+            ["3 rows have no time and are left out: write one into every row of the log"]
+        );
+        let undecided = rows_without_time(2, 2);
+        assert_eq!(undecided.len(), 1, "every row has a time: {undecided:?}");
+        let start = "2 rows have a time of an hour that clocks showed twice or never (data.time_zone), which no other row decides, and are left out: ";
+        assert!(undecided[0].starts_with(start), "{undecided:?}");
+        let both = rows_without_time(3, 2);
+        assert!(both[0].starts_with("1 row has no time and is left out"), "{both:?}");
+        assert!(both[1].starts_with(start), "{both:?}");
     }
 
     #[test]
