@@ -282,6 +282,24 @@ fn what_an_inspection_shows_is_told_of_agents_that_act_too() {
     assert!(told.contains("are constant for long: flow for "), "{told}");
 }
 
+/// The transmitter of a flow is replaced by one that reports another unit.
+#[test]
+fn a_unit_that_changes_is_told_of_agents_that_act_too() {
+    let place = pump(|row| row_of_pump(row, row % 2));
+    let row = |row: usize| {
+        let flow = (10 + row % 7) * if row < 400 { 1 } else { 100 };
+        let [hour, minute] = [row / 60, row % 60];
+        format!("2024-03-01 {hour:02}:{minute:02}:00,{},{flow},{}\n", row % 11, row / 2 % 2)
+    };
+    let rows: String = (0..1_000).map(row).collect();
+    place.write("log.csv", &format!("timestamp,level,flow,pump\n{rows}"));
+    let told = place.calib(&["control", "study.toml", "--dry-run"]).stderr();
+    let part = "flow has two ranges that do not overlap, mostly 10 to 16 before 2024-03-01 06:40:00";
+    assert!(told.contains(part), "{told}");
+    let inspected = place.calib(&["inspect", "study.toml"]).stderr();
+    assert_eq!(inspected.matches("two ranges that do not overlap").count(), 1, "{inspected}");
+}
+
 #[test]
 fn rows_of_an_hour_that_clocks_showed_twice_are_told_as_such() {
     let place = pump(|row| {

@@ -81,7 +81,7 @@ pub(super) fn odd_columns(
 }
 
 /// Returns sentences on columns that agents do not see or that the study fails to leave out, rows with a repeated or missing time, steps over
-/// gaps, and frozen sensors. `calib inspect` reports these in its own words.
+/// gaps, sensors whose unit changed, and frozen sensors. `calib inspect` reports these in its own words.
 pub(super) fn doubts(
     profile: &Profile,
     resample: Option<Resample>,
@@ -99,6 +99,8 @@ pub(super) fn doubts(
         told.push(many_gaps(gaps, &first, profile.sampled_period_secs, resample));
     }
     told.extend(profile.unused_excludes.iter().map(|entry| unused_exclude(entry)));
+    // Agents that act predict no sensor, so each sensor is only an input.
+    told.extend(profile.unit_doubts(&[], times.clock));
     told.extend(profile.frozen_doubt());
     told
 }
