@@ -349,6 +349,20 @@ fn warnings_about_the_log_are_in_the_verdict_and_its_report() {
 }
 
 #[test]
+fn a_term_that_rewards_a_deviation_is_told() {
+    let place = pump(|row| row_of_pump(row, (row + 1) % 2));
+    let told = |term: &str| {
+        let reward = format!("--set=control.reward=[{term}]");
+        place.calib(&["inspect", "study.toml", &reward]).stderr()
+    };
+    let rewarded = told("{ column = \"level\", set_point = 78.4 }");
+    let part = "control.reward[0] has weight 1 (the default) for the distance of level from 78.4, so that agents get more reward the larger that is";
+    assert!(rewarded.contains(part), "{rewarded}");
+    let cost = told("{ column = \"level\", set_point = 78.4, weight = -1 }");
+    assert!(!cost.contains("control.reward[0]"), "{cost}");
+}
+
+#[test]
 fn terminals_without_a_reward_are_told() {
     let place =
         with_terminals(|row| if row % 10 == 9 { ",1".to_owned() } else { "2,0".to_owned() });

@@ -29,6 +29,7 @@ use super::{
         decisions_line, doubts, missing_rewards, odd_columns,
     },
     rare,
+    reward_words::rewarded_deviations,
 };
 
 /// A log of decisions, read from the files of a study.
@@ -134,6 +135,7 @@ pub(super) fn read_with_rest(
     let constants = constants(&names, &recorded.values);
     let set_points = set_points(config, &names, &recorded.values);
     let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
+    warnings.give(rewarded_deviations(&config.reward));
     warnings.give(missing_rewards(config, times, &rows));
     warnings.give(constant_reward(&rows));
     let period = decision_period(config, dataset.period);

@@ -1,4 +1,4 @@
-//! The reward of a study in words.
+//! The reward of a study in words, and warnings about terms that reward what they should cost.
 
 use calib_control::{Reward, SetPoint, Term};
 use calib_report::listed;
@@ -13,6 +13,40 @@ pub(super) fn reward_told(reward: &Reward) -> String {
             format!("The reward of a step is {sum}{}.", listed(&terms))
         }
     }
+}
+
+/// Returns warnings about terms with a positive weight that count a deviation: an agent gets more for a larger one.
+pub(super) fn rewarded_deviations(reward: &Reward) -> Vec<String> {
+    let Reward::Terms(terms) = reward else { return Vec::new() };
+    let rewarded = terms.iter().enumerate().filter(|(_, term)| is_rewarded_deviation(term));
+    rewarded
+        .map(|(place, term)| {
+            let default = if has_default_weight(term) { " (the default)" } else { "" };
+            format!(
+                "control.reward[{place}] has weight {}{default} for {}, so that agents get more reward the larger that is: if it should be small, \
+                 give the term a negative weight, such as weight = {}",
+                term.weight,
+                counted_amount(term),
+                -term.weight
+            )
+        })
+        .collect()
+}
+
+/// Whether a term probably rewards a deviation by mistake.
+fn is_rewarded_deviation(term: &Term) -> bool {
+    let is_deviation = match (term.low, term.high) {
+        (Some(_), Some(_)) => true,
+        // What is beyond one limit may be a yield, of which the study then gives the weight.
+        (Some(_), None) | (None, Some(_)) => has_default_weight(term),
+        (None, None) => term.change || term.set_point.is_some(),
+    };
+    is_deviation && term.weight > 0.0
+}
+
+/// Whether the weight is the one of a term without the key.
+fn has_default_weight(term: &Term) -> bool {
+    term.weight == 1.0
 }
 
 /// Formats a term as `-0.2 × the distance of level from 1.8`.
@@ -68,5 +102,43 @@ mod tests {
             "The reward of a step is the sum of flow, -0.2 × the square of the distance of level from 1.8 and \
              -5 × what pressure is above 0.45."
         );
+    }
+
+    #[test]
+    fn a_deviation_that_is_rewarded_is_told_with_a_negative_weight() {
+        let told = rewarded_deviations(&reward(
+            "[{ column = 'flow' }, { column = 'level', set_point = 78.4 }]",
+        ));
+        assert_eq!(
+            told,
+            ["control.reward[1] has weight 1 (the default) for the distance of level from 78.4, so that agents get more reward the larger that \
+              is: if it should be small, give the term a negative weight, such as weight = -1"]
+        );
+        for (term, weight) in [
+            ("{ column = 'level', set_point = 'target', weight = 0.5 }", "-0.5"),
+            ("{ column = 'level', low = 1, high = 2, weight = 3 }", "-3"),
+            ("{ column = 'level', high = 2 }", "-1"),
+            ("{ column = 'valve', change = true }", "-1"),
+        ] {
+            let told = rewarded_deviations(&reward(&format!("[{term}]")));
+            assert_eq!(told.len(), 1, "{term}");
+            assert!(told[0].ends_with(&format!("such as weight = {weight}")), "{told:?}");
+        }
+    }
+
+    #[test]
+    fn costs_and_yields_are_not_told() {
+        assert!(rewarded_deviations(&Reward::default()).is_empty());
+        for term in [
+            "{ column = 'level', set_point = 1.8, weight = -0.2 }",
+            "{ column = 'level', low = 1, high = 2, weight = -1 }",
+            "{ column = 'valve', change = true, weight = -0.1 }",
+            "{ column = 'yield', high = 10, weight = 0.5 }",
+            "{ column = 'level', set_point = 1.8, weight = 0 }",
+            "{ column = 'flow' }",
+        ] {
+            let told = rewarded_deviations(&reward(&format!("[{term}]")));
+            assert!(told.is_empty(), "{told:?}");
+        }
     }
 }
