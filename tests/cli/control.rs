@@ -567,6 +567,8 @@ fn a_plant_that_somebody_operates_is_logged_and_inspected() {
         "for agents that act: 1,500 transitions",
         "; states of 4 columns, without what they do and get",
         " a step; recorded episodes: mean return ",
+        "; spread of returns ",
+        " (gamma 0.99)",
     ] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
@@ -574,6 +576,8 @@ fn a_plant_that_somebody_operates_is_logged_and_inspected() {
     let control = &json["control"];
     assert_eq!(control["actions"].as_array().map(Vec::len), Some(8));
     assert_eq!(control["columns"].as_array().map(Vec::len), Some(4), "accounts are no state");
+    assert_eq!(control["reward"]["gamma"], 0.99);
+    assert!(control["reward"]["return_spread"].as_f64() > Some(0.0), "{}", control["reward"]);
     // A network beside tile coding, in few steps; the page has figures and loads nothing.
     let set = "control.grid={ algorithm = ['expected_sarsa', 'deep_q_learning'] }";
     let few = ["--set", "control.steps=600", "--set", "control.model.members=2"];

@@ -53,6 +53,32 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     assert!(!alone.contains("initial weights put"), "{alone}");
 }
 
+/// Rewards a thousand times as large make the values of a proposed study too small.
+#[test]
+fn numbers_far_below_the_returns_of_the_log_are_told() {
+    let place = control::place();
+    let fitting = [
+        "--set=control.grid={ temperature = [0.1, 1.0, 10.0], step_size = [0.003, 0.03, 0.3] }",
+        "--set=control.reward=[{ column = \"reward\" }]",
+    ];
+    let few = told(&place, &fitting);
+    assert!(!few.contains("the spread of the recorded returns"), "{few}");
+    let large = "--set=control.reward=[{ column = \"reward\", weight = 1000 }]";
+    let scaled = told(&place, &[fitting[0], large]);
+    for part in [
+        "temperature 10 is less than a five-hundredth of the spread of the recorded returns, ",
+        "set control.grid.temperature to about ",
+        "step size 0.3 changes a value by 3 in a step, less than a 2,500th of the spread",
+        "set control.grid.step_size to about ",
+    ] {
+        assert!(scaled.contains(part), "{part} is missing in {scaled}");
+    }
+    let network =
+        ["--set=control.agent={ algorithm = \"deep_q_learning\", step_size = 0.001 }", large];
+    let unitless = told(&place, &[&network[..], &["--set=control.grid={ gamma = [1.0] }"]].concat());
+    assert!(!unitless.contains("changes a value by"), "{unitless}");
+}
+
 /// Options for models that are quick to build.
 const QUICK: [&str; 3] = [
     "--within=6s",

@@ -60,7 +60,10 @@ pub use model::{
 };
 pub use off_policy::{FittedQValue, OffPolicyValues, off_policy_bytes, off_policy_values};
 pub use outlying::OutlyingActions;
-pub use proposed::{PAIRED_COLUMNS, ProposedSettings, is_beyond_returns, is_random, two_digits};
+pub use proposed::{
+    PAIRED_COLUMNS, ProposedSettings, is_below_returns, is_beyond_returns, is_nearly_greedy,
+    is_random, two_digits,
+};
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, RewardColumns, SetPoint, Term};
 pub use settings::Settings;

@@ -20,6 +20,13 @@ const DEFAULT: usize = 1;
 const MOST_TEMPERATURE: f64 = 1.0;
 /// With larger first values, in spreads, agents spend their run on unlearning them. Our choice.
 const MOST_FIRST_VALUE: f64 = 100.0;
+/// With a lower temperature, in spreads, agents nearly always take the action with the highest value. It is a fifth of the lowest
+/// one that is proposed, and above all proposed ones after rewards have become a thousand times as large. Our choice.
+const LEAST_TEMPERATURE: f64 = 1.0 / 500.0;
+/// With smaller changes of a value per step, in spreads, agents hardly learn. It is a seventh of the smallest one that is proposed, and
+/// above all proposed ones after rewards have become a thousand times as large. The largest one of the published grid is 0.0007 in a log
+/// of random actions in the puddle world, whose returns have the largest spread. Our choice.
+const LEAST_STEP_OF_VALUE: f64 = 1.0 / 2_500.0;
 /// With more columns in the states, the proposed agents have no pairs of columns: pairs would take most of their time. Our choice.
 pub const PAIRED_COLUMNS: usize = 32;
 
@@ -69,6 +76,17 @@ pub fn is_random(temperature: f64, spread: f64) -> bool {
 /// spread.
 pub fn is_beyond_returns(first_value: f64, spread: f64) -> bool {
     first_value.abs() > MOST_FIRST_VALUE * spread
+}
+
+/// Returns whether agents with this temperature nearly always take the action with the highest value if recorded returns have this spread.
+pub fn is_nearly_greedy(temperature: f64, spread: f64) -> bool {
+    temperature < LEAST_TEMPERATURE * spread
+}
+
+/// Returns whether agents whose values change by this much per step ([`AgentConfig::step_of_value`]) hardly learn if recorded returns have
+/// this spread.
+pub fn is_below_returns(step_of_value: f64, spread: f64) -> bool {
+    step_of_value < LEAST_STEP_OF_VALUE * spread
 }
 
 /// Rounds to two significant digits. A log does not give these numbers more precisely.
@@ -147,5 +165,24 @@ mod tests {
     fn numbers_are_too_large_by_the_spread() {
         assert!(is_random(10.0, 5.0) && !is_random(5.0, 5.0));
         assert!(is_beyond_returns(-501.0, 5.0) && !is_beyond_returns(16.0, 5.0));
+    }
+
+    /// Even the smallest proposed ones are not. After rewards a thousand times as large, even the largest are.
+    #[test]
+    fn numbers_are_too_small_by_the_spread() {
+        for spread in [0.001_04, 9.99, 4_321.0] {
+            for (columns, pairs) in [(1, true), (4, true), (141, false)] {
+                let agent = AgentConfig { pairs, ..AgentConfig::default() };
+                let settings = ProposedSettings::for_spread(spread, &agent, columns);
+                let steps = settings
+                    .step_sizes
+                    .map(|step_size| AgentConfig { step_size, ..agent }.step_of_value(columns));
+                let temperatures = settings.temperatures;
+                assert!(!is_below_returns(steps[0], spread), "{settings:?}");
+                assert!(is_below_returns(steps[2], 1_000.0 * spread), "{settings:?}");
+                assert!(!is_nearly_greedy(temperatures[0], spread), "{settings:?}");
+                assert!(is_nearly_greedy(temperatures[2], 1_000.0 * spread), "{settings:?}");
+            }
+        }
     }
 }

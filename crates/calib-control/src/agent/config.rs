@@ -146,6 +146,12 @@ impl AgentConfig {
         self.initial_weight * self.initial_weights_in_value(columns)
     }
 
+    /// Returns by how much a step changes a value at most, in states of this many columns: each weight in it moves by about the step
+    /// size. A network's step size has no unit, and this number means nothing for it.
+    pub fn step_of_value(&self, columns: usize) -> f64 {
+        self.step_size * self.initial_weights_in_value(columns)
+    }
+
     /// Returns the first value of an agent whose initial weight is 1: the active features per tiling, or 1 for a network.
     pub(crate) fn initial_weights_in_value(&self, columns: usize) -> f64 {
         if self.algorithm == Algorithm::DeepQLearning {

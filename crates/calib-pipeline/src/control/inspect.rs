@@ -38,6 +38,12 @@ struct RewardSummary {
     /// Why that mean lies outside the range of all whole episodes, if it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     beyond_whole_episodes: Option<&'static str>,
+    /// Standard deviation of recorded returns with `control.agent.gamma`, cut after `control.timeout` steps. Step sizes, temperatures
+    /// and initial weights are in its unit. Default: all returns are equal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    return_spread: Option<f64>,
+    /// `control.agent.gamma`.
+    gamma: f64,
 }
 
 impl RewardSummary {
@@ -54,19 +60,25 @@ impl RewardSummary {
             largest,
             mean_return: recorded.mean,
             beyond_whole_episodes: beyond_whole_episodes(&recorded),
+            return_spread: log.return_spread(config.agent.gamma, config.longest_episode()),
+            gamma: config.agent.gamma,
         })
     }
 
-    /// Returns a line such as "reward: mean 1.2, from 0 to 3 a step; recorded episodes: mean return 36".
+    /// Returns a line such as "reward: mean 1.2, from 0 to 3 a step; recorded episodes: mean return 36; spread of returns 12
+    /// (gamma 1)".
     fn line(&self) -> String {
-        let Self { mean, least, largest, mean_return, beyond_whole_episodes } = self;
+        let Self { mean, least, largest, mean_return, .. } = self;
+        let spread = self.return_spread.map_or_else(String::new, |spread| {
+            format!("; spread of returns {} (gamma {})", number(spread), self.gamma)
+        });
         format!(
-            "reward: mean {}, from {} to {} a step; recorded episodes: mean return {}{}",
+            "reward: mean {}, from {} to {} a step; recorded episodes: mean return {}{spread}{}",
             number(*mean),
             number(*least),
             number(*largest),
             number(*mean_return),
-            beyond_whole_episodes.map_or_else(String::new, |reason| format!(". {reason}"))
+            self.beyond_whole_episodes.map_or_else(String::new, |reason| format!(". {reason}"))
         )
     }
 }
