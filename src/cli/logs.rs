@@ -42,14 +42,9 @@ pub(crate) struct InitArgs {
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub(crate) horizon: Option<f64>,
     /// A column of the actions that were taken: the study is of agents that act; may be given several times
-    #[arg(
-        long = "action",
-        value_name = "NAME",
-        requires = "reward",
-        conflicts_with_all = ["sensors", "horizon"]
-    )]
+    #[arg(long = "action", value_name = "NAME", conflicts_with_all = ["sensors", "horizon"])]
     pub(crate) actions: Vec<String>,
-    /// The column with the reward of the step that led to a row
+    /// The column with the reward of the step that led to a row; give a reward of terms with `--set 'control.reward=[...]'` instead
     #[arg(long, value_name = "NAME", requires = "actions")]
     pub(crate) reward: Option<String>,
     /// The column that is not 0 where an episode ended for good (default: none does)
@@ -109,9 +104,13 @@ pub(crate) struct ImportArgs {
 impl InitArgs {
     /// Returns the columns of acting agents; `None` if agents only predict.
     pub(crate) fn decision_columns(&self) -> Option<DecisionColumns> {
+        // Other columns require an action.
+        if self.actions.is_empty() {
+            return None;
+        }
         Some(DecisionColumns {
-            reward: self.reward.clone()?,
             actions: self.actions.clone(),
+            reward: self.reward.clone(),
             terminal: self.terminal.clone(),
             probability: self.probability.clone(),
         })

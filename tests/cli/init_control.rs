@@ -294,7 +294,23 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
             "--set control.steps has no effect",
         ),
         (vec!["--action=pump", "--reward=gain", "--sensor=level"], "cannot be used with"),
-        (vec!["--action=pump"], "--reward"),
+        (
+            vec!["--action=pump", "--reward=gain", TERMS],
+            "--reward gain: --set control.reward gives a reward too",
+        ),
+        (
+            vec!["--action=pump", "--set=control.reward=gain"],
+            "--set control.reward: gain is one column, which holds the reward; name it with --reward",
+        ),
+        (
+            vec!["--action=pump", "--set=control.reward=[{ column = \"lvel\" }]"],
+            "control.reward[0].column: the log has no column lvel",
+        ),
+        (
+            vec!["--action=pump", "--set=control.reward=[{ column = \"fixed\" }]"],
+            "--set control.reward: the reward is 3 in every step, and no episode ends",
+        ),
+        (vec!["--action=pump"], "--action pump: agents need a reward; name its column with --reward"),
         (vec!["--reward=gain"], "--action"),
         (vec!["--terminal=done"], "--action"),
     ] {
@@ -302,6 +318,36 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
         assert!(error.contains(expected), "{expected} is missing in {error}");
         assert!(!place.path().join("study.toml").exists(), "{args:?} wrote a study");
     }
+}
+
+/// A reward of terms for the plant.
+const TERMS: &str = "--set=control.reward=[{ column = \"level\", set_point = 3, weight = -1 }]";
+
+/// Values in units of return fit the reward that is meant.
+#[test]
+fn a_reward_of_terms_needs_no_column() {
+    let place = plant(1);
+    let proposed = |terms: &str| {
+        let args = [&PLANT[..], &["--action=pump", terms, "--force", "--json"]].concat();
+        let ran = init(&place, &args);
+        let json = ran.json(&[0]);
+        let columns = json["columns"].as_array().expect("a list").clone();
+        assert!(columns.contains(&"level".into()), "a term leaves it in the state: {json}");
+        assert!(columns.contains(&"gain".into()), "nobody says that it is the reward: {json}");
+        json["return_spread"].as_f64().expect("a number")
+    };
+    let once = proposed(TERMS);
+    let terms = TERMS.replace("-1 }", "-1000 }");
+    let times = proposed(&terms) / once;
+    assert!((times / 1_000.0 - 1.0).abs() < 1e-3, "{times}");
+    let table = study(&place);
+    let control = &table["control"];
+    assert_eq!(control["reward"][0]["column"].as_str(), Some("level"));
+    assert_eq!(control["reward"][0]["weight"].as_integer(), Some(-1_000));
+    let in_spreads = number(&control["agent"]["temperature"]) / (1_000.0 * once);
+    assert!((0.09..0.11).contains(&in_spreads), "{control:?}");
+    let told = place.calib(&["control", "study.toml", "--dry-run"]).stderr();
+    assert!(!told.contains("the spread of the recorded returns"), "{told}");
 }
 
 /// Returns the line about actions that were hardly ever taken.

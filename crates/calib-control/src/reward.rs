@@ -297,7 +297,7 @@ impl Reward {
     }
 
     /// Returns the column that holds the reward, if there is one.
-    pub(crate) fn recorded_column(&self) -> Option<&String> {
+    pub fn recorded_column(&self) -> Option<&String> {
         match self {
             Self::Column(column) => Some(column),
             Self::Terms(_) => None,

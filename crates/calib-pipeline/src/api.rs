@@ -233,8 +233,8 @@ pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<ProposedSt
 /// for every choice. The options for sensors and horizon are ignored, because they apply to agents that predict.
 ///
 /// # Errors
-/// Fails as [`run`] does. Also fails if a column is not in the log, there are fewer than two actions, or no action can
-/// be worth more than another.
+/// Fails as [`run`] does. Also fails if a column is not in the log, there are fewer than two actions, no action can be
+/// worth more than another, or not exactly one of `columns` and the options gives a reward.
 pub fn propose_control(
     options: &ProposeOptions,
     columns: &DecisionColumns,

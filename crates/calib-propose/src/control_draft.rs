@@ -131,7 +131,7 @@ mod tests {
         let scope = Scope::of(&sensors).expect("channels");
         let columns = DecisionColumns {
             actions: vec!["dose".to_owned()],
-            reward: "gain".to_owned(),
+            reward: Some("gain".to_owned()),
             terminal: None,
             probability: None,
         };

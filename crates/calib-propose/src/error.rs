@@ -32,8 +32,8 @@ pub enum ProposeError {
     },
     /// The reward never differs.
     #[error(
-        "the reward is {reward} in every step{beside}, so no action is worth more than another; name another column with --reward, or the \
-         column that says where episodes end with --terminal"
+        "the reward is {reward} in every step{beside}, so no action is worth more than another; give another reward, or name the column \
+         that says where episodes end with --terminal"
     )]
     NothingToGain {
         /// The reward.

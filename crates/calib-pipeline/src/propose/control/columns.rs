@@ -1,10 +1,14 @@
 //! The columns that the arguments of `calib init` name as actions, rewards and terminals.
 
-use calib_base::{StepError, bail, ensure};
+use calib_base::{StepError, bail, ensure, options::ProposeOptions};
+use calib_control::ControlConfig;
 use calib_data::{ChannelSketch, Sketch, entry_of};
 use calib_propose::DecisionColumns;
 
-use crate::propose::look::similar;
+use crate::propose::{given::gives, look::similar};
+
+/// The key of a reward of terms.
+pub(super) const REWARD: &str = "control.reward";
 
 /// Words in names of columns that are rarely part of the state.
 const TELLING: [&str; 6] = ["action", "done", "probability", "return", "reward", "terminal"];
@@ -23,6 +27,38 @@ pub(super) fn refuse_repeated(columns: &DecisionColumns) -> Result<(), StepError
         if let Some((before, _)) = named[..place].iter().find(|(_, other)| other == name) {
             bail!("{argument} {name}: {before} names this column already; name another one");
         }
+    }
+    Ok(())
+}
+
+/// Refuses two rewards, and none.
+pub(super) fn require_reward(
+    columns: &DecisionColumns,
+    args: &ProposeOptions,
+) -> Result<(), StepError> {
+    let has_terms = gives(args, REWARD);
+    if let Some(name) = columns.reward.as_ref().filter(|_| has_terms) {
+        bail!(
+            "--reward {name}: --set {REWARD} gives a reward too; leave one of them out, and name the column in a term if it counts"
+        );
+    }
+    ensure!(
+        has_terms || columns.reward.is_some(),
+        "--action {}: agents need a reward; name its column with --reward, or give its terms with --set '{REWARD}=[...]'",
+        columns.actions.join(" --action ")
+    );
+    Ok(())
+}
+
+/// Refuses a recorded reward that `--set` names. calib checks the column of `--reward` before it reads the decisions.
+pub(super) fn require_terms(
+    columns: &DecisionColumns,
+    config: &ControlConfig,
+) -> Result<(), StepError> {
+    if columns.reward.is_none()
+        && let Some(name) = config.reward.recorded_column()
+    {
+        bail!("--set {REWARD}: {name} is one column, which holds the reward; name it with --reward");
     }
     Ok(())
 }
@@ -104,6 +140,8 @@ fn channel<'a>(sketch: &'a Sketch, name: &str) -> Option<&'a ChannelSketch> {
 
 #[cfg(test)]
 mod tests {
+    use calib_files::ExistingFile;
+
     use super::*;
 
     #[test]
@@ -116,10 +154,39 @@ mod tests {
         assert!(both.ends_with("--set 'data.exclude=[\"Is.Done\", \"RETURN\"]'"), "{both}");
     }
 
+    #[test]
+    fn a_reward_is_a_column_or_terms() {
+        let args = |set: &[&str]| ProposeOptions {
+            logs: "log.csv".into(),
+            study: "study.toml".into(),
+            within: 1.0,
+            sensors: Vec::new(),
+            horizon: None,
+            set: set.iter().map(|&one| one.to_owned()).collect(),
+            existing: ExistingFile::Kept,
+        };
+        let terms = args(&["control.reward=[{ column = \"level\" }]"]);
+        let named = columns("stopped");
+        let unnamed = DecisionColumns { reward: None, ..named.clone() };
+        require_reward(&named, &args(&[])).expect("a column");
+        require_reward(&unnamed, &terms).expect("terms");
+        for (columns, args, expected) in [
+            (&named, &terms, "--reward gain: --set control.reward gives a reward too"),
+            (&unnamed, &args(&[]), "--action dose --action interval: agents need a reward"),
+        ] {
+            let told = require_reward(columns, args).expect_err("refused").to_string();
+            assert!(told.starts_with(expected), "{told}");
+        }
+        let config = ControlConfig::default();
+        require_terms(&named, &config).expect("named with --reward");
+        let told = require_terms(&unnamed, &config).expect_err("refused").to_string();
+        assert!(told.starts_with("--set control.reward: reward is one column"), "{told}");
+    }
+
     fn columns(terminal: &str) -> DecisionColumns {
         DecisionColumns {
             actions: vec!["dose".to_owned(), "interval".to_owned()],
-            reward: "gain".to_owned(),
+            reward: Some("gain".to_owned()),
             terminal: Some(terminal.to_owned()),
             probability: None,
         }

@@ -47,10 +47,9 @@ const WORTH: f64 = 0.01;
 /// Share of the requested time after which no longer runs are timed.
 const TRIED: f64 = 0.25;
 /// Keys without an effect here, with the alternative.
-const WITHOUT_EFFECT: [(&str, &str); 7] = [
+const WITHOUT_EFFECT: [(&str, &str); 6] = [
     ("control", "it would replace the columns that were named; give each key by itself"),
     ("control.actions", "name the columns with --action"),
-    ("control.reward", "name the column with --reward, and change the key in the study afterwards"),
     ("control.terminal", "name the column with --terminal"),
     ("control.probability", "name the column with --probability"),
     (
@@ -148,9 +147,11 @@ pub(crate) fn run(
 ) -> Result<ProposedControlStudy, StepError> {
     check_arguments(args, &WITHOUT_EFFECT)?;
     columns::refuse_repeated(columns)?;
+    columns::require_reward(columns, args)?;
     let begun = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let args = &with_columns(args, columns);
+    let given = given(args, columns)?;
     let look = ExaminedDecisions::at(args, columns, printer)?;
     let args = &with_exclusions(args, &look.scope, &look.sketch)?;
     warn_of_cleaning(args, &look.sketch, &look.scope, &look.cleaning, printer);
@@ -158,9 +159,12 @@ pub(crate) fn run(
     let drafting = ControlDrafting { args, path: &path, columns, look: &look, place: &place };
     let read = drafting.decisions(printer)?;
     let decisions = &read.log.decisions;
-    let proposed = ProposedControl::for_log(decisions, read.log.period.as_secs(), given(args)?)
+    let proposed = ProposedControl::for_log(decisions, read.log.period.as_secs(), given)
         .map_err(StepError::other)
-        .with_context(|| format!("--reward {}", columns.reward))?;
+        .with_context(|| match &columns.reward {
+            Some(name) => format!("--reward {name}"),
+            None => format!("--set {}", columns::REWARD),
+        })?;
     let costs = drafting.costs(&read, &proposed, begun, printer)?;
     // Examining and timing count towards the requested time.
     let tried = begun.elapsed().as_secs_f64();
@@ -194,10 +198,11 @@ fn with_columns(args: &ProposeOptions, columns: &DecisionColumns) -> ProposeOpti
     ProposeOptions { set: keys.chain(args.set.iter().cloned()).collect(), ..args.clone() }
 }
 
-/// Returns the values given with `--set`, which are not proposed.
-fn given(args: &ProposeOptions) -> Result<GivenControl, StepError> {
+/// Returns the values given with `--set`, which are not proposed. Refuses a reward that is no list of terms.
+fn given(args: &ProposeOptions, columns: &DecisionColumns) -> Result<GivenControl, StepError> {
     let study = calib_study::of_data(&args.logs, &args.set)?;
     let control = study.control.unwrap_or_default();
+    columns::require_terms(columns, &control)?;
     let agent = control.agent;
     Ok(GivenControl {
         timeout: gives(args, "control.timeout").then_some(control.timeout),
