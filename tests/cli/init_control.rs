@@ -137,6 +137,30 @@ fn no_run_is_timed_once_the_time_is_over() {
     place.calib(&["inspect", "study.toml"]).ends(&[0, 1]);
 }
 
+/// So many settings that storing their runs alone takes longer than the limit, on any machine. No run of them is made.
+#[test]
+fn a_study_that_no_number_of_steps_makes_short_is_told() {
+    let place = Place::new();
+    let simulate = ["simulate", "pole", "--task=cart-pole", "--policy=random"];
+    place.calib(&[&simulate[..], &["--transitions=2000"]].concat()).succeeds();
+    let values: Vec<String> = (1..=40).map(|value| value.to_string()).collect();
+    let values = values.join(", ");
+    let grid = format!(
+        "--set=control.grid={{ step_size = [{values}], temperature = [{values}], initial_weight = [{values}] }}"
+    );
+    let few = ["--within=20s", "--set=control.model.members=2", grid.as_str()];
+    let ran = place.calib(&[&["init"][..], &POLE, &few].concat());
+    let said = ran.succeeds();
+    assert!(said.contains("64,000 settings x 6 runs of 2,000 steps: about "), "{said}");
+    assert!(said.contains(" of them do not depend on the steps"), "{said}");
+    let told = ran.stderr();
+    assert!(told.contains("20 s are not enough for the smallest study"), "{told}");
+    assert!(told.contains("do not depend on control.steps, and --within leaves less"), "{told}");
+    assert!(!told.contains("ended before `calib init` could measure"), "{told}");
+    let text = place.read("study.toml");
+    assert!(text.contains("the least that says anything: about "), "{text}");
+}
+
 fn number(value: &toml::Value) -> f64 {
     let whole = value.as_integer().map(|whole| whole as f64);
     value.as_float().or(whole).expect("a number")

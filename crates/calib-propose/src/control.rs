@@ -21,6 +21,8 @@ const HORIZON: usize = 100;
 /// protocol (Wang et al. 2022).
 const LEAST_STEPS: usize = 2_000;
 const MOST_STEPS: usize = 15_000;
+/// Fewest and most steps of a run that are proposed.
+pub const CONTROL_STEPS: [usize; 2] = [LEAST_STEPS, MOST_STEPS];
 
 /// Proposed settings of acting agents for a log of decisions.
 #[derive(Clone, Debug, PartialEq)]

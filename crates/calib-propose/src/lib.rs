@@ -50,7 +50,8 @@ pub use agent::{ProposedAgent, Trial, choose_agent};
 pub use angles::Angle;
 pub use cleaning::{Cleaning, Clock, many_left_out};
 pub use control::{
-    GivenControl, ProposedControl, action_levels, actions_are_continuous, control_steps,
+    CONTROL_STEPS, GivenControl, ProposedControl, action_levels, actions_are_continuous,
+    control_steps,
 };
 pub use control_draft::ControlDraft;
 pub use cut::{Cut, HELD_OUT, mean_step_secs};

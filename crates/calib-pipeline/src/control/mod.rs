@@ -40,6 +40,7 @@ pub(crate) use log::{ActionLog, read as read_log};
 pub(crate) use model::build;
 pub use model::{ControlColumn, ControlModel, ControlNames, unstored_networks};
 pub use plan::ControlPlan;
+pub(crate) use plan::expected_secs;
 pub(crate) use ranking::{ControlRanking, ranking};
 pub(crate) use rare::hardly_taken;
 pub(crate) use run::run;

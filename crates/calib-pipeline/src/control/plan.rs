@@ -144,6 +144,43 @@ pub(super) fn planned(
     })
 }
 
+/// Returns the seconds that a new sweep of a study takes with each of these numbers of steps, as a dry run estimates them. `None` for
+/// agents of a program, and where a part of the log is no log to time anything in.
+///
+/// # Errors
+/// Returns an error if there are too many runs, the model does not fit into memory, or the observer asks to stop.
+pub(crate) fn expected_secs<const LENGTHS: usize>(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    steps: [usize; LENGTHS],
+    printer: &Printer,
+) -> Result<Option<[f64; LENGTHS]>, StepError> {
+    let agents = ComparedAgents::of_study(job, config)?;
+    let ComparedAgents::Own(own) = &agents else { return Ok(None) };
+    log::require_model(&log.decisions, config)?;
+    let work = WorkLeft::of_new(config, own.len())?;
+    let progress = printer.progress();
+    let represented = match config.model.distance {
+        Distance::Laplacian => decisions::cost(job, log.material(), &progress)?,
+        Distance::Euclidean => None,
+    };
+    let worst = model::rules(config, log)?.worst_return;
+    let all = &log.decisions;
+    let costs = match MeasuredCosts::measure(config, own, all, None, worst, &progress) {
+        Ok(costs) => costs,
+        Err(reason) if reason.was_cancelled() => return Err(reason),
+        Err(_) => return Ok(None),
+    };
+    let represented = represented.as_ref();
+    let networks = work.members(ActionModelKind::Network).len();
+    let threads = rayon::current_num_threads();
+    Ok(Some(steps.map(|steps| {
+        let config = ControlConfig { steps, ..config.clone() };
+        ControlTime::of(&costs, represented, &work, networks, &config, all, threads).secs
+    })))
+}
+
 /// Returns the number of networks to train: those that runs need and that have no valid file.
 fn untrained(
     job: &Job,
@@ -503,6 +540,17 @@ mod tests {
         assert_eq!(part.parts(), "models 12 s, runs 50 s");
         let none = time(&work(WorkScope::Share, [0, 0], 0), 0);
         assert_eq!((none.models_secs, none.runs_secs), (5.0, 0.0));
+    }
+
+    #[test]
+    fn a_new_sweep_lacks_every_run() {
+        let config = ControlConfig { runs: 2, ..ControlConfig::default() };
+        let members = config.model.members;
+        let work = WorkLeft::of_new(&config, 7).expect("few");
+        assert_eq!(work.runs, config.models.len() * members * 2 * 7);
+        assert_eq!(work.left(), work.runs);
+        assert_eq!(work.members(ActionModelKind::Network).len(), members);
+        assert!(work.scope == WorkScope::All);
     }
 
     #[test]

@@ -70,17 +70,10 @@ impl WorkLeft {
         let members = config.model.members;
         let of_kind = runs_of_kind(config, settings)?;
         let scope = if units.are_all() { WorkScope::All } else { WorkScope::Share };
-        let mut work = Self { scope, runs: 0, kinds: Vec::new() };
         if scope == WorkScope::All && !is_listed(job, of_kind, units, printer) {
-            work.runs = of_kind * config.models.len();
-            let of_settings = vec![members * config.runs; settings];
-            work.kinds.extend(config.models.iter().map(|&kind| KindLeft {
-                kind,
-                of_settings: of_settings.clone(),
-                members: (0..members).collect(),
-            }));
-            return Ok(work);
+            return Self::of_new(config, settings);
         }
+        let mut work = Self { scope, runs: 0, kinds: Vec::new() };
         for &kind in &config.models {
             if of_kind > MOST_NUMBERS || units.own_runs(kind, of_kind) > MOST_RUNS {
                 bail!(
@@ -100,6 +93,21 @@ impl WorkLeft {
             work.kinds.push(KindLeft::of(kind, &left, settings, members));
         }
         Ok(work)
+    }
+
+    /// Returns the work of a whole sweep of which no run is stored.
+    ///
+    /// # Errors
+    /// Returns an error if there are too many runs to number.
+    pub(super) fn of_new(config: &ControlConfig, settings: usize) -> Result<Self, StepError> {
+        let members = config.model.members;
+        let runs = runs_of_kind(config, settings)? * config.models.len();
+        let kinds = config.models.iter().map(|&kind| KindLeft {
+            kind,
+            of_settings: vec![members * config.runs; settings],
+            members: (0..members).collect(),
+        });
+        Ok(Self { scope: WorkScope::All, runs, kinds: kinds.collect() })
     }
 
     pub(super) fn left(&self) -> usize {

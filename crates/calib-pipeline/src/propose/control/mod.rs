@@ -2,6 +2,7 @@
 //! runs.
 
 mod columns;
+mod costs;
 mod show;
 
 use std::{
@@ -27,25 +28,16 @@ use calib_study::{Job, Request};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use self::columns::LookedAt;
+use self::{columns::LookedAt, costs::SHORT};
 use super::{
     check_arguments,
-    deadline::TimeLimit,
     drafting::{unmeasured, warn_of_time},
     given::gives,
     look::SketchedLog,
-    path_in_study, trial, warn_of_cleaning, with_exclusions,
+    path_in_study, warn_of_cleaning, with_exclusions,
 };
 use crate::control::{self, ActionLog};
 
-/// Steps of the shortest runs for measuring costs.
-const SHORT: usize = 200;
-/// Factor from one length of runs to the next.
-const LONGER: usize = 4;
-/// Runs that take less than this share of the requested time are too short to measure the time per step.
-const WORTH: f64 = 0.01;
-/// Share of the requested time after which no longer runs are timed.
-const TRIED: f64 = 0.25;
 /// Keys without an effect here, with the alternative.
 const WITHOUT_EFFECT: [(&str, &str); 6] = [
     ("control", "it would replace the columns that were named; give each key by itself"),
@@ -97,6 +89,8 @@ pub(crate) struct ChosenControl {
     steps: usize,
     /// Estimated duration of `calib run` on this machine, in seconds. None if the time limit was reached before it was measured.
     expected_secs: Option<f64>,
+    /// The part of it that does not depend on `steps`: reading, models, evaluations by the log alone, and storing runs.
+    fixed_secs: Option<f64>,
 }
 
 /// An action of the log.
@@ -117,6 +111,8 @@ pub struct ProposedControlStudy {
     runs: usize,
     /// The requested time, in seconds.
     within: f64,
+    /// The time that does not depend on the steps, in seconds, if it alone is more than was left of the requested time.
+    fixed_beyond: Option<f64>,
     /// Duration of the proposal: examining the log and timing runs.
     took: Duration,
 }
@@ -169,8 +165,8 @@ pub(crate) fn run(
     // Examining and timing count towards the requested time.
     let tried = begun.elapsed().as_secs_f64();
     let steps = control_steps(args.within - tried, costs);
-    let expected_secs = costs.map(|costs| costs.fixed_secs + steps as f64 * costs.agent_step_secs);
-    let why = steps_reason(args.within, tried, expected_secs, printer);
+    let expected = costs.map(|costs| ExpectedTime::of(costs, steps));
+    let why = steps_reason(args.within, tried, expected, printer);
     let text = drafting.text(read.levels.as_ref(), Some(&proposed), steps, &why);
     // Given keys are written into the study, so that it is the same without `--set`.
     let text = calib_propose::with_given(&text, &args.set);
@@ -180,7 +176,7 @@ pub(crate) fn run(
     for doubt in unnamed.into_iter().chain(doubts(&read.log, config)) {
         printer.warn(&doubt);
     }
-    let chosen = chosen(&job, &look, &read.log, &proposed, expected_secs)?;
+    let chosen = chosen(&job, &look, &read.log, &proposed, expected)?;
     write_output(&args.study, args.existing, |file| file.write_all(text.as_bytes()))?;
     Ok(ProposedControlStudy {
         chosen,
@@ -188,6 +184,7 @@ pub(crate) fn run(
         gamma_reason: proposed.gamma.1,
         runs: config.runs_of_a_setting(),
         within: args.within,
+        fixed_beyond: expected.and_then(|time| time.fixed_beyond(args.within - tried)),
         took: begun.elapsed(),
     })
 }
@@ -217,20 +214,54 @@ fn gives_to_agent(args: &ProposeOptions, field: &str) -> bool {
     gives(args, "control.agent") || gives(args, &format!("control.agent.{field}"))
 }
 
-/// Returns the reason for the number of steps. Warns if the study takes longer than requested, or if its time is not
-/// known.
+/// The expected time of a study on this machine.
+#[derive(Clone, Copy, Debug)]
+struct ExpectedTime {
+    /// The whole time, in seconds.
+    secs: f64,
+    /// The part of it that does not depend on the steps, in seconds.
+    fixed_secs: f64,
+}
+
+impl ExpectedTime {
+    /// Returns the time of a study with these costs and runs of this many steps.
+    fn of(costs: Costs, steps: usize) -> Self {
+        let Costs { fixed_secs, agent_step_secs, .. } = costs;
+        Self { secs: fixed_secs + steps as f64 * agent_step_secs, fixed_secs }
+    }
+
+    /// Returns the time that does not depend on the steps, in whole seconds, if it alone is more than `left_secs`.
+    fn fixed_beyond(self, left_secs: f64) -> Option<f64> {
+        let fixed_secs = self.fixed_secs.round();
+        (fixed_secs > left_secs.max(0.0)).then_some(fixed_secs)
+    }
+}
+
+/// Returns the reason for the number of steps. Warns if the study takes longer than requested, and if no number of steps
+/// could change that, or if its time is not known.
 fn steps_reason(
     within: f64,
     tried_secs: f64,
-    expected_secs: Option<f64>,
+    expected: Option<ExpectedTime>,
     printer: &Printer,
 ) -> String {
-    let Some(secs) = expected_secs else {
+    let Some(time) = expected else {
         return format!("the least that says anything: {}", unmeasured(within, printer));
     };
-    warn_of_time(within, tried_secs, secs, printer);
-    let [expected, asked] = [secs.round(), within].map(span);
-    let beside = if secs.round() > within { "more than the" } else { "of the" };
+    warn_of_time(within, tried_secs, time.secs, printer);
+    let [expected, asked] = [time.secs.round(), within].map(span);
+    if let Some(fixed_secs) = time.fixed_beyond(within - tried_secs) {
+        let fixed = span(fixed_secs);
+        printer.warn(&format!(
+            "about {fixed} of the time of `calib run` do not depend on control.steps, and --within leaves less: list fewer kinds of models in \
+             control.models, or sweep fewer settings in control.grid"
+        ));
+        return format!(
+            "the least that says anything: about {expected} on this machine, of which {fixed} do not depend on the steps, more than the {asked} of \
+             --within leave"
+        );
+    }
+    let beside = if time.secs.round() > within { "more than the" } else { "of the" };
     format!("about {expected} on this machine, {beside} {asked} of --within")
 }
 
@@ -276,6 +307,8 @@ struct ReadDecisions {
     log: ActionLog,
     /// `control.levels` with its reason. `None` if every combination of values is an action, or the key was given.
     levels: Option<(usize, String)>,
+    /// Time to read them, in seconds.
+    secs: f64,
 }
 
 /// The inputs that all drafts of a study share.
@@ -324,11 +357,11 @@ impl ControlDrafting<'_> {
     fn decisions(&self, printer: &Printer) -> Result<ReadDecisions, StepError> {
         let job = self.job(self.text(None, None, SHORT, ""))?;
         let config = section(&job)?;
-        let read = control::read_log(&job, config, printer);
+        let (read, taken) = TimeTaken::by(|| control::read_log(&job, config, printer));
         let Some(why) = self.why_continuous(&read, config) else {
             let log = read?;
             self.refuse_one_action(&log.decisions)?;
-            return Ok(ReadDecisions { log, levels: None });
+            return Ok(ReadDecisions { log, levels: None, secs: taken.secs });
         };
         if let Some(name) = &self.columns.probability {
             bail!(
@@ -342,10 +375,13 @@ impl ControlDrafting<'_> {
         let levels = (levels, why);
         let job = self.job(self.text(Some(&levels), None, SHORT, ""))?;
         // Other warnings about the log have been printed already. Only those about levels are new.
-        let log = control::read_log(&job, section(&job)?, &printer.silent())?;
+        let config = section(&job)?;
+        let silent = printer.silent();
+        let (log, taken) = TimeTaken::by(|| control::read_log(&job, config, &silent));
+        let log = log?;
         log.outlying.iter().for_each(|told| printer.warn(told));
         self.refuse_one_action(&log.decisions)?;
-        Ok(ReadDecisions { log, levels: Some(levels) })
+        Ok(ReadDecisions { log, levels: Some(levels), secs: taken.secs })
     }
 
     /// Returns the reason to treat actions as continuous, if there is one.
@@ -383,51 +419,6 @@ impl ControlDrafting<'_> {
         }
         Ok(())
     }
-
-    /// Returns the measured costs of the study. `None` if the time is over before they are measured.
-    fn costs(
-        &self,
-        read: &ReadDecisions,
-        proposed: &ProposedControl,
-        begun: Stopwatch,
-        printer: &Printer,
-    ) -> Result<Option<Costs>, StepError> {
-        TimeLimit::new(begun, self.args.within, printer).done(|watched| {
-            printer.say("measuring how long a study takes");
-            self.measured(read, proposed, begun, watched)
-        })
-    }
-
-    /// Measures the costs of the study with short runs of all settings. Longer runs follow until they take a measurable
-    /// share of the requested time.
-    fn measured(
-        &self,
-        read: &ReadDecisions,
-        proposed: &ProposedControl,
-        begun: Stopwatch,
-        printer: &Printer,
-    ) -> Result<Costs, StepError> {
-        let job =
-            |steps: usize| self.job(self.text(read.levels.as_ref(), Some(proposed), steps, ""));
-        let model = job(SHORT)?;
-        let (built, building) = TimeTaken::by(|| control::build(&model, printer));
-        built?;
-        let swept = |steps: usize| -> Result<(f64, f64), StepError> {
-            let job = job(steps)?;
-            let (judged, taken) = TimeTaken::by(|| control::run(&job, printer));
-            judged?;
-            Ok((steps as f64, taken.secs))
-        };
-        let less = swept(SHORT)?;
-        let mut steps = LONGER * SHORT;
-        let mut more = swept(steps)?;
-        let within = self.args.within;
-        while more.1 - less.1 < WORTH * within && begun.elapsed().as_secs_f64() < TRIED * within {
-            steps *= LONGER;
-            more = swept(steps)?;
-        }
-        Ok(trial::costs([less, more], building.secs))
-    }
 }
 
 /// Whether a log has more actions than a study may have.
@@ -457,7 +448,7 @@ fn chosen(
     look: &ExaminedDecisions,
     log: &ActionLog,
     proposed: &ProposedControl,
-    expected_secs: Option<f64>,
+    expected: Option<ExpectedTime>,
 ) -> Result<ChosenControl, StepError> {
     let config = section(job)?;
     let decisions = &log.decisions;
@@ -484,6 +475,26 @@ fn chosen(
         temperature: config.agent.temperature,
         settings: config.grid.candidates(config.agent)?.len(),
         steps: config.steps,
-        expected_secs,
+        expected_secs: expected.map(|time| time.secs),
+        fixed_secs: expected.map(|time| time.fixed_secs),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_have_a_reason_where_no_number_of_them_fits() {
+        let costs = Costs { fixed_secs: 92.4, agent_step_secs: 0.021, replay_run_secs: 0.0 };
+        let time = ExpectedTime::of(costs, 2_000);
+        assert_eq!((time.secs.round(), time.fixed_beyond(54.0)), (134.0, Some(92.0)));
+        assert_eq!(time.fixed_beyond(100.0), None);
+        assert_eq!(time.fixed_beyond(-1.0), Some(92.0));
+        let reason = |within| steps_reason(within, 6.0, Some(time), &Printer::nobody());
+        let fixed = "the least that says anything: about 2 min 14 s on this machine, of which 1 min 32 s do not";
+        assert!(reason(60.0).starts_with(fixed), "{}", reason(60.0));
+        assert_eq!(reason(120.0), "about 2 min 14 s on this machine, more than the 2 min of --within");
+        assert_eq!(reason(150.0), "about 2 min 14 s on this machine, of the 2 min 30 s of --within");
+    }
 }

@@ -87,6 +87,9 @@ fn numbers(chosen: &ChosenControl) -> String {
 /// Returns lines on the chosen values, with reasons.
 fn lines(proposed: &ProposedControlStudy) -> [String; 4] {
     let ProposedControlStudy { chosen, timeout_reason, gamma_reason, runs, within, .. } = proposed;
+    let fixed = proposed.fixed_beyond.map_or_else(String::new, |secs| {
+        format!("; {} of them do not depend on the steps", span(secs))
+    });
     let time = match chosen.expected_secs {
         Some(secs) => beside_within(secs, *within),
         None => format!("how long they take was not measured in {}", span(*within)),
@@ -96,7 +99,7 @@ fn lines(proposed: &ProposedControlStudy) -> [String; 4] {
         format!("gamma {}: {gamma_reason}", chosen.gamma),
         numbers(chosen),
         format!(
-            "{} x {} of {}: {time}",
+            "{} x {} of {}: {time}{fixed}",
             counted(chosen.settings, "setting"),
             counted(*runs, "run"),
             counted(chosen.steps, "step")
