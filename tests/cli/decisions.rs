@@ -294,7 +294,8 @@ fn a_unit_that_changes_is_told_of_agents_that_act_too() {
     let rows: String = (0..1_000).map(row).collect();
     place.write("log.csv", &format!("timestamp,level,flow,pump\n{rows}"));
     let told = place.calib(&["control", "study.toml", "--dry-run"]).stderr();
-    let part = "flow has two ranges that do not overlap, mostly 10 to 16 before 2024-03-01 06:40:00";
+    let part =
+        "flow has two ranges that do not overlap, mostly 10 to 16 before 2024-03-01 06:40:00";
     assert!(told.contains(part), "{told}");
     let inspected = place.calib(&["inspect", "study.toml"]).stderr();
     assert_eq!(inspected.matches("two ranges that do not overlap").count(), 1, "{inspected}");

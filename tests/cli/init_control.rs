@@ -75,7 +75,8 @@ fn numbers_far_below_the_returns_of_the_log_are_told() {
     }
     let network =
         ["--set=control.agent={ algorithm = \"deep_q_learning\", step_size = 0.001 }", large];
-    let unitless = told(&place, &[&network[..], &["--set=control.grid={ gamma = [1.0] }"]].concat());
+    let unitless =
+        told(&place, &[&network[..], &["--set=control.grid={ gamma = [1.0] }"]].concat());
     assert!(!unitless.contains("changes a value by"), "{unitless}");
 }
 
@@ -334,7 +335,10 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
             vec!["--action=pump", "--set=control.reward=[{ column = \"fixed\" }]"],
             "--set control.reward: the reward is 3 in every step, and no episode ends",
         ),
-        (vec!["--action=pump"], "--action pump: agents need a reward; name its column with --reward"),
+        (
+            vec!["--action=pump"],
+            "--action pump: agents need a reward; name its column with --reward",
+        ),
         (vec!["--reward=gain"], "--action"),
         (vec!["--terminal=done"], "--action"),
     ] {

@@ -139,7 +139,9 @@ pub(super) fn read_with_rest(
     warnings.give(missing_rewards(config, times, &rows));
     warnings.give(constant_reward(&rows));
     let period = decision_period(config, dataset.period);
-    decisions_line(config, &rows, period).iter().for_each(|line| printer.say(line));
+    if let Some(line) = decisions_line(config, &rows, period) {
+        printer.say(&line);
+    }
     warnings.give(changed_decisions(times, &rows));
     let (levels, settings) = levels_of(&rows.acted, config)?;
     let (decisions, fingerprint) = decided(config, &dataset, &rows, &levels, settings)

@@ -111,8 +111,10 @@ mod tests {
         ));
         assert_eq!(
             told,
-            ["control.reward[1] has weight 1 (the default) for the distance of level from 78.4, so that agents get more reward the larger that \
-              is: if it should be small, give the term a negative weight, such as weight = -1"]
+            [
+                "control.reward[1] has weight 1 (the default) for the distance of level from 78.4, so that agents get more reward the larger that \
+              is: if it should be small, give the term a negative weight, such as weight = -1"
+            ]
         );
         for (term, weight) in [
             ("{ column = 'level', set_point = 'target', weight = 0.5 }", "-0.5"),

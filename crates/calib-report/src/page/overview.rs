@@ -25,17 +25,8 @@ impl Overview {
 }
 
 fn html_of(overview: &Overview) -> String {
-    let Overview {
-        title,
-        subtitle,
-        decision,
-        findings,
-        warnings,
-        texts,
-        figures,
-        tables,
-        command,
-    } = overview;
+    let Overview { title, subtitle, decision, findings, warnings, texts, figures, tables, command } =
+        overview;
     let mut sections = vec![Section {
         id: "findings",
         title: "What was found",

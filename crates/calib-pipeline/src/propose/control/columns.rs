@@ -58,7 +58,9 @@ pub(super) fn require_terms(
     if columns.reward.is_none()
         && let Some(name) = config.reward.recorded_column()
     {
-        bail!("--set {REWARD}: {name} is one column, which holds the reward; name it with --reward");
+        bail!(
+            "--set {REWARD}: {name} is one column, which holds the reward; name it with --reward"
+        );
     }
     Ok(())
 }

@@ -494,7 +494,13 @@ mod tests {
         let reason = |within| steps_reason(within, 6.0, Some(time), &Printer::nobody());
         let fixed = "the least that says anything: about 2 min 14 s on this machine, of which 1 min 32 s do not";
         assert!(reason(60.0).starts_with(fixed), "{}", reason(60.0));
-        assert_eq!(reason(120.0), "about 2 min 14 s on this machine, more than the 2 min of --within");
-        assert_eq!(reason(150.0), "about 2 min 14 s on this machine, of the 2 min 30 s of --within");
+        assert_eq!(
+            reason(120.0),
+            "about 2 min 14 s on this machine, more than the 2 min of --within"
+        );
+        assert_eq!(
+            reason(150.0),
+            "about 2 min 14 s on this machine, of the 2 min 30 s of --within"
+        );
     }
 }
