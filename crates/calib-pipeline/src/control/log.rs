@@ -486,7 +486,7 @@ impl ActionLog {
 
     /// Returns all warnings about the log, in the order in which they are printed.
     pub(super) fn warnings(&self, config: &ControlConfig) -> Vec<String> {
-        let rare = rare::hardly_taken(self, config);
+        let rare = rare::hardly_taken(&self.names.actions, &self.decisions.counts(), config);
         let told = self.given.iter().chain(&self.doubts).chain(&self.codes);
         told.cloned().chain(rare).collect()
     }

@@ -413,7 +413,7 @@ pub(crate) fn build(job: &Job, printer: &Printer) -> Result<ActionModel, StepErr
     let Some(config) = &job.study().control else { return Err(no_section(job)) };
     let log = log::read(job, config, printer)?;
     log.tell_doubts(printer);
-    rare::check_actions(&log, config, printer)?;
+    rare::check_actions(&log.names.actions, &log.decisions.counts(), config, printer)?;
     log::require_model(&log.decisions, config)?;
     open_or_build(job, config, &log, printer)
 }

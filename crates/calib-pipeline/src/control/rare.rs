@@ -7,29 +7,23 @@ use calib_base::{
 use calib_control::{ControlConfig, LEAST_LEVELS};
 use calib_core::abridged_list;
 
-use super::log::ActionLog;
-
 /// Number of actions that a warning names.
 const NAMED: usize = 3;
 
 /// Refuses a log with a single action, and warns about rare actions.
 pub(super) fn check_actions(
-    log: &ActionLog,
+    names: &[String],
+    counts: &[usize],
     config: &ControlConfig,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    if let Some(told) = only_action(&log.names.actions, config.every) {
+    if let Some(told) = only_action(names, config.every) {
         bail!(told);
     }
-    if let Some(told) = hardly_taken(log, config) {
+    if let Some(told) = hardly_taken(names, counts, config) {
         printer.warn(&told);
     }
     Ok(())
-}
-
-/// Returns the warning about actions that were taken in few or no steps, including levels. `None` if there are none.
-pub(crate) fn hardly_taken(log: &ActionLog, config: &ControlConfig) -> Option<String> {
-    told(&log.names.actions, &log.decisions.counts(), config)
 }
 
 /// Returns the message for a log with a single action in all rows, or in every `every`-th row. Models then know no
@@ -46,8 +40,13 @@ pub(super) fn only_action(actions: &[String], every: usize) -> Option<String> {
     ))
 }
 
-/// Returns the warning for actions with these names and numbers of steps.
-fn told(names: &[String], counts: &[usize], config: &ControlConfig) -> Option<String> {
+/// Returns the warning about actions that were taken in few or no steps, including levels. `names` and `counts` have the
+/// name and the number of steps of each action. `None` if there are none.
+pub(crate) fn hardly_taken(
+    names: &[String],
+    counts: &[usize],
+    config: &ControlConfig,
+) -> Option<String> {
     let hardly = calib_control::hardly_taken(counts);
     let counted = match hardly.len() {
         0 => return None,
@@ -92,10 +91,10 @@ mod tests {
     fn actions_that_were_hardly_taken_are_counted_and_named() {
         let names: Vec<String> = (0..6).map(|dose| format!("dose={dose}")).collect();
         let config = config(None, 1);
-        assert_eq!(told(&names, &[30, 500, 30, 30, 30, 30], &config), None);
-        let one = told(&names, &[500, 500, 500, 499, 1_000, 1], &config).expect("one");
+        assert_eq!(hardly_taken(&names, &[30, 500, 30, 30, 30, 30], &config), None);
+        let one = hardly_taken(&names, &[500, 500, 500, 499, 1_000, 1], &config).expect("one");
         assert!(one.starts_with("1 action was hardly ever taken: dose=5 (1 of 3,000). "), "{one}");
-        let several = told(&names, &[3_000, 0, 1, 2, 3, 500], &config).expect("four");
+        let several = hardly_taken(&names, &[3_000, 0, 1, 2, 3, 500], &config).expect("four");
         let named = "4 actions were hardly ever taken: dose=1 (0 of 3,506), dose=2 (1 of 3,506), dose=3 (2 of 3,506), …. ";
         assert!(several.starts_with(named), "{several}");
     }

@@ -51,7 +51,7 @@ pub(crate) fn run(
     let sources = Sources::of(&data_of(job)?)?;
     let (log, rest) = log::read_with_rest(job, config, printer)?;
     log.tell_doubts(printer);
-    rare::check_actions(&log, config, printer)?;
+    rare::check_actions(&log.names.actions, &log.decisions.counts(), config, printer)?;
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
     let origin = RunOrigin { key: key.clone(), log: log.fingerprint.clone() };

@@ -8,14 +8,12 @@ use calib_base::{
 };
 use calib_propose::{CONTROL_STEPS, Costs, ProposedControl};
 
-use super::{ControlDrafting, ReadDecisions, section};
+use super::decisions_draft::{ControlDrafting, ReadDecisions, SHORT, section};
 use crate::{
     control,
     propose::{deadline::TimeLimit, trial},
 };
 
-/// Steps of the shortest runs for measuring costs.
-pub(super) const SHORT: usize = 200;
 /// Factor from one length of runs to the next.
 const LONGER: usize = 4;
 /// Runs that take less than this share of the requested time are too short to measure the time per step.
