@@ -128,7 +128,7 @@ def test_an_index_and_a_column_of_one_name_agree() -> None:
     written = {
         "texts": indexed.assign(time=label).rename_axis("time"),
         "seconds": indexed.assign(time=(indexed.index - pandas.Timestamp(0)) // pandas.Timedelta("1s")),
-        "another zone": indexed.tz_localize("UTC").assign(time=indexed.index.tz_localize("UTC").tz_convert("Asia/Tokyo")),
+        "another zone": indexed.tz_localize("UTC").assign(time=pandas.DatetimeIndex(indexed.index).tz_localize("UTC").tz_convert("Asia/Tokyo")),
     }
     for what, frame in written.items():
         table = table_of(frame)
