@@ -328,8 +328,8 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
             "--set control.reward: gain is one column, which holds the reward; name it with --reward",
         ),
         (
-            vec!["--action=pump", "--set=control.reward=[{ column = \"lvel\" }]"],
-            "control.reward[0].column: the log has no column lvel",
+            vec!["--action=pump", "--set=control.reward=[{ column = \"elevation\" }]"],
+            "control.reward[0].column: the log has no column elevation",
         ),
         (
             vec!["--action=pump", "--set=control.reward=[{ column = \"fixed\" }]"],
