@@ -1,5 +1,6 @@
 use calib_data::{
-    DataConfig, FEW_CONTRADICT, PartProfile, PreprocessConfig, Profile, ShownClock, unused_exclude,
+    DataConfig, FEW_CONTRADICT, PartProfile, PreprocessConfig, Profile, Sentinel, ShownClock,
+    unused_exclude,
 };
 use calib_pipeline::{
     Descriptions, Inspection, Job, Outcome, Printer, Request, StepError, data_of, ensure,
@@ -20,10 +21,6 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
     } else {
         let clock = ShownClock::of(&data, profile.utc);
         show_log(profile, &clock, printer)?;
-        // Of agents that act, the actions and the reward have been told too, in which fewer numbers count.
-        if inspection.control.is_none() {
-            profile.sentinel_doubt().iter().for_each(|doubt| printer.warn(doubt));
-        }
         let descriptions = match &job {
             Some(job) => Descriptions::of(job, profile)?,
             None => Descriptions::of_log(profile),
@@ -32,6 +29,13 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
             Some(control) => control.beside_the_state(),
             None => Vec::new(),
         };
+        // The actions and the reward have been told of, in which fewer numbers count.
+        let is_of_states =
+            |code: &&Sentinel| code.channels.iter().any(|channel| !beside.contains(channel));
+        let codes: Vec<Sentinel> = profile.sentinels.iter().filter(is_of_states).cloned().collect();
+        if let Some(doubt) = Sentinel::doubt(&codes) {
+            printer.warn(&doubt);
+        }
         show_channels(profile, &descriptions, &beside, args, printer)?;
         let deployments = inspect_deployments(deployments, &preprocess, printer)?;
         show_parts(profile, &deployments, &clock, printer)?;

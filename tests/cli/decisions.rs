@@ -260,6 +260,21 @@ fn rewards_that_stand_for_a_missing_value_are_told() {
     assert!(dropout.contains(part), "a terminal of -9999 is none: {dropout}");
 }
 
+/// The training range has none of the numbers, so that `calib control` has nothing to tell.
+#[test]
+fn codes_of_held_out_sensors_are_inspected_too() {
+    let place = pump(|row| row_of_pump(row, row % 2));
+    let row = |row: usize| {
+        let level = if row % 20 == 19 && row > 200 { -9_999 } else { row as i32 % 37 };
+        format!("2024-03-01 0{}:{:02}:00,{level},{}\n", row / 60, row % 60, row / 2 % 2)
+    };
+    let rows: String = (0..300).map(row).collect();
+    place.write("log.csv", &format!("timestamp,level,pump\n{rows}"));
+    place.edit_study("train_fraction = 1.0", "train_fraction = 0.6");
+    let told = place.calib(&["inspect", "study.toml"]).stderr();
+    assert_eq!(told.matches("-9999 stands 5 times").count(), 1, "{told}");
+}
+
 #[test]
 fn a_reward_that_never_changes_is_told() {
     let same = "the reward is 2 for every decision, and no episode ends in a terminal";
@@ -360,7 +375,7 @@ fn a_term_that_rewards_a_deviation_is_told() {
         place.calib(&["inspect", "study.toml", &reward]).stderr()
     };
     let rewarded = told("{ column = \"level\", set_point = 78.4 }");
-    let part = "control.reward[0] has weight 1 (the default) for the distance of level from 78.4, so that agents get more reward the larger that is";
+    let part = "control.reward[0] has weight 1 for the distance of level from 78.4, so that agents get more reward the larger that is";
     assert!(rewarded.contains(part), "{rewarded}");
     let cost = told("{ column = \"level\", set_point = 78.4, weight = -1 }");
     assert!(!cost.contains("control.reward[0]"), "{cost}");

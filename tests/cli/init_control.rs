@@ -153,7 +153,7 @@ fn a_study_that_no_number_of_steps_makes_short_is_told() {
     let ran = place.calib(&[&["init"][..], &POLE, &few].concat());
     let said = ran.succeeds();
     assert!(said.contains("64,000 settings x 6 runs of 2,000 steps: about "), "{said}");
-    assert!(said.contains(" of them do not depend on the steps"), "{said}");
+    assert!(said.contains(" of this time do not depend on the steps"), "{said}");
     let told = ran.stderr();
     assert!(told.contains("20 s are not enough for the smallest study"), "{told}");
     assert!(told.contains("do not depend on control.steps, and --within leaves less"), "{told}");

@@ -28,6 +28,11 @@ pub struct FittedQValue {
 }
 
 impl FittedQValue {
+    /// Whether the values converged to one that no episode can have.
+    pub fn is_impossible(&self) -> bool {
+        self.converged && !self.possible
+    }
+
     /// Largest number of passes over the log.
     pub const MOST_PASSES: usize = FittedQ::MOST_PASSES;
 

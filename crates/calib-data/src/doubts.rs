@@ -232,6 +232,28 @@ impl Profile {
         doubts
     }
 
+    /// Returns warnings that matter to everything that is made of the log: times that are only numbered, entries of
+    /// `data.exclude` that match nothing, and lines that could not be read.
+    pub fn reading_doubts(&self) -> Vec<String> {
+        let mut told = Vec::new();
+        if self.without_times {
+            told.push(without_times(self.period_secs, self.files));
+        }
+        told.extend(self.unused_excludes.iter().map(|entry| unused_exclude(entry)));
+        if let Some(example) = self.bad_rows.examples.first() {
+            let verbs = if self.bad_rows.count == 1 {
+                "line cannot be read and is"
+            } else {
+                "lines cannot be read and are"
+            };
+            told.push(format!(
+                "{} {verbs} left out, such as {example}",
+                calib_core::count(self.bad_rows.count)
+            ));
+        }
+        told
+    }
+
     /// Returns the warning for numbers that probably stand for a missing value; `None` if there are no such numbers.
     pub fn sentinel_doubt(&self) -> Option<String> {
         Sentinel::doubt(&self.sentinels)

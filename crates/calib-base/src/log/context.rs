@@ -23,7 +23,7 @@ pub struct RunContext {
     printer: Printer,
     opened: Arc<Mutex<Opened>>,
     expected: Arc<Mutex<Vec<ExpectedStep>>>,
-    /// The warnings of [`warn_once`](Self::warn_once).
+    /// The texts of [`warn_once`](Self::warn_once) and [`say_once`](Self::say_once).
     told: Arc<Mutex<BTreeSet<String>>>,
     /// Number of rows that each row of the log represents, if it is a [stand-in](crate::log::stand_in) for another log.
     stand_in: Option<usize>,
@@ -68,9 +68,20 @@ impl RunContext {
 
     /// Warns, unless the command has already given this warning. A log is read once for every deployment.
     pub(crate) fn warn_once(&self, text: &str) {
-        if locked(&self.told).insert(text.to_owned()) {
+        if self.is_new(text) {
             self.printer.warn(text);
         }
+    }
+
+    /// Reports a line, unless the command has already reported it.
+    pub(crate) fn say_once(&self, text: &str) {
+        if self.is_new(text) {
+            self.printer.say(text);
+        }
+    }
+
+    fn is_new(&self, text: &str) -> bool {
+        locked(&self.told).insert(text.to_owned())
     }
 
     /// Returns the context for a stand-in log, each row of which represents `rows_each` rows.

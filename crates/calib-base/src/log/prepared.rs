@@ -7,9 +7,7 @@ use std::{
 };
 
 use calib_core::{Frames, Normaliser, Period};
-use calib_data::{
-    DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed, unused_exclude, without_times,
-};
+use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed};
 use calib_files::{FileStat, Fingerprint, LOCK, ScratchPlace, remove_empty_folder, remove_file};
 use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
@@ -26,7 +24,7 @@ use crate::{
         stand_in,
     },
     memory,
-    output::{Printer, bytes, count, counted},
+    output::{Printer, bytes, count},
 };
 
 /// `manifest.json` of a prepared log.
@@ -148,20 +146,10 @@ pub fn look(
     Ok(Known::Surveyed(Box::new(surveyed), needed))
 }
 
-/// Reports warnings about a log that matter to every later step.
+/// Reports how a log was read, and warnings that matter to every later step.
 fn warn(profile: &Profile, context: &RunContext) {
-    context.say_all(&profile.read_as);
-    if profile.without_times {
-        context.warn_once(&without_times(profile.period_secs, profile.files));
-    }
-    profile.unused_excludes.iter().for_each(|entry| context.warn_once(&unused_exclude(entry)));
-    if !profile.bad_rows.is_none() {
-        context.warn_once(&format!(
-            "{} cannot be read and are left out, such as {}",
-            counted(profile.bad_rows.count as usize, "line"),
-            profile.bad_rows.examples.first().map_or("", String::as_str)
-        ));
-    }
+    profile.read_as.iter().for_each(|read_as| context.say_once(read_as));
+    profile.reading_doubts().iter().for_each(|doubt| context.warn_once(doubt));
 }
 
 fn tell(data: &DataConfig, printer: &Printer) {

@@ -88,7 +88,7 @@ impl RewardSummary {
 pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<InspectedActions>, StepError> {
     let Some(config) = &job.study().control else { return Ok(None) };
     let log = log::read(job, config, printer)?;
-    log.tell_codes(printer);
+    log.tell_codes_beside(printer);
     if let Some(told) = rare::only_action(&log.names.actions, config.every) {
         printer.warn(&told);
     }

@@ -12,7 +12,7 @@ use calib_control::{
 };
 use calib_core::{Bounds, Column, ColumnKind, Period, RowIndex, States};
 use calib_data::{
-    DataConfig, DataError, Dataset, Resample, ShownClock, Surveyed, TextFound, entry_of,
+    DataConfig, DataError, Dataset, Resample, Sentinel, ShownClock, Surveyed, TextFound, entry_of,
 };
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_model_steps::represent::Material;
@@ -25,7 +25,7 @@ use super::{
     counting,
     held_out_period::HeldOutRows,
     log_warnings::{
-        LogWarnings, RowTimes, changed_decisions, codes_for_missing, constant_reward,
+        LogWarnings, RowTimes, changed_decisions, codes_beside_states, codes_told, constant_reward,
         decisions_line, doubts, missing_rewards, odd_columns,
     },
     rare,
@@ -48,8 +48,9 @@ pub(crate) struct ActionLog {
     given: Vec<String>,
     /// Warnings that `calib inspect` reports in its own words.
     doubts: Vec<String>,
-    /// The warning about numbers that may stand for a missing value.
-    codes: Option<String>,
+    /// Numbers that may stand for a missing value in the state, and in the columns beside it.
+    state_codes: Vec<Sentinel>,
+    codes_beside: Vec<Sentinel>,
     /// The state columns that are channels of the log, and no features.
     pub(super) sensors: Vec<String>,
 }
@@ -131,13 +132,12 @@ pub(super) fn read_with_rest(
     warnings.give(odd_columns(config, resample, times, &found));
     let outlying = without_outlying(config, times, &mut recorded.values);
     warnings.give(outlying.iter().cloned());
-    let codes = codes_for_missing(&dataset.profile, config, &recorded.values);
+    let codes_beside = codes_beside_states(config, &recorded.values);
     let constants = constants(&names, &recorded.values);
     let set_points = set_points(config, &names, &recorded.values);
     let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
     warnings.give(rewarded_deviations(&config.reward));
-    warnings.give(missing_rewards(config, times, &rows));
-    warnings.give(constant_reward(&rows));
+    warnings.give(missing_rewards(config, times, &rows).into_iter().chain(constant_reward(&rows)));
     let period = decision_period(config, dataset.period);
     if let Some(line) = decisions_line(config, &rows, period) {
         printer.say(&line);
@@ -173,7 +173,8 @@ pub(super) fn read_with_rest(
         outlying,
         given: warnings.into_given(),
         doubts,
-        codes,
+        state_codes: dataset.profile.sentinels,
+        codes_beside,
         sensors,
     };
     let rest = dataset.held_out.zip(dataset.held_out_fingerprint);
@@ -474,21 +475,24 @@ impl ActionLog {
         for told in &self.doubts {
             printer.warn(told);
         }
-        self.tell_codes(printer);
+        if let Some(told) = codes_told(&self.state_codes, &self.codes_beside) {
+            printer.warn(&told);
+        }
     }
 
-    /// Warns about numbers that may stand for a missing value.
-    pub(super) fn tell_codes(&self, printer: &Printer) {
-        if let Some(told) = &self.codes {
-            printer.warn(told);
+    /// Warns about numbers beside the state that may stand for a missing value.
+    pub(super) fn tell_codes_beside(&self, printer: &Printer) {
+        if let Some(told) = Sentinel::doubt(&self.codes_beside) {
+            printer.warn(&told);
         }
     }
 
     /// Returns all warnings about the log, in the order in which they are printed.
     pub(super) fn warnings(&self, config: &ControlConfig) -> Vec<String> {
         let rare = rare::hardly_taken(&self.names.actions, &self.decisions.counts(), config);
-        let told = self.given.iter().chain(&self.doubts).chain(&self.codes);
-        told.cloned().chain(rare).collect()
+        let told = self.given.iter().chain(&self.doubts).cloned();
+        let codes = codes_told(&self.state_codes, &self.codes_beside);
+        told.chain(codes).chain(rare).collect()
     }
 
     /// Returns the training data of a representation: the states, along the episodes.

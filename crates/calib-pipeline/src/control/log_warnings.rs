@@ -6,9 +6,7 @@ use calib_control::{
     RewardRow, RowsWithoutReward, TerminalCells, UnendedGaps,
 };
 use calib_core::{Period, Timestamp, abridged_list};
-use calib_data::{
-    ChannelProfile, DropReason, Profile, Resample, Sentinel, ShownClock, unused_exclude,
-};
+use calib_data::{ChannelProfile, DropReason, Profile, Resample, Sentinel, ShownClock};
 
 /// Up to one decision in this many may count as the action of a terminal's row without a warning. Our choice: with a
 /// lag of two rows this affects one decision per episode.
@@ -98,7 +96,7 @@ pub(super) fn doubts(
         let first = times.shown(first);
         told.push(many_gaps(gaps, &first, profile.sampled_period_secs, resample));
     }
-    told.extend(profile.unused_excludes.iter().map(|entry| unused_exclude(entry)));
+    told.extend(profile.reading_doubts());
     // Agents that act predict no sensor, so each sensor is only an input.
     told.extend(profile.unit_doubts(&[], times.clock));
     told.extend(profile.frozen_doubt());
@@ -241,33 +239,41 @@ fn long_lag(lag: usize, lagged: LaggedDecisions) -> Option<String> {
     })
 }
 
-/// Returns the warning about numbers, such as -9999, that may stand for a missing value in the state, the actions or the reward. `recorded`
-/// has the values of the columns [`ControlConfig::columns`].
-pub(super) fn codes_for_missing(
-    profile: &Profile,
-    config: &ControlConfig,
-    recorded: &[Vec<f64>],
-) -> Option<String> {
-    let mut found = profile.sentinels.clone();
-    let columns = config.columns();
+/// Returns numbers, such as -9999, that may stand for a missing value in the columns beside the state: actions, reward and
+/// probability. `recorded` has the values of the columns [`ControlConfig::columns`].
+pub(super) fn codes_beside_states(config: &ControlConfig, recorded: &[Vec<f64>]) -> Vec<Sentinel> {
+    let mut found: Vec<Sentinel> = Vec::new();
+    let (columns, beside) = (config.columns(), config.beside_the_state());
     let terminals = config.terminal.as_ref().and_then(|terminal| {
         columns.iter().position(|name| name == terminal).map(|place| &recorded[place])
     });
     for (name, values) in columns.iter().zip(recorded) {
-        let is_told = found.iter().any(|sentinel| sentinel.channels.contains(name));
-        if is_told || config.terminal.as_ref() == Some(name) {
+        if !beside.contains(name) || config.terminal.as_ref() == Some(name) {
             continue;
         }
         let Some(code) = Sentinel::of_decisions(name, values) else { continue };
-        if terminals.is_some_and(|terminals| is_penalty(&code, values, terminals)) {
-            continue;
-        }
-        match found.iter_mut().find(|sentinel| sentinel.is(code.value)) {
-            Some(same) => same.merge(code),
-            None => found.push(code),
+        if !terminals.is_some_and(|terminals| is_penalty(&code, values, terminals)) {
+            add(&mut found, code);
         }
     }
-    Sentinel::doubt(&found)
+    found
+}
+
+/// Returns the warning about numbers that may stand for a missing value, in the state and beside it.
+pub(super) fn codes_told(of_states: &[Sentinel], beside: &[Sentinel]) -> Option<String> {
+    let mut all = of_states.to_vec();
+    for code in beside {
+        add(&mut all, code.clone());
+    }
+    Sentinel::doubt(&all)
+}
+
+/// Adds a number to a list that has each number once.
+fn add(all: &mut Vec<Sentinel>, code: Sentinel) {
+    match all.iter_mut().find(|same| same.is(code.value)) {
+        Some(same) => same.merge(code),
+        None => all.push(code),
+    }
 }
 
 /// Whether all rows with this number are terminals, so that it is probably a penalty. A dropout may write the number as the terminal too.

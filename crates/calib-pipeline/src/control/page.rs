@@ -140,7 +140,7 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
     let mut caption = "By rank over the ensemble members of all models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near.".to_owned();
     if !evaluation.fitted_q_evaluation.is_empty() {
         columns.push("fitted Q".to_owned());
-        caption.push_str(" Fitted Q, and importance sampling where probabilities were logged, need no model. They are discounted, unlike returns in the model. Where fitted Q did not converge, more passes over the log would give another value. An impossible one is beyond what the recorded rewards can add up to, because the log hardly has the actions that the setting takes. Importance sampling rests on so many episodes.");
+        caption.push_str(" Fitted Q, and importance sampling where probabilities were logged, need no model. They are discounted by gamma and not cut after the timeout, unlike returns in the model. Where fitted Q did not converge, more passes over the log would give another value. An impossible one is beyond what the recorded rewards can add up to, which happens if the log hardly has the actions that the setting takes. Importance sampling rests on so many episodes.");
     }
     if evaluation.importance_sampling.is_some() {
         columns.extend(texts(["importance", "of episodes"]));
@@ -170,7 +170,7 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
                     Cell::Percent(verdict.coverage[candidate].uncovered()),
                 ];
                 row.extend(evaluation.fitted_q_evaluation.get(candidate).map(|fitted| {
-                    if fitted.value.is_finite() && !fitted.possible {
+                    if fitted.is_impossible() {
                         Cell::Text(show::IMPOSSIBLE.to_owned())
                     } else if fitted.converged || fitted.value.is_infinite() {
                         Cell::Number(fitted.value)

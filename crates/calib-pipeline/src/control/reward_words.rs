@@ -21,9 +21,8 @@ pub(super) fn rewarded_deviations(reward: &Reward) -> Vec<String> {
     let rewarded = terms.iter().enumerate().filter(|(_, term)| is_rewarded_deviation(term));
     rewarded
         .map(|(place, term)| {
-            let default = if has_default_weight(term) { " (the default)" } else { "" };
             format!(
-                "control.reward[{place}] has weight {}{default} for {}, so that agents get more reward the larger that is: if it should be small, \
+                "control.reward[{place}] has weight {} for {}, so that agents get more reward the larger that is: if it should be small, \
                  give the term a negative weight, such as weight = {}",
                 term.weight,
                 counted_amount(term),
@@ -112,7 +111,7 @@ mod tests {
         assert_eq!(
             told,
             [
-                "control.reward[1] has weight 1 (the default) for the distance of level from 78.4, so that agents get more reward the larger that \
+                "control.reward[1] has weight 1 for the distance of level from 78.4, so that agents get more reward the larger that \
               is: if it should be small, give the term a negative weight, such as weight = -1"
             ]
         );

@@ -247,16 +247,16 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
 /// Returns lines below the table that explain what the values by fitted Q evaluation have instead of a number or behind it.
 fn notes(shown: &[&FittedQValue]) -> Vec<String> {
     let mut notes = Vec::new();
-    if shown.iter().any(|fitted| fitted.value.is_finite() && !fitted.converged && fitted.possible) {
+    if shown.iter().any(|fitted| fitted.value.is_finite() && !fitted.converged) {
         let passes = FittedQValue::MOST_PASSES;
         notes.push(format!(
             "{NOT_CONVERGED} fitted Q evaluation did not converge within {passes} passes"
         ));
     }
-    if shown.iter().any(|fitted| fitted.value.is_finite() && !fitted.possible) {
+    if shown.iter().any(|fitted| fitted.is_impossible()) {
         notes.push(format!(
-            "{IMPOSSIBLE}: no episode can have the value of fitted Q evaluation, given the recorded rewards. The log hardly has the actions that \
-             the setting takes"
+            "{IMPOSSIBLE}: no episode can have the value of fitted Q evaluation, given the recorded rewards. That happens if the log hardly has \
+             the actions that the setting takes"
         ));
     }
     notes
@@ -287,7 +287,7 @@ pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
 fn fitted_q(fitted: &FittedQValue) -> String {
     if !fitted.value.is_finite() {
         "diverged".to_owned()
-    } else if !fitted.possible {
+    } else if fitted.is_impossible() {
         IMPOSSIBLE.to_owned()
     } else if fitted.converged {
         number(fitted.value)
@@ -336,13 +336,16 @@ mod tests {
         let drifting = FittedQValue { passes: 160, converged: false, ..settled };
         let diverged = FittedQValue { value: f64::NEG_INFINITY, possible: false, ..drifting };
         let beyond = FittedQValue { possible: false, ..settled };
+        // More passes may bring it to a possible value.
+        let far = FittedQValue { possible: false, ..drifting };
         assert_eq!(
-            [settled, drifting, diverged, beyond].map(|value| fitted_q(&value)),
-            ["43.4", "43.4*", "diverged", "impossible"]
+            [settled, drifting, diverged, beyond, far].map(|value| fitted_q(&value)),
+            ["43.4", "43.4*", "diverged", "impossible", "43.4*"]
         );
         assert!(notes(&[&settled, &diverged]).is_empty());
         let told = notes(&[&settled, &drifting]);
         assert_eq!(told, ["* fitted Q evaluation did not converge within 160 passes"]);
+        assert_eq!(notes(&[&far]), told);
         assert!(notes(&[&beyond])[0].starts_with("impossible: no episode can have"));
     }
 }

@@ -16,7 +16,7 @@ const FEW_EPISODES: f64 = 10.0;
 /// Returns the number of recorded episodes if these are few, and otherwise an empty text.
 fn few_recorded(episodes: f64) -> String {
     if episodes < FEW_EPISODES {
-        format!(" (the log has only {} of them)", number(episodes))
+        format!(" (the log has steps for only {} episodes)", number(episodes))
     } else {
         String::new()
     }
@@ -118,7 +118,7 @@ impl Advice<'_> {
                     number(*best),
                     few_recorded(self.verdict.behaviour.episodes)
                 ),
-                "record better episodes, or try the choice where it can do no harm".to_owned(),
+                "record better episodes, or try the choice where nothing can be harmed".to_owned(),
             ),
         };
         Reason { what, remedy }

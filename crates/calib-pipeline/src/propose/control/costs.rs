@@ -48,8 +48,8 @@ impl ControlDrafting<'_> {
         {
             return Ok(Some(*costs));
         }
-        let timed = limit.done(|watched| self.timed(read, proposed, begun, watched))?;
-        Ok(timed.or(estimated.map(|estimated| estimated.costs)))
+        // If trials that should have fitted do not, the estimate is wrong too.
+        limit.done(|watched| self.timed(read, proposed, begun, watched))
     }
 
     /// Estimates the costs of the study as a dry run does. `None` if a dry run cannot.
@@ -65,7 +65,8 @@ impl ControlDrafting<'_> {
         let secs = control::expected_secs(&job, section(&job)?, &read.log, lengths, printer)?;
         Ok(secs.map(|[short, longer, less, more]| EstimatedCosts {
             costs: trial::costs([(least as f64, less), (most as f64, more)], read.secs),
-            trial_secs: short + longer,
+            // The model and each length read the log again.
+            trial_secs: short + longer + 3.0 * read.secs,
         }))
     }
 

@@ -180,7 +180,7 @@ pub(crate) fn run(
         gamma_reason: proposed.gamma.1,
         runs: config.runs_of_a_setting(),
         within: args.within,
-        fixed_beyond: expected.and_then(|time| time.fixed_beyond(args.within - tried)),
+        fixed_beyond: expected.and_then(|time| time.fixed_beyond(args.within, tried)),
         took: begun.elapsed(),
     })
 }
@@ -226,10 +226,13 @@ impl ExpectedTime {
         Self { secs: fixed_secs + steps as f64 * agent_step_secs, fixed_secs }
     }
 
-    /// Returns the time that does not depend on the steps, in whole seconds, if it alone is more than `left_secs`.
-    fn fixed_beyond(self, left_secs: f64) -> Option<f64> {
+    /// Returns the time that does not depend on the steps, in whole seconds, if it alone is more than what trials have left of
+    /// `within`. If they have left nothing, it must be more than the whole.
+    fn fixed_beyond(self, within: f64, tried_secs: f64) -> Option<f64> {
         let fixed_secs = self.fixed_secs.round();
-        (fixed_secs > left_secs.max(0.0)).then_some(fixed_secs)
+        let left_secs = within - tried_secs;
+        let limit = if left_secs > 0.0 { left_secs } else { within };
+        (fixed_secs > limit).then_some(fixed_secs)
     }
 }
 
@@ -246,7 +249,7 @@ fn steps_reason(
     };
     warn_of_time(within, tried_secs, time.secs, printer);
     let [expected, asked] = [time.secs.round(), within].map(span);
-    if let Some(fixed_secs) = time.fixed_beyond(within - tried_secs) {
+    if let Some(fixed_secs) = time.fixed_beyond(within, tried_secs) {
         let fixed = span(fixed_secs);
         printer.warn(&format!(
             "about {fixed} of the time of `calib run` do not depend on control.steps, and --within leaves less: list fewer kinds of models in \
@@ -325,9 +328,10 @@ mod tests {
     fn steps_have_a_reason_where_no_number_of_them_fits() {
         let costs = Costs { fixed_secs: 92.4, agent_step_secs: 0.021, replay_run_secs: 0.0 };
         let time = ExpectedTime::of(costs, 2_000);
-        assert_eq!((time.secs.round(), time.fixed_beyond(54.0)), (134.0, Some(92.0)));
-        assert_eq!(time.fixed_beyond(100.0), None);
-        assert_eq!(time.fixed_beyond(-1.0), Some(92.0));
+        assert_eq!((time.secs.round(), time.fixed_beyond(60.0, 6.0)), (134.0, Some(92.0)));
+        assert_eq!(time.fixed_beyond(106.0, 6.0), None);
+        assert_eq!(time.fixed_beyond(60.0, 61.0), Some(92.0));
+        assert_eq!(time.fixed_beyond(120.0, 121.0), None, "trials took the time");
         let reason = |within| steps_reason(within, 6.0, Some(time), &Printer::nobody());
         let fixed = "the least that says anything: about 2 min 14 s on this machine, of which 1 min 32 s do not";
         assert!(reason(60.0).starts_with(fixed), "{}", reason(60.0));

@@ -88,7 +88,7 @@ fn numbers(chosen: &ChosenControl) -> String {
 fn lines(proposed: &ProposedControlStudy) -> [String; 4] {
     let ProposedControlStudy { chosen, timeout_reason, gamma_reason, runs, within, .. } = proposed;
     let fixed = proposed.fixed_beyond.map_or_else(String::new, |secs| {
-        format!("; {} of them do not depend on the steps", span(secs))
+        format!("; {} of this time do not depend on the steps", span(secs))
     });
     let time = match chosen.expected_secs {
         Some(secs) => beside_within(secs, *within),
