@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import tempfile
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _calib
 from ._checks import opened, position, whole
 from ._errors import CalibError
+from ._files import digest
 from ._model import physical_values
 
 if TYPE_CHECKING:
@@ -329,7 +329,7 @@ def _told_of_another(folder: str) -> str:
 def _digest_of(folder: Path) -> str | None:
     """Returns the digest of the manifest in a model's folder, or ``None`` if there is none."""
     try:
-        return hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+        return digest((folder / "manifest.json").read_bytes())
     except OSError:
         return None
 

@@ -255,7 +255,7 @@ impl ControlConfig {
     ///
     /// # Panics
     /// If there is not one list per column.
-    pub(crate) fn terminal_of<'a>(&self, recorded: &'a [Vec<f64>]) -> Option<&'a [f64]> {
+    pub fn terminal_of<'a>(&self, recorded: &'a [Vec<f64>]) -> Option<&'a [f64]> {
         let terminal = self.terminal.as_ref()?;
         let place = self.columns().iter().position(|column| column == terminal)?;
         Some(&recorded[place])

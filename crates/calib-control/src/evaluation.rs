@@ -60,10 +60,9 @@ struct Targets<'a> {
 
 impl<'a> Targets<'a> {
     fn new(log: &Decisions, after: &'a [f64], gamma: f64, timeout: usize) -> Self {
-        let rewards = log.rewards().iter().copied().map(f64::from);
-        let lowest = lowest_return(rewards.clone().fold(f64::INFINITY, f64::min), timeout);
-        let least = rewards.map(|reward| -reward).fold(f64::INFINITY, f64::min);
-        let highest = -lowest_return(least, timeout);
+        let [least, largest] = log.reward_range();
+        let lowest = lowest_return(least, timeout);
+        let highest = -lowest_return(-largest, timeout);
         Self { after, gamma, lowest, highest }
     }
 }

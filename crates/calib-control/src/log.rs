@@ -214,6 +214,13 @@ impl Decisions {
         &self.rewards
     }
 
+    /// Returns the smallest and the largest reward.
+    pub(crate) fn reward_range(&self) -> [f64; 2] {
+        let rewards = self.rewards.iter().copied().map(f64::from);
+        let least = rewards.clone().fold(f64::INFINITY, f64::min);
+        [least, rewards.fold(f64::NEG_INFINITY, f64::max)]
+    }
+
     /// Returns for each transition whether it leads to a terminal.
     pub fn endings(&self) -> &[Ending] {
         &self.endings

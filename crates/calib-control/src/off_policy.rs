@@ -76,9 +76,7 @@ struct ReturnRange {
 
 impl ReturnRange {
     fn new(log: &Decisions, gamma: f64, timeout: usize) -> Self {
-        let rewards = log.rewards().iter().copied().map(f64::from);
-        let least = rewards.clone().fold(f64::INFINITY, f64::min);
-        let largest = rewards.fold(f64::NEG_INFINITY, f64::max);
+        let [least, largest] = log.reward_range();
         let steps = timeout as f64;
         let [shortest, longest] = if gamma < 1.0 {
             let discounted = (1.0 - gamma.powf(steps)) / (1.0 - gamma);

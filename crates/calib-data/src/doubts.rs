@@ -240,17 +240,7 @@ impl Profile {
             told.push(without_times(self.period_secs, self.files));
         }
         told.extend(self.unused_excludes.iter().map(|entry| unused_exclude(entry)));
-        if let Some(example) = self.bad_rows.examples.first() {
-            let verbs = if self.bad_rows.count == 1 {
-                "line cannot be read and is"
-            } else {
-                "lines cannot be read and are"
-            };
-            told.push(format!(
-                "{} {verbs} left out, such as {example}",
-                calib_core::count(self.bad_rows.count)
-            ));
-        }
+        told.extend(self.bad_rows.doubt());
         told
     }
 

@@ -24,6 +24,17 @@ impl BadRowsFound {
         self.count == 0
     }
 
+    /// Returns the warning about these lines; `None` if there are none.
+    pub fn doubt(&self) -> Option<String> {
+        let example = self.examples.first()?;
+        let verbs = if self.count == 1 {
+            "line cannot be read and is"
+        } else {
+            "lines cannot be read and are"
+        };
+        Some(format!("{} {verbs} left out, such as {example}", calib_core::count(self.count)))
+    }
+
     /// Records a line that is not a row.
     pub(crate) fn note(&mut self, why: &impl Display) {
         self.count += 1;

@@ -25,7 +25,7 @@ use super::{
     counting,
     held_out_period::HeldOutRows,
     log_warnings::{
-        LogWarnings, RowTimes, changed_decisions, codes_beside_states, codes_told, constant_reward,
+        LogWarnings, RowTimes, changed_decisions, codes_beside_states, constant_reward,
         decisions_line, doubts, missing_rewards, odd_columns,
     },
     rare,
@@ -48,9 +48,8 @@ pub(crate) struct ActionLog {
     given: Vec<String>,
     /// Warnings that `calib inspect` reports in its own words.
     doubts: Vec<String>,
-    /// Numbers that may stand for a missing value in the state, and in the columns beside it.
-    state_codes: Vec<Sentinel>,
-    codes_beside: Vec<Sentinel>,
+    /// The warning about numbers that may stand for a missing value in the columns beside the state, alone as `calib inspect` gives it.
+    codes_beside: Option<String>,
     /// The state columns that are channels of the log, and no features.
     pub(super) sensors: Vec<String>,
 }
@@ -160,7 +159,7 @@ pub(super) fn read_with_rest(
         constants,
         set_points,
     };
-    let doubts = doubts(&dataset.profile, resample, times, &found.gaps);
+    let doubts = doubts(&dataset.profile, &codes_beside, resample, times, &found.gaps);
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
     let sensors = columns.iter().filter(|column| column.kind == ColumnKind::Sensor);
     let sensors = sensors.map(|column| column.name.clone()).collect();
@@ -173,8 +172,7 @@ pub(super) fn read_with_rest(
         outlying,
         given: warnings.into_given(),
         doubts,
-        state_codes: dataset.profile.sentinels,
-        codes_beside,
+        codes_beside: Sentinel::doubt(&codes_beside),
         sensors,
     };
     let rest = dataset.held_out.zip(dataset.held_out_fingerprint);
@@ -470,29 +468,24 @@ fn settings_told(
 }
 
 impl ActionLog {
-    /// Gives the warnings that `calib inspect` reports in its own words, and those about numbers that may stand for a missing value.
+    /// Gives the warnings that `calib inspect` reports in its own words.
     pub(super) fn tell_doubts(&self, printer: &Printer) {
         for told in &self.doubts {
             printer.warn(told);
-        }
-        if let Some(told) = codes_told(&self.state_codes, &self.codes_beside) {
-            printer.warn(&told);
         }
     }
 
     /// Warns about numbers beside the state that may stand for a missing value.
     pub(super) fn tell_codes_beside(&self, printer: &Printer) {
-        if let Some(told) = Sentinel::doubt(&self.codes_beside) {
-            printer.warn(&told);
+        if let Some(told) = &self.codes_beside {
+            printer.warn(told);
         }
     }
 
     /// Returns all warnings about the log, in the order in which they are printed.
     pub(super) fn warnings(&self, config: &ControlConfig) -> Vec<String> {
         let rare = rare::hardly_taken(&self.names.actions, &self.decisions.counts(), config);
-        let told = self.given.iter().chain(&self.doubts).cloned();
-        let codes = codes_told(&self.state_codes, &self.codes_beside);
-        told.chain(codes).chain(rare).collect()
+        self.given.iter().chain(&self.doubts).cloned().chain(rare).collect()
     }
 
     /// Returns the training data of a representation: the states, along the episodes.

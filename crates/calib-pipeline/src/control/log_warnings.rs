@@ -79,9 +79,11 @@ pub(super) fn odd_columns(
 }
 
 /// Returns sentences on columns that agents do not see or that the study fails to leave out, rows with a repeated or missing time, steps over
-/// gaps, sensors whose unit changed, and frozen sensors. `calib inspect` reports these in its own words.
+/// gaps, sensors whose unit changed, frozen sensors, and numbers that may stand for a missing value, in the state or, as `codes_beside`, beside
+/// it. `calib inspect` reports these in its own words.
 pub(super) fn doubts(
     profile: &Profile,
+    codes_beside: &[Sentinel],
     resample: Option<Resample>,
     times: RowTimes<'_>,
     gaps: &UnendedGaps,
@@ -100,6 +102,11 @@ pub(super) fn doubts(
     // Agents that act predict no sensor, so each sensor is only an input.
     told.extend(profile.unit_doubts(&[], times.clock));
     told.extend(profile.frozen_doubt());
+    let mut codes = profile.sentinels.clone();
+    for code in codes_beside {
+        add(&mut codes, code.clone());
+    }
+    told.extend(Sentinel::doubt(&codes));
     told
 }
 
@@ -243,11 +250,9 @@ fn long_lag(lag: usize, lagged: LaggedDecisions) -> Option<String> {
 /// probability. `recorded` has the values of the columns [`ControlConfig::columns`].
 pub(super) fn codes_beside_states(config: &ControlConfig, recorded: &[Vec<f64>]) -> Vec<Sentinel> {
     let mut found: Vec<Sentinel> = Vec::new();
-    let (columns, beside) = (config.columns(), config.beside_the_state());
-    let terminals = config.terminal.as_ref().and_then(|terminal| {
-        columns.iter().position(|name| name == terminal).map(|place| &recorded[place])
-    });
-    for (name, values) in columns.iter().zip(recorded) {
+    let beside = config.beside_the_state();
+    let terminals = config.terminal_of(recorded);
+    for (name, values) in config.columns().iter().zip(recorded) {
         if !beside.contains(name) || config.terminal.as_ref() == Some(name) {
             continue;
         }
@@ -257,15 +262,6 @@ pub(super) fn codes_beside_states(config: &ControlConfig, recorded: &[Vec<f64>])
         }
     }
     found
-}
-
-/// Returns the warning about numbers that may stand for a missing value, in the state and beside it.
-pub(super) fn codes_told(of_states: &[Sentinel], beside: &[Sentinel]) -> Option<String> {
-    let mut all = of_states.to_vec();
-    for code in beside {
-        add(&mut all, code.clone());
-    }
-    Sentinel::doubt(&all)
 }
 
 /// Adds a number to a list that has each number once.

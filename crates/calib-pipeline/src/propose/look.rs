@@ -6,7 +6,7 @@ use calib_base::{
     left_alone::text_left_alone,
     memory,
     options::ProposeOptions,
-    output::{Printer, count, counted, span},
+    output::{Printer, count, span},
 };
 use calib_data::{
     BackwardSteps, ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT,
@@ -149,10 +149,8 @@ fn warn_of_reading(sketch: &Sketch, printer: &Printer) {
     }
     sketch.read_as.iter().for_each(|read_as| printer.warn(read_as));
     sketch.unused_excludes.iter().for_each(|entry| printer.warn(&unused_exclude(entry)));
-    if let Some(example) = sketch.bad_rows.examples.first() {
-        let lines = sketch.bad_rows.count as usize;
-        let verbs = if lines == 1 { "cannot be read and is" } else { "cannot be read and are" };
-        printer.warn(&format!("{} {verbs} left out, such as {example}", counted(lines, "line")));
+    if let Some(doubt) = sketch.bad_rows.doubt() {
+        printer.warn(&doubt);
     }
 }
 
